@@ -24,12 +24,12 @@ from benchmarks.command import check_named, run_main
 from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.kernels.collision import sweep
-from lme.kernels.raycast import cast, cast_grid
-from lme.navigator import Navigator
+from lme.geometry.collision import sweep
+from lme.navigation.navigator import Navigator
+from lme.perception.raycast import cast, cast_grid
 from lme.robots import Lidar
-from lme.sim.events import nearby
-from lme.sim.simulator import Simulator
+from lme.simulation.events import nearby
+from lme.simulation.simulator import Simulator
 from lme.worlds.bitmap import read_ros_map
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import FreeSpace

@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.command import run_main
+from lme.geometry.arcs import clearances
 from lme.geometry.frames import to_robot
-from lme.kernels.arcs import clearances
+from lme.perception.blind_arc import BlindArc
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
-from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Outcome, Pose
 from runners.records.episode_record import EpisodeKey
 from runners.records.records import read_episodes, read_trajectories

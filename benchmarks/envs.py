@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.presets import load_map_set, load_robot
+from lme.config.presets import load_map_set, load_robot
 from lme.robots import Robot
 from lme.worlds.world import Task
 

@@ -17,16 +17,16 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.episode import Episode, run_episode
-from lme.guides.lme import Lme, LmeConfig
+from lme.config.presets import load_parameters, load_robot
+from lme.guides.lme.guide import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.navigation.episode import Episode, run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.presets import load_parameters, load_robot
 from lme.robots import Robot
-from lme.sim.fast import FastConfig, FastSimulator
-from lme.sim.physics import PhysicsConfig, PhysicsSimulator
-from lme.sim.simulator import Simulator, State
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
+from lme.simulation.simulator import Simulator, State
 from lme.types import Floats, Observation, Twist
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import Task

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from benchmarks.command import check_named, run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from runners.analysis.gazebo import Agreement, Rates, agreement, read_log
+from runners.reports.analysis.gazebo import Agreement, Rates, agreement, read_log
 
 if TYPE_CHECKING:
     import pandas as pd

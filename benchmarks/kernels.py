@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from lme.kernels.collision import sweep
-from lme.kernels.fan import fan_blocked
-from lme.kernels.points import beam_directions, scan_points
-from lme.kernels.raycast import cast
-from lme.policies.lme.kernels import cluster
+from lme.geometry.collision import sweep
+from lme.geometry.fan import fan_blocked
+from lme.geometry.points import beam_directions, scan_points
+from lme.guides.lme.kernels import cluster
+from lme.perception.raycast import cast
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from tests import oracles

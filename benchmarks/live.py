@@ -24,8 +24,8 @@ from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.live.messages import SECOND, stamp_of
-from runners.live.run import connect
-from runners.live.transport import Delivery, Transport
+from runners.ros.run import connect
+from runners.ros.transport import Delivery, Transport
 
 PAPER_HZ = 8  # on a Jetson
 RATES = (10, 20, 50, 100, 200, 400)  # [Hz]

@@ -18,7 +18,7 @@ from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from runners.config.command_line import compose
-from runners.explainer.write import write_page
+from runners.reports.explainer.write import write_page
 from runners.workers.trace import Trace, rerun
 
 WANTED_PER_S, WANTED_MB = 30, 5.0

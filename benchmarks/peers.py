@@ -27,9 +27,9 @@ from benchmarks.command import run_main
 from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.kernels.raycast import cast
-from lme.presets import load_robot
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.config.presets import load_robot
+from lme.perception.raycast import cast
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Floats, Pose, Twist
 from lme.worlds.barn.map_set import Barn, BarnConfig
 

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.episode import run_episode
+from lme.navigation.episode import run_episode
 from runners.config import build, catalogue
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer

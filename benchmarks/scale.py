@@ -22,8 +22,8 @@ from benchmarks.command import run_main
 from benchmarks.recording import RESULTS, parser, show
 from benchmarks.speed import machine
 from benchmarks.watching import RUN, Watched, watch
-from runners.figures.parts.style import BLUE, GREEN, VERMILION, new_figure, save
 from runners.records.parquet import EPISODES, TRAJECTORIES
+from runners.reports.figures.style import BLUE, GREEN, VERMILION, new_figure, save
 
 SIZES = (1_000, 10_000, 100_000)
 WORKERS = (1, 2, 4)

@@ -24,15 +24,15 @@ from benchmarks.command import run_main
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
 from benchmarks.step import step_rows
-from lme.episode import run_episode
-from lme.guides.lme import Lme, LmeConfig
-from lme.navigator import Navigator
+from lme.config.presets import load_parameters, load_robot
+from lme.guides.lme.guide import Lme, LmeConfig
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.presets import load_parameters, load_robot
 from lme.robots import Robot
-from lme.sim.fast import FastConfig, FastSimulator
-from lme.sim.simulator import Simulator
-from lme.sim.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.simulator import Simulator
+from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.scene import Scene, SceneConfig
 from lme.worlds.world import MapSet

@@ -12,9 +12,9 @@ from unittest.mock import patch
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from lme.episode import run_episode
-from lme.navigator import Navigator
-from lme.sim.simulator import Simulator
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
+from lme.simulation.simulator import Simulator
 from lme.worlds.world import MapSet
 
 _RUNS = 5  # the fastest counts

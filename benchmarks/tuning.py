@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from benchmarks.command import run_main
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 
 GUIDES = {  # of the published systems
     "dwa": "target",

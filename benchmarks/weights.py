@@ -20,10 +20,10 @@ import yaml
 from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from runners.analysis.paired import interval_of_mean
 from runners.config.space import PARAMETERS
-from runners.figures.reports.training import RACE, TRIALS
 from runners.records.records import read_episodes
+from runners.reports.analysis.paired import interval_of_mean
+from runners.training.pictures import RACE, TRIALS
 
 MAPS = {  # name: robot and map; the number of worlds follows
     "env1": ("robot=stage", "map=env1", "map.configurations="),

@@ -25,7 +25,7 @@ def main(world: int) -> None:
     episode = lme.run_episode(task, navigator, simulator, np.random.default_rng(0))
     print(f"{episode.outcome} after {episode.time:.1f} s and {episode.path_length:.1f} m")
 
-    # The columns of a trajectory are lme.episode.TRAJECTORY_COLUMNS, in the world frame.
+    # The columns of a trajectory are lme.navigation.episode.TRAJECTORY_COLUMNS, in the world frame.
     figure, axes = plt.subplots(figsize=(4, 8))
     for x, y, radius in task.world.circles:
         axes.add_patch(Circle((x, y), radius, color="0.4"))

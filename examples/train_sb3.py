@@ -24,7 +24,7 @@ try:
 except ModuleNotFoundError as error:
     sys.exit(f"train_sb3.py needs {error.name}: pip install stable-baselines3")
 
-from lme.envs import FlatObservation, flattened
+from lme.gym import FlatObservation, flattened
 
 BEAMS = 72
 TASK: dict[str, Any] = {

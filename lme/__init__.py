@@ -25,35 +25,35 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from lme import numba_cache
-from lme.envs import discovery
+from lme.gym import registration as discovery
 
 if TYPE_CHECKING:
-    from lme.episode import run_episode as run_episode
+    from lme.config.presets import load_map_set as load_map_set
+    from lme.config.presets import load_parameters as load_parameters
+    from lme.config.presets import load_robot as load_robot
+    from lme.config.presets import load_simulator as load_simulator
+    from lme.config.systems import load_system as load_system
     from lme.errors import InputError as InputError
     from lme.evaluation import evaluate as evaluate
     from lme.guides.global_path.guide import GlobalPath as GlobalPath
-    from lme.guides.lme import Lme as Lme
-    from lme.guides.lme_plus import LmePlus as LmePlus
+    from lme.guides.lme.escaper import EscaperConfig as EscaperConfig
+    from lme.guides.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
+    from lme.guides.lme.guide import Lme as Lme
+    from lme.guides.lme.reasons import reason as reason
+    from lme.guides.lme_plus.guide import LmePlus as LmePlus
     from lme.guides.tangent_bug.guide import TangentBug as TangentBug
     from lme.guides.target import Target as Target
-    from lme.navigator import Navigator as Navigator
+    from lme.navigation.episode import run_episode as run_episode
+    from lme.navigation.navigator import Navigator as Navigator
+    from lme.perception.ray_casting import cast as cast
     from lme.planners.dwa import Dwa as Dwa
     from lme.planners.eband.planner import EBand as EBand
     from lme.planners.min_time.planner import MinTime as MinTime
     from lme.planners.simple import Simple as Simple
-    from lme.policies.lme.escaper import EscaperConfig as EscaperConfig
-    from lme.policies.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
-    from lme.policies.lme.reasons import reason as reason
-    from lme.presets import load_map_set as load_map_set
-    from lme.presets import load_parameters as load_parameters
-    from lme.presets import load_robot as load_robot
-    from lme.presets import load_simulator as load_simulator
     from lme.robots import Footprint as Footprint
     from lme.robots import Lidar as Lidar
     from lme.robots import Robot as Robot
-    from lme.sensing.ray_casting import cast as cast
-    from lme.sim.fast import FastSimulator as FastSimulator
-    from lme.systems import load_system as load_system
+    from lme.simulation.fast import FastSimulator as FastSimulator
     from lme.types import Guidance as Guidance
     from lme.types import LaserScan as LaserScan
     from lme.types import Limits as Limits
@@ -68,8 +68,8 @@ _MODULES = {
     "Barn": "lme.worlds.barn",
     "Dwa": "lme.planners.dwa",
     "EBand": "lme.planners.eband.planner",
-    "EscaperConfig": "lme.policies.lme.escaper",
-    "FastSimulator": "lme.sim.fast",
+    "EscaperConfig": "lme.guides.lme.escaper",
+    "FastSimulator": "lme.simulation.fast",
     "Footprint": "lme.robots",
     "GlobalPath": "lme.guides.global_path.guide",
     "Guidance": "lme.types",
@@ -77,11 +77,11 @@ _MODULES = {
     "LaserScan": "lme.types",
     "Lidar": "lme.robots",
     "Limits": "lme.types",
-    "Lme": "lme.guides.lme",
-    "LmePlus": "lme.guides.lme_plus",
-    "LocalMinimumEscaper": "lme.policies.lme.escaper",
+    "Lme": "lme.guides.lme.guide",
+    "LmePlus": "lme.guides.lme_plus.guide",
+    "LocalMinimumEscaper": "lme.guides.lme.escaper",
     "MinTime": "lme.planners.min_time.planner",
-    "Navigator": "lme.navigator",
+    "Navigator": "lme.navigation.navigator",
     "Observation": "lme.types",
     "Pose": "lme.types",
     "Robot": "lme.robots",
@@ -89,15 +89,15 @@ _MODULES = {
     "TangentBug": "lme.guides.tangent_bug.guide",
     "Target": "lme.guides.target",
     "Twist": "lme.types",
-    "cast": "lme.sensing.ray_casting",
+    "cast": "lme.perception.ray_casting",
     "evaluate": "lme.evaluation",
-    "load_map_set": "lme.presets",
-    "load_parameters": "lme.presets",
-    "load_robot": "lme.presets",
-    "load_simulator": "lme.presets",
-    "load_system": "lme.systems",
-    "reason": "lme.policies.lme.reasons",
-    "run_episode": "lme.episode",
+    "load_map_set": "lme.config.presets",
+    "load_parameters": "lme.config.presets",
+    "load_robot": "lme.config.presets",
+    "load_simulator": "lme.config.presets",
+    "load_system": "lme.config.systems",
+    "reason": "lme.guides.lme.reasons",
+    "run_episode": "lme.navigation.episode",
 }
 __all__ = ["__version__", *_MODULES]
 

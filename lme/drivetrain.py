@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from lme.errors import InputError, require
-from lme.plausibility import check_fields
+from lme.inputs.plausibility import check_fields
 
 
 @dataclass(slots=True)

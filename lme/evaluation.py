@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 _EXPERIMENTS = (
-    "runners.experiments.from_python"  # imported at the call: the library does not depend on experiments
+    "runners.evaluate.from_python"  # imported at the call: the library does not depend on experiments
 )
 _NEEDED = ("runners", "hydra", "matplotlib", "pandas", "pyarrow", "rich")
 

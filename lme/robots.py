@@ -10,7 +10,7 @@ import numpy as np
 
 from lme.drivetrain import Drivetrain, Response
 from lme.errors import InputError, require
-from lme.plausibility import check_fields, check_mount
+from lme.inputs.plausibility import check_fields, check_mount
 from lme.types import Floats, Limits, Pose
 
 _MOST_BEAMS = 100_000  # of a lidar

@@ -90,10 +90,11 @@ class Observation(NamedTuple):
 
     target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame, the base
     frame at the start of the episode, for guides and planners that keep a map or a band; LME reads it where the twist
-    does not explain it (`lme.dead_reckoning`). pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the
-    robot frame, of those in sight, as a tracker of people would give them; empty without a tracker. Their returns are
-    in the scan, too: planners take the radius of a person from these. LME does not read it. scan_pose: pose of the base
-    in the odometry frame when the scan was taken; None: `odometry`. Only maps with an `update_rate` read it.
+    does not explain it (`lme.perception.dead_reckoning`). pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground,
+    all in the robot frame, of those in sight, as a tracker of people would give them; empty without a tracker. Their
+    returns are in the scan, too: planners take the radius of a person from these. LME does not read it. scan_pose:
+    pose of the base in the odometry frame when the scan was taken; None: `odometry`. Only maps with an `update_rate`
+    read it.
 
     twist: as measured. last_command: the command that the robot follows; None: the navigator fills in its own last one.
     closed_loop: the next command ramps from the measured twist instead of the last command.

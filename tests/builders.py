@@ -6,14 +6,14 @@ from dataclasses import astuple, is_dataclass, replace
 
 import numpy as np
 
-import lme.policies.lme.escaper
-from lme.guides.lme import Lme, LmeConfig
+import lme.guides.lme.escaper
+from lme.guides.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.guides.lme.guide import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.policies.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
 from lme.robots import Footprint, Lidar, Robot
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 from runners.config import catalogue
@@ -149,7 +149,7 @@ def explained(made, view):
 def inject(monkeypatch, *draws):
     """Let these (N, 2) candidates be drawn one after the other."""
     left = [np.array(draw, dtype=float) for draw in draws]
-    monkeypatch.setattr(lme.policies.lme.escaper, "sample", lambda *_: left.pop(0))
+    monkeypatch.setattr(lme.guides.lme.escaper, "sample", lambda *_: left.pop(0))
 
 
 def wander(steps=30, seed=0, even=True, robot=None):

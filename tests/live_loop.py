@@ -6,10 +6,10 @@ from operator import itemgetter
 
 import numpy as np
 
-from lme.episode import Progress
 from lme.geometry.frames import to_robot
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
+from lme.navigation.episode import Progress
 from lme.types import Pose, Twist
 from runners.workers.episodes import episode_rng
 from tests.made_bags import SECOND, BagMaker

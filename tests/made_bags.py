@@ -10,9 +10,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lme.geometry.frames import compose
-from lme.kernels.raycast import cast
 from lme.live.messages import Tilt
-from lme.sensing.point_cloud import rigid_transform
+from lme.perception.point_cloud import rigid_transform
+from lme.perception.raycast import cast
 from lme.types import Pose
 
 SECOND = 1_000_000_000

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from lme.geometry.frames import compose
-from lme.kernels.raycast import cast
+from lme.perception.raycast import cast
 from lme.types import Pose
 
 # A room of 10 × 6 m with a wall and a pillar. Through a slit of 30 cm one sees a closet behind its right wall, and

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lme.episode import TRAJECTORY_COLUMNS
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.records.episode_record import EpisodeResult
 from runners.records.launch_record import launch_of
 from runners.records.records import RecordWriter

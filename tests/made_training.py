@@ -1,8 +1,8 @@
 """The search and the race of a training, made up, for tests of its report."""
 
 from runners.config.space import Range
-from runners.search.race import START, Race, Rung
-from runners.search.study import Trial
+from runners.training.race import START, Race, Rung
+from runners.training.study import Trial
 from runners.workers.trials import Score
 
 SPACE = {"guide.parameters.c_o": Range(1.0, 1000.0, log=True), "planner.kp": Range(0.0, 4.0)}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lme.array_file import write_arrays
 from lme.errors import InputError
 from lme.guides.learned_subgoal import weights as subgoal
+from lme.inputs.array_file import write_arrays
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c

@@ -6,10 +6,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from lme.kernels.motion import drive
+from lme.geometry.motion import drive
 
-HALF_DIAGONAL = np.sqrt(0.5)  # of a cell, as in lme/policies/lme_plus/kernels/travel_grid.py
-SLIDE_SWEEPS = 2  # as in lme/sim/skid/kernels.py
+HALF_DIAGONAL = np.sqrt(0.5)  # of a cell, as in lme/guides/lme_plus/travel_grid.py
+SLIDE_SWEEPS = 2  # as in lme/simulation/skid/kernels.py
 
 
 def cast(lidar_pose, angles, range_max, circles, edges):

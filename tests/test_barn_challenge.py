@@ -13,7 +13,7 @@ from defusedxml import ElementTree
 
 from runners.cli.main import main
 from runners.config.instantiate import fill_dataclass
-from runners.live.topics import TF_MESSAGE, LiveTopicsConfig
+from runners.ros.topics import TF_MESSAGE, LiveTopicsConfig
 from tests.composing import jobs_of
 
 FOLDER = Path(__file__).parents[1] / "integrations" / "barn_challenge"

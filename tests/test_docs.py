@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
+from lme.guides.lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
 from runners.cli import main
 from runners.config import catalogue
 from tests.builders import PUBLISHED

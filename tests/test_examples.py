@@ -13,7 +13,7 @@ import sys
 import pytest
 
 import lme
-import lme.envs
+import lme.gym
 from tests.places import ROOT
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -63,9 +63,9 @@ def test_an_example_uses_public_names_alone(path):
     from_ = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     allowed = ALLOWED | (LEARNING if path.stem in LONG else set())
     assert {name.partition(".")[0] for name in plain | from_} <= allowed
-    assert not [name for name in plain | from_ if name.startswith("lme.") and name != "lme.envs"]
-    envs = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == "lme.envs"]
-    assert {alias.name for node in envs for alias in node.names} <= set(lme.envs.__all__)
+    assert not [name for name in plain | from_ if name.startswith("lme.") and name != "lme.gym"]
+    envs = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == "lme.gym"]
+    assert {alias.name for node in envs for alias in node.names} <= set(lme.gym.__all__)
     used = {
         node.attr
         for node in ast.walk(tree)

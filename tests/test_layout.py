@@ -87,11 +87,11 @@ def test_a_test_file_is_named_for_what_it_tests(test):
 
 
 def test_a_name_without_a_module_is_found():
-    assert subject_of(Path("lme/test_episode.py")) == Path("lme/episode")
+    assert subject_of(Path("lme/navigation/test_episode.py")) == Path("lme/navigation/episode")
     assert subject_of(Path("lme/live/test_driver_clock.py")) == Path("lme/live/driver")
     assert subject_of(Path("lme/planners/test_eband.py")) == Path("lme/planners/eband")
-    assert subject_of(Path("runners/explainer/assets/test_page_hands.py")) == Path(
-        "runners/explainer/assets/page"
+    assert subject_of(Path("runners/reports/explainer/assets/test_page_hands.py")) == Path(
+        "runners/reports/explainer/assets/page"
     )
     assert subject_of(Path("lme/live/test_drives.py")) is None
 
@@ -112,7 +112,7 @@ def test_no_module_imports_itself_by_way_of_others():
 
 
 @pytest.mark.parametrize(
-    "kernel", [path for path in SOURCES if path.match("lme/kernels/[!_]*.py")], ids=lambda path: path.stem
+    "kernel", [path for path in SOURCES if path.match("lme/geometry/[!_]*.py")], ids=lambda path: path.stem
 )
 def test_a_shared_kernel_has_clients_in_several_rooms(kernel):
     found = clients(kernel)
@@ -135,4 +135,4 @@ def test_a_shared_kernel_has_clients_in_several_rooms(kernel):
 def test_a_kernel_next_to_its_client_has_no_other_client(kernel):
     home = kernel.parent.parent if kernel.parent.name == "kernels" else kernel.parent
     outside = [str(path) for path in clients(kernel) if not path.is_relative_to(home)]
-    assert not outside, f"{kernel} serves {outside}: lme/kernels/ holds what is shared"
+    assert not outside, f"{kernel} serves {outside}: lme/geometry/ holds what is shared"

@@ -8,7 +8,7 @@ import pytest
 from tests.places import ROOT
 
 SOURCES = [path for room in ("lme", "runners") for path in sorted((ROOT / room).rglob("*.py"))]
-HYDRA, OPTUNA = "runners/cli/hydra_jobs.py", "runners/search/optuna_private.py"
+HYDRA, OPTUNA = "runners/cli/hydra_jobs.py", "runners/training/optuna_private.py"
 # Attributes of Optuna's own objects: of a study, a trial, a storage, a sampler.
 ATTRIBUTES = {
     "_trial_id",

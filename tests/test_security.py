@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
+from lme.config.presets import load_parameters
 from lme.errors import InputError
-from lme.presets import load_parameters
 from runners.records.append_log import read_log
 from runners.records.launch_record import read_launch
 from tests.places import ROOT
@@ -19,7 +19,10 @@ FORBIDDEN = {  # names that run what they are given, however they are called
     "cloudpickle.load", "os.system", "os.popen", "pd.read_pickle", "shelve.open", "yaml.unsafe_load", "yaml.full_load",
 }  # fmt: skip
 ALLOWED = {"runners/workers/cluster_worker.py: pickle.loads"}  # what the coordinator of the run sent
-SAFE_LOADERS = {"_UniqueKeys", "SafeLoader"}  # of lme.yaml_entry and lme.guarded_file, as tested below
+SAFE_LOADERS = {
+    "_UniqueKeys",
+    "SafeLoader",
+}  # of lme.inputs.yaml_entry and lme.inputs.guarded_file, as tested below
 
 
 def calls(path):
@@ -71,7 +74,7 @@ def test_the_check_finds_what_it_looks_for(code):
 def test_the_loaders_of_yaml_are_safe():
     import yaml
 
-    from lme import guarded_file, yaml_entry
+    from lme.inputs import guarded_file, yaml_entry
 
     for loader in (yaml_entry._UniqueKeys, guarded_file.SafeLoader):
         with pytest.raises(yaml.constructor.ConstructorError, match="python/object"):

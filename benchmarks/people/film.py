@@ -15,10 +15,10 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.people.labels import Recording, read
 from benchmarks.people.tracked import tracked
-from lme.sensing.people.tracks import Tracks
+from lme.perception.people.tracks import Tracks
 from lme.types import Ints
-from runners.figures.parts.film import Picture, write_film
-from runners.figures.parts.style import new_figure
+from runners.reports.figures.film import Picture, write_film
+from runners.reports.figures.style import new_figure
 
 _SIZE, _DPI = (8.0, 4.5), 100  # [in], [1/in]
 _BOX = (-3.0, 11.0, -3.5, 4.4)  # [m] x from, to, y from, to

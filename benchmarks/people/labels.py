@@ -15,7 +15,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.optimize import linear_sum_assignment
 
 from lme.types import Bools, Floats, Ints
-from runners.replay.bags import Bag
+from runners.recordings.bags import Bag
 
 _SAME = 0.15  # [m] returns of a beam this near to each other are of the same surface
 _BACKGROUND = 0.2  # share of the scans in which a beam sees a surface of the background

@@ -19,12 +19,12 @@ from lme.errors import InputError
 from lme.geometry.frames import compose, to_robot, to_world
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND, planar_matrix
-from lme.sensing.people.tracks import Tracks
+from lme.perception.people.tracks import Tracks
 from lme.types import Bools, Floats, Pose
-from runners.replay.bags import Bag
-from runners.replay.posed_scans import PosedScan, PosedScans
-from runners.replay.recording import inspect
-from runners.replay.topics import BagTopicsConfig, choose
+from runners.recordings.bags import Bag
+from runners.recordings.posed_scans import PosedScan, PosedScans
+from runners.recordings.recording import inspect
+from runners.recordings.topics import BagTopicsConfig, choose
 
 _LABELS = "/ground_truth_people_tracks"
 _SECTOR = (math.radians(-80.0), math.radians(12.0))  # of the scan

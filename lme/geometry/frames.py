@@ -1,12 +1,19 @@
 """Transforms of points and poses between planar frames."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 
 import numpy as np
 
-from lme.geometry.angles import wrap_angle
 from lme.types import Floats, Pose
+
+
+def wrap_angle(angle: float) -> float:
+    """The angle wrapped to (−π, π] [rad]; exact for any finite angle."""
+    wrapped = math.remainder(angle, math.tau)
+    return math.pi if wrapped <= -math.pi else wrapped
 
 
 def to_world(points: Floats, pose: Pose) -> Floats:

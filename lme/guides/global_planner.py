@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lme.errors import require
-from lme.guides.global_path.costmap import Costmap, CostmapConfig, stamp
+from lme.grids.obstacle_grid import HIGHEST
 from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
-from lme.kernels.obstacle_grid import HIGHEST
+from lme.mapping.costmap import Costmap, CostmapConfig, stamp
 from lme.robots import Robot
 from lme.types import Floats, Ints, Observation
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lme.live.config import LiveConfig as LiveConfig
+    from lme.live.config import ScanConfig as ScanConfig
     from lme.live.driver import LiveDriver as LiveDriver
     from lme.live.frames import FramesConfig as FramesConfig
-    from lme.live.scan_config import ScanConfig as ScanConfig
     from lme.live.step import LiveState as LiveState
     from lme.live.step import LiveStep as LiveStep
 
@@ -23,7 +23,7 @@ _MODULES = {
     "LiveDriver": "lme.live.driver",
     "LiveState": "lme.live.step",
     "LiveStep": "lme.live.step",
-    "ScanConfig": "lme.live.scan_config",
+    "ScanConfig": "lme.live.config",
 }
 __all__ = [*_MODULES]
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.geometry.frames import relative
+from lme.live.config import CloudConfig, ScanConfig, mount_of
 from lme.live.frames import Carrier
 from lme.live.messages import planar_matrix, stamp_of
-from lme.live.postures import Posture
-from lme.live.scan_config import CloudConfig, ScanConfig, mount_of
+from lme.live.poses import Posture
+from lme.perception.point_cloud import cloud_points, point_times, rigid_transform
+from lme.perception.projection import Projection, to_scan
+from lme.perception.scan_check import FAR, ScanFault
 from lme.robots import Robot
-from lme.sensing.point_cloud import cloud_points, point_times, rigid_transform
-from lme.sensing.projection import Projection, to_scan
-from lme.sensing.scan_check import FAR, ScanFault
 from lme.types import Floats, LaserScan, Pose
 
 _HEIGHTS = (0.05, 0.5)  # [m] ASSUMED: above the floor's noise; the robot passes under higher points

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from lme.errors import InputError, require
+from lme.inputs import plausibility
+from lme.perception.point_cloud import rigid_transform
+from lme.robots import Robot
+from lme.types import Floats
 
 CLOCKS = ("header", "received")
 
@@ -28,3 +33,74 @@ class LiveConfig:
         require("live.seed", self.seed, at_least=0)
         if self.clock not in CLOCKS:
             raise InputError(f"live.clock is {self.clock!r}: must be one of {', '.join(CLOCKS)}")
+
+
+LIDARS = ("recorded", "robot")
+
+
+@dataclass(slots=True)
+class CloudConfig:
+    """How a point cloud becomes a scan.
+
+    Heights are above the floor; None: those of robot.lidar.cloud, else 0.05 and 0.5 m. With a negative min_height,
+    which only a base frame above the floor can need, they are in the base frame. Angle and range: None for those of
+    the robot's lidar. level: whether roll and pitch of the base are taken out of a cloud that tilts with it.
+    """
+
+    min_height: float | None = None  # [m]
+    max_height: float | None = None  # [m]
+    angle_increment: float | None = None  # [rad]
+    range_max: float | None = None  # [m]
+    level: bool = True
+
+
+@dataclass(slots=True)
+class ScanConfig:
+    """How scans are read. mount: [x, y, z [m], roll, pitch, yaw [rad]] of the lidar on the base."""
+
+    lidar: str = "recorded"
+    mount: list[float] | None = None
+    range_min: float | None = None  # [m]
+    range_max: float | None = None  # [m]
+    cloud: CloudConfig = field(default_factory=CloudConfig)
+
+    def __post_init__(self) -> None:
+        if self.lidar not in LIDARS:
+            raise InputError(f"scan.lidar is {self.lidar!r}: must be one of {', '.join(LIDARS)}")
+        if self.mount is not None:
+            _matrix(self.mount)
+            for key, angle in zip(("roll", "pitch", "yaw"), self.mount[3:], strict=True):
+                plausibility.check(f"scan.mount.{key}", angle)
+        if self.range_min is not None:
+            require("scan.range_min", self.range_min, at_least=0.0)
+        if self.range_max is not None:
+            require("scan.range_max", self.range_max, above=self.range_min or 0.0)
+        cloud = self.cloud
+        if cloud.min_height is not None:
+            require("scan.cloud.min_height", cloud.min_height)
+        if cloud.max_height is not None:
+            require("scan.cloud.max_height", cloud.max_height, above=cloud.min_height)
+        if cloud.angle_increment is not None:
+            require("scan.cloud.angle_increment", cloud.angle_increment, above=0.0, at_most=0.5)
+        if cloud.range_max is not None:
+            require("scan.cloud.range_max", cloud.range_max, above=0.0)
+
+
+def mount_of(config: ScanConfig, by_tf: Floats | None, robot: Robot, height: float) -> tuple[str, Floats]:
+    """The source of the lidar's mount, and the mount: (4, 4) from the lidar's frame to the base frame.
+
+    height: of the lidar if neither scan.mount nor tf knows it [m].
+    """
+    if config.mount is not None:
+        return "scan.mount", _matrix(config.mount)
+    if by_tf is not None:
+        return "tf", by_tf
+    pose = robot.lidar.mount
+    return f"robot={robot.name}", rigid_transform((pose.x, pose.y, height, 0.0, 0.0, pose.yaw))
+
+
+def _matrix(mount: Sequence[float]) -> Floats:
+    try:
+        return rigid_transform(mount)
+    except InputError as error:
+        raise InputError(f"scan.{error}") from error

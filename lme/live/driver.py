@@ -11,22 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError
+from lme.inputs.user_code import show_traceback, user_error
 from lme.live.clock import Clock
-from lme.live.config import LiveConfig
+from lme.live.config import LiveConfig, ScanConfig
 from lme.live.frames import Carrier, Frames, FramesConfig
 from lme.live.goal import Goal
 from lme.live.messages import SECOND, frame
 from lme.live.pilot import Pilot
-from lme.live.postures import Posture
-from lme.live.scan_config import ScanConfig
+from lme.live.poses import Posture
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSensors, LiveSight
 from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
 from lme.live.track import StampedMotion
-from lme.navigator import Navigator
+from lme.navigation.navigator import Navigator
 from lme.robots import Robot
 from lme.types import Floats
-from lme.user_code import show_traceback, user_error
 
 _ANY_TIME = 1 << 62  # [ns]
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lme.sensing.point_cloud import cloud_points
+from lme.perception.point_cloud import cloud_points
 from lme.types import Floats, LaserScan, Pose, Twist
 
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"

@@ -7,18 +7,38 @@ from typing import Any
 
 import numpy as np
 
-from lme.geometry.frames import relative
+from lme.geometry.frames import relative, to_robot
+from lme.geometry.motion import drive
 from lme.live.messages import SECOND
-from lme.live.postures import Posture
-from lme.live.safety import predict, touches
+from lme.live.poses import Posture
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.live.track import StampedMotion
-from lme.navigator import Explanations, Navigator
+from lme.navigation.navigator import Explanations, Navigator
+from lme.perception.scan_points import obstacle_points
+from lme.planners.safety.check import StoppingCheck, StoppingState
 from lme.ramp import reachable
-from lme.sensing.scan_points import obstacle_points
+from lme.robots import Robot
 from lme.types import Floats, Pose, Twist
+
+_STEP = 0.02  # [m] no point of the outline moves further between two poses
+
+
+def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
+    """Pose and twist of the robot after following a command for `time` [s]."""
+    poses, moving = drive(pose, twist, command, robot.limits.bounds, time, _STEP, robot.hull.r_max)
+    return Pose(*poses[-1].tolist()), Twist(*moving)
+
+
+def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Robot) -> bool:
+    """Whether the robot would touch a point if it followed the command for a control period and then braked.
+
+    points (M, 2) [m], in the frame in which `pose` is given. twist: of the robot now.
+    """
+    now = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
+    return not StoppingCheck(robot.hull, robot.dt).stops(command, now)
+
 
 _WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
 _WARM_UP_PERIOD = SECOND // 2  # [ns] after which all of a tracker has run

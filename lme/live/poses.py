@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left, bisect_right
 from typing import Any, NamedTuple
 
-from lme.live.frames import Frames
+import numpy as np
+
+from lme.live.frames import Frames, TransformTree
 from lme.live.messages import (
     ODOMETRY,
+    SECOND,
     Tilt,
     frame,
     imu_rotation,
@@ -16,8 +21,7 @@ from lme.live.messages import (
     tilt_of,
     twist_of,
 )
-from lme.live.transforms import TransformTree
-from lme.types import Pose, Twist
+from lme.types import Floats, Pose, Twist
 
 FARTHEST = 1e9  # [m], [rad] larger numbers come from a fault
 FASTEST = 50.0  # [m/s], [rad/s] the same
@@ -83,3 +87,96 @@ def imu_tilt(message: Any, frames: Frames, tree: TransformTree) -> Tilt | None:
     if rotation is None:
         return None
     return tilt_of(rotation if to_base is None else rotation @ to_base[:3, :3].T)
+
+
+_AROUND = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
+_KEPT = 5 * SECOND
+_TRIMMED_AT = 4096  # samples
+_PLANAR = 1e-6  # [rad] below this, roll and pitch are rounding
+_UPRIGHT = math.radians(45.0)  # a robot that drives is tilted by less, an IMU that hangs upside down by more
+_PATIENCE = SECOND  # for which poses may be planar until it is said: an IMU may begin later
+_NO_IMU = "its poses hold no roll and pitch, and no IMU is heard"
+_NO_ORIENTATION = (
+    "its poses hold no roll and pitch, and its IMU measures no orientation, as that of a Livox lidar"
+)
+
+
+class Posture(NamedTuple):
+    """How the base stands at the stamp of a cloud.
+
+    pose, height [m]: in the odometry frame. tilts (K, 3): time after the stamp [s], roll and pitch [rad] of the base,
+    around the stamp and in order; K is 0 if they are not known. problem: why not; "" while it need not be said.
+    """
+
+    pose: Pose
+    height: float
+    tilts: Floats
+    problem: str
+
+
+class Postures:
+    """Heights of the base by its poses, and its tilts: by the poses, or by an IMU while these are planar."""
+
+    def __init__(self) -> None:
+        self._poses, self._imu = _Samples(), _Samples()
+        self._began: int | None = None  # stamp of the first pose [ns]
+        self._imu_heard = False
+
+    def add(self, stamp: int, height: float, tilt: Tilt) -> None:
+        """Add height [m] and tilt of a pose. stamp [ns]."""
+        self._began = stamp if self._began is None else self._began
+        self._poses.add(stamp, height, tilt)
+
+    def add_imu(self, stamp: int, tilt: Tilt | None) -> None:
+        """Add the tilt of the base by an IMU; None if the message holds no orientation. stamp [ns]."""
+        self._imu_heard = True
+        if tilt is not None:
+            self._imu.add(stamp, 0.0, tilt)
+
+    def at(self, stamp: int, pose: Pose, tolerance: int) -> Posture:
+        """The posture at `stamp` [ns], where the planar pose is `pose`. tolerance [ns]: to the nearest sample."""
+        poses = self._poses.around(stamp, tolerance)
+        height = float(np.interp(0.0, poses[:, 0], poses[:, 1])) if len(poses) else 0.0
+        by_imu = not self._poses.tilted
+        tilts = (self._imu.around(stamp, tolerance) if by_imu else poses)[:, [0, 2, 3]]
+        problem = ""
+        if by_imu and not self._imu.tilted:
+            tilts = tilts[:0]
+            if self._began is not None and stamp - self._began >= _PATIENCE:
+                problem = _NO_ORIENTATION if self._imu_heard else _NO_IMU
+        elif not len(tilts):
+            problem = "no orientation is near in time"
+        elif (lean := np.arccos(np.cos(tilts[:, 1]) * np.cos(tilts[:, 2])).max()) > _UPRIGHT:
+            tilts = tilts[:0]
+            who = "its IMU says, whose frame tf must connect to the base" if by_imu else "its poses say"
+            problem = f"it cannot be tilted by {math.degrees(lean):.0f}°, as {who}"
+        return Posture(pose, height, tilts, problem)
+
+
+class _Samples:
+    """Heights [m], rolls and pitches [rad] in the order of their stamps [ns]. tilted: whether any is not level."""
+
+    def __init__(self) -> None:
+        self._stamps: list[int] = []
+        self._values: list[tuple[float, float, float]] = []
+        self.tilted = False
+
+    def add(self, stamp: int, height: float, tilt: Tilt) -> None:
+        if self._stamps and stamp <= self._stamps[-1]:
+            return
+        self._stamps.append(stamp)
+        self._values.append((height, *tilt))
+        self.tilted = self.tilted or max(map(abs, tilt)) > _PLANAR
+        if len(self._stamps) > _TRIMMED_AT:
+            first = bisect_left(self._stamps, stamp - _KEPT)
+            del self._stamps[:first], self._values[:first]
+
+    def around(self, stamp: int, tolerance: int) -> Floats:
+        """(K, 4): time after `stamp` [s], height, roll, pitch. K is 0 if none is within `tolerance` [ns]."""
+        first = max(bisect_right(self._stamps, stamp - _AROUND) - 1, 0)
+        last = bisect_left(self._stamps, stamp + _AROUND) + 1
+        stamps, values = self._stamps[first:last], self._values[first:last]
+        if not any(abs(one - stamp) <= tolerance for one in stamps):
+            return np.empty((0, 4))
+        times = [(one - stamp) / SECOND for one in stamps]
+        return np.column_stack((times, np.array(values)))

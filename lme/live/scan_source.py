@@ -13,14 +13,14 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.live.clouds import CloudReader
+from lme.live.config import ScanConfig, mount_of
 from lme.live.frames import Carrier
 from lme.live.messages import frame, is_cloud, planar_matrix, scan_of
-from lme.live.postures import Posture
-from lme.live.scan_config import ScanConfig, mount_of
+from lme.live.poses import Posture
 from lme.live.track import StampedMotion
+from lme.perception.resampling import own_lidar, resampled, same_lidar, tidied
+from lme.perception.scan_check import ScanFault, check_unit_of_angles, scan_faults
 from lme.robots import Lidar, Robot
-from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
-from lme.sensing.scan_check import ScanFault, check_unit_of_angles, scan_faults
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 
 _FINER = 2.5  # times as many beams per angle as in the first message are a finer lidar

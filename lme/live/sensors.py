@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lme.live.config import LiveConfig
-from lme.live.frames import Carrier, Frames, FramesConfig, carrier_of, message_frames, tf_frames
+from lme.live.frames import (
+    Carrier,
+    Frames,
+    FramesConfig,
+    TransformTree,
+    carrier_of,
+    message_frames,
+    tf_frames,
+)
 from lme.live.messages import (
     SECOND,
     frame,
@@ -19,11 +27,9 @@ from lme.live.messages import (
     matrix_of,
     stamp_of,
 )
-from lme.live.poses import Sample, imu_tilt, is_sound, message_pose, tf_pose
-from lme.live.postures import Posture
+from lme.live.poses import Posture, Sample, imu_tilt, is_sound, message_pose, tf_pose
 from lme.live.step import NotReadyError
 from lme.live.track import StampedMotion, Track
-from lme.live.transforms import TransformTree
 from lme.live.twist_check import TwistCheck
 from lme.types import Floats
 

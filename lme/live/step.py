@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import NamedTuple
 
+from lme.guides.lme.explanation import Explanation
 from lme.live.track import StampedMotion
-from lme.policies.lme.explanation import Explanation
-from lme.sensing.people.tracks import Tracks
+from lme.perception.people.tracks import Tracks
 from lme.types import Guidance, Observation, Twist
 
 STILL = Twist(0.0, 0.0)

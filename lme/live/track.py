@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lme.geometry.frames import between, relative
 from lme.live.messages import SECOND, Tilt
-from lme.live.postures import Posture, Postures
+from lme.live.poses import Posture, Postures
 from lme.types import Pose, Twist
 
 _KEPT = 5 * SECOND

@@ -1,5 +1,5 @@
 """Maps from scans and poses: what the beams met and passed, as cells."""
 
-from lme.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridMap, OccupancyGrid
+from lme.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, GridMap, OccupancyGrid
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "GridMap", "OccupancyGrid"]

@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 
 from lme.errors import require
+from lme.perception.blind_arc import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
-from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Twist
 
 _CLOSEST = 0.01  # [m] below this clearance the repulsion is constant

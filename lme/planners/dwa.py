@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.kernels.arcs import clearances, contact_times
+from lme.geometry.arcs import clearances, contact_times
+from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import MOST_SAMPLES, approach, check_turn_samples, limited, turn_shares
 from lme.planners.weighed import Weighed
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from numba import njit
 
 from lme.errors import require
-from lme.kernels.movers import WIDEST, movers_among
-from lme.kernels.orca import before_point, beside_disc, best_velocity
+from lme.geometry.motion import WIDEST, movers_among
+from lme.geometry.orca import before_point, beside_disc, best_velocity
+from lme.perception.blind_arc import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
-from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Twist
 
 _STANDS = 0.02  # [m/s] slower velocities have no direction to turn to

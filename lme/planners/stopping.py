@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lme.kernels.collision import sweep
-from lme.kernels.motion import drive
+from lme.geometry.collision import sweep
+from lme.geometry.motion import drive
 from lme.planners.commands import limited
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import InputError, require
-from lme.kernels.polar_histogram import (
+from lme.grids.polar_histogram import (
     active_cells,
     candidate_directions,
     cheapest,
@@ -16,10 +16,10 @@ from lme.kernels.polar_histogram import (
     polar_density,
     turning_limits,
 )
+from lme.perception.blind_arc import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
-from lme.sensing.blind_arc import BlindArc
 from lme.types import Bools, Floats, Guidance, Observation, Twist
 
 _LEAST_CELL = 0.01  # [m] a finer grid would take longer than a control period

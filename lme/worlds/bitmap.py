@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lme import plausibility
 from lme.errors import InputError
-from lme.guarded_file import expanded, open_bytes
+from lme.inputs import plausibility
+from lme.inputs.guarded_file import expanded, open_bytes
+from lme.inputs.yaml_entry import Entry, read_yaml
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import corners, outlines
 from lme.worlds.floor_plan import FloorPlan, enclosed
-from lme.yaml_entry import Entry, read_yaml
 
 MAX_PIXELS = 100_000_000  # a larger picture is refused before it is decoded
 MAX_CORNERS = 1_000_000  # of obstacles, which take some 20 s

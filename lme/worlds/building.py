@@ -12,8 +12,8 @@ from numba import njit
 from scipy import ndimage
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
-from lme.kernels.heap import pop, push
+from lme.geometry.heap import pop, push
+from lme.inputs.guarded_file import expanded
 from lme.types import Floats
 from lme.worlds.room import Room, RoomConfig
 from lme.worlds.rules import DrawnRules, check_chosen

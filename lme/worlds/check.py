@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from lme import plausibility
 from lme.errors import InputError
-from lme.kernels.collision import sweep
-from lme.returned import checked_array
+from lme.geometry.collision import sweep
+from lme.inputs import plausibility
+from lme.inputs.returned import checked_array
 from lme.robots import Footprint, Robot
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World

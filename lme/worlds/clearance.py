@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lme.types import Bools, Floats
+from lme.worlds import clearance_kernels as kernels
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.kernels import clearance as kernels
 
 
 def clearance_field(plan: FloorPlan, x: Floats, y: Floats, reach: float) -> Floats:

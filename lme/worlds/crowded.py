@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from lme import plausibility
 from lme.errors import InputError, require
+from lme.inputs import plausibility
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import MOTIONS, ORCA, SCRIPTED, Mover

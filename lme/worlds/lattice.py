@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.kernels.heap import enlarged, pop, push
+from lme.geometry.heap import enlarged, pop, push
 from lme.types import Bools, Floats, Ints
 
 _BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError, require
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
+from lme.inputs.yaml_entry import read_yaml
 from lme.types import Floats
 from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
@@ -21,7 +22,6 @@ from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS
 from lme.worlds.world import Task
-from lme.yaml_entry import read_yaml
 
 UNKNOWN = ("obstacle", "free")
 DRAWING = "shapes.yaml"  # a shipped map is drawn in this file of its folder in maps/

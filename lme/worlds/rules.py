@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lme import plausibility
 from lme.errors import InputError, require
-from lme.guarded_file import expanded
+from lme.inputs import plausibility
+from lme.inputs.guarded_file import expanded
 from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World

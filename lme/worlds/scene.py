@@ -21,18 +21,17 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
+from lme.inputs.yaml_entry import Entry, read_yaml
 from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.mover_entries import mover_of
-from lme.worlds.movers import Mover
+from lme.worlds.movers import Mover, mover_of
 from lme.worlds.rules import map_path
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
 from lme.worlds.world import Task, World
-from lme.yaml_entry import Entry, read_yaml
 
 FOLDER = "scenes"  # of maps/
 

@@ -29,10 +29,10 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError
+from lme.inputs.yaml_entry import Entry, read_yaml
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan, enclosed
-from lme.worlds.mover_entries import mover_of
-from lme.yaml_entry import Entry, read_yaml
+from lme.worlds.movers import mover_of
 
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 

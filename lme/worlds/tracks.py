@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError, require
-from lme.guarded_file import read_text
+from lme.inputs.guarded_file import read_text
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.rules import PacedRules, check_chosen, map_path

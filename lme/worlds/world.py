@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from lme.kernels.edge_grid import NO_EDGES, EdgeGrid, edge_grid
-from lme.kernels.lattice.rectangles import NO_LATTICE, Lattice, lattice_of
+from lme.grids.edge_grid import NO_EDGES, EdgeGrid, edge_grid
+from lme.grids.lattice import NO_LATTICE, Lattice, lattice_of
 from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover

@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from runners.config import arguments, catalogue
 from runners.config.arguments import CFG, INFO
 

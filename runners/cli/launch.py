@@ -15,7 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
-from lme.user_code import explained, show_traceback
+from lme.inputs.user_code import explained, show_traceback
 from runners.cli import hydra_jobs, show
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.os_errors import explain_os_error

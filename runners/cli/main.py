@@ -24,8 +24,8 @@ from pathlib import Path
 
 import lme
 from lme.errors import InputError, nearest
-from lme.resources import resource_dir
-from lme.user_code import explained, show_traceback
+from lme.inputs.resources import resource_dir
+from lme.inputs.user_code import explained, show_traceback
 from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing

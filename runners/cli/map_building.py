@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from runners.cli.parsers import texts
 
 BUILD_EXAMPLES = (
@@ -125,8 +125,8 @@ def _add_overwrite(parser: argparse.ArgumentParser) -> None:
 
 def _build(arguments: argparse.Namespace) -> None:
     from runners.config.quoting import element, lme_command
-    from runners.mapping.build import BuildConfig, build_map, check_target, describe, write_map
-    from runners.mapping.log import log_config
+    from runners.recordings.log import log_config
+    from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
 
     logs, settings = _sorted_out(arguments.what)
     config = BuildConfig(
@@ -174,6 +174,6 @@ def _default_output(log: Path) -> Path:
 
 
 def _buildings(arguments: argparse.Namespace) -> None:
-    from runners.mapping.radish import build_all
+    from runners.recordings.radish import build_all
 
     build_all(expanded(arguments.source), expanded(arguments.destination), arguments.overwrite)

@@ -7,9 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from lme.config.presets import ablation_settings
 from lme.errors import InputError
-from lme.presets import ablation_settings
-from lme.resources import overlaid
+from lme.inputs.resources import overlaid
 from runners.config.catalogue import SHIPPED, Catalogue
 
 GROUP = "ablation"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from runners.config.lookalikes import check_words
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")

@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from lme.errors import InputError, require
-from lme.navigator import Navigator
+from lme.guides.lme.weight_files import with_network
+from lme.navigation.navigator import Navigator
+from lme.perception.people.source import People, people_source
 from lme.robots import Robot
-from lme.sensing.people.source import People, people_source
-from lme.sim.simulator import Simulator
-from lme.weight_files import with_network
+from lme.simulation.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.rules import LEAST_TIME, TIME_FACTOR, fair_limit, with_robot
 from lme.worlds.world import DrawnTask, DrawsRobots, MapSet, Task

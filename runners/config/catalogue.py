@@ -11,8 +11,8 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from lme.guarded_file import YAML_BYTES, SafeLoader, UnfoldingError, check_structure, read_text
-from lme.resources import overlaid, resource_dir
+from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, UnfoldingError, check_structure, read_text
+from lme.inputs.resources import overlaid, resource_dir
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
 

@@ -20,7 +20,7 @@ from omegaconf import DictConfig, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from runners.config import catalogue, schema
 from runners.config.quoting import quoted
 

@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
-from lme.worlds.barn.subsets import FRESH_KEYS, OFFICIAL, TARGET, check_given, is_idle
+from lme.worlds.barn.map_set import FRESH_KEYS, OFFICIAL, TARGET, check_given, is_idle
 from runners.config.catalogue import Catalogue
 from runners.config.overrides import text_of
 from runners.config.unused_weights import check_weights

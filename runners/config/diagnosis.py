@@ -13,8 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import GrammarParseError, OmegaConfBaseException
 
 from lme.errors import InputError, nearest
+from lme.inputs.resources import resource_dir
 from lme.requirements import install
-from lme.resources import resource_dir
 from runners.config import catalogue
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys

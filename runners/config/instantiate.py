@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from lme.errors import InputError, nearest
-from lme.user_code import import_module
+from lme.inputs.user_code import import_module
 from runners.config.hydra_errors import describe_expected, full_key, translate_error
 
 

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 
-from lme.weight_files import PUBLISHED, own_weights
+from lme.guides.lme.weight_files import PUBLISHED, own_weights
 from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
 from runners.config.changes import changed_keys, describe_changes

@@ -41,7 +41,7 @@ def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue 
     robot, instead of `robot`, or of the one that `lme eval` takes by default. configs: by default the shipped ones.
     Raises InputError for a name, a number or a setting that is not there, or not right.
     """
-    from lme.worlds.barn.subsets import check_given
+    from lme.worlds.barn.map_set import check_given
     from runners.config.instantiate import build
 
     configs = configs or catalogue.shipped()

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from runners.config import ablations
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import dotted_keys

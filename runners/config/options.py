@@ -9,7 +9,7 @@ from typing import Any, cast
 from omegaconf import OmegaConf
 
 from lme.errors import InputError, nearest
-from lme.resources import overlaid
+from lme.inputs.resources import overlaid
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
 from runners.config.schema import SystemConfig

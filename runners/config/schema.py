@@ -10,8 +10,8 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
+from lme.perception.people.source import People
 from lme.robots import Robot
-from lme.sensing.people.source import People
 from lme.types import Feedback
 
 
@@ -209,7 +209,7 @@ class LearnConfig(HeldOutConfig):
 
 @dataclass(slots=True, kw_only=True)
 class ReplayConfig(SystemConfig):
-    """`lme replay`. goal: a point [x, y], a topic, or nothing; topics, frames, scan: see runners.replay."""
+    """`lme replay`. goal: a point [x, y], a topic, or nothing; topics, frames, scan: see runners.recordings."""
 
     bag: str | None
     list: bool
@@ -231,7 +231,7 @@ class ReplayConfig(SystemConfig):
 
 @dataclass(slots=True, kw_only=True)
 class LiveCommandConfig(DriveConfig):
-    """`lme live`. live: the node or the simulated robot; topics, frames, scan: see runners.live and lme.live."""
+    """`lme live`. live: the node or the simulated robot; topics, frames, scan: see runners.ros and lme.live."""
 
     live: dict[str, Any]
     ros: int | None

@@ -8,7 +8,7 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
-from lme.weight_files import PUBLISHED, find_weights, own_weights
+from lme.guides.lme.weight_files import PUBLISHED, find_weights, own_weights
 from runners.config.catalogue import Catalogue
 from runners.config.weights import takes_weights
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.policies.lme.score import CRITERIA, THRESHOLDS
-from lme.weight_files import learned_parameters, own_names, own_weights
+from lme.guides.lme.score import CRITERIA, THRESHOLDS
+from lme.guides.lme.weight_files import learned_parameters, own_names, own_weights
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 from runners.config.hydra_errors import unknown_key

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from lme.errors import InputError
-from lme.guarded_file import check_regular
+from lme.inputs.guarded_file import check_regular
 from runners.learning.mixture import MixtureBatch, log_likelihood
 from runners.learning.run import Row, Run, descend
 from runners.learning.settings import CloneConfig

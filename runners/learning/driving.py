@@ -1,4 +1,4 @@
-"""Robots that a network drives to gain experience: many at once, by `lme.envs.fleet.Fleet`.
+"""Robots that a network drives to gain experience: many at once, by `lme.gym.fleet.Fleet`.
 
 A step lasts from one answer of the network to the next: a control period for a planner's network, `guide.period` for a
 guide's.
@@ -18,13 +18,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from lme.envs.fleet import Fleet, Transition, Views
-from lme.envs.reward import Result, Reward
 from lme.errors import InputError
+from lme.guides.lme.weight_files import with_network
+from lme.gym.fleet import Fleet, Transition, Views
+from lme.gym.reward import Result, Reward
 from lme.robots import Robot
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Bools, Floats, LaserScan, Limits, Observation, Outcome, Pose, Twist
-from lme.weight_files import with_network
 from lme.worlds.world import MapSet, Task
 from runners.config import build
 from runners.config.instantiate import build as built
@@ -34,7 +34,7 @@ from runners.learning.followers import CommandFollower, Follower, SubgoalFollowe
 from runners.learning.learnable import learned_config, learns_guide
 from runners.learning.run import Run
 from runners.learning.settings import Curriculum
-from runners.workers.robots import draw_robot, ranged_keys, robot_with
+from runners.workers.trials import draw_robot, ranged_keys, robot_with
 
 Features = tuple[Tensor, ...]
 _RECENT = 100  # episodes over which success is averaged

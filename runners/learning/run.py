@@ -15,14 +15,14 @@ import torch
 from torch import Tensor, nn
 
 from lme.errors import InputError
-from lme.weight_files import NETWORK
+from lme.guides.lme.weight_files import NETWORK
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import Learnable, learned_config, network_class
 from runners.records.whole_file import replacing
 from runners.workers.executor import Map
 from runners.workers.lessons import Lesson, LessonResult
 from runners.workers.progress import LearnProgress
-from runners.workers.robots import extremes
+from runners.workers.trials import extremes
 
 CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.npz"
 _GUIDES = 0x6775  # seeds the draw of guides separately from the episodes

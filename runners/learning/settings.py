@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lme.envs.reward import Reward
 from lme.errors import InputError, require
+from lme.gym.reward import Reward
 
 
 @dataclass(slots=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from lme.inputs.user_code import show_traceback, user_error
 from lme.types import Pose
-from lme.user_code import show_traceback, user_error
 from runners.config.catalogue import SHIPPED
 from runners.play.details import LAYERS, detail_message
 from runners.play.drawing import FARTHEST, item_of

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from lme.guides.lme_plus import LmePlus
+from lme.guides.lme_plus.guide import LmePlus
 from lme.planners.safety.filter import SafetyFilter
 from lme.planners.weighed import Weighing
-from runners.explainer.packer import Packer
 from runners.play.lane import Lane, Tasks
+from runners.reports.explainer.packer import Packer
 from runners.workers.trace import TracedStep
 
 LAYERS = ("memory", "times", "arcs")

@@ -13,8 +13,7 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.types import Floats, Pose
-from lme.worlds.mover_entries import mover_of
-from lme.worlds.movers import Mover
+from lme.worlds.movers import Mover, mover_of
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.world import Task, World
 

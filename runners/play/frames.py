@@ -1,4 +1,4 @@
-"""What the page draws, as binary messages: see `runners.explainer.packer`, and `assets/live.js`, which reads them."""
+"""Pack what the page draws into binary messages (`runners.reports.explainer.packer`); `assets/live.js` reads them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.sensing.scan_points import obstacle_points
-from runners.explainer.encode import (
+from lme.perception.scan_points import obstacle_points
+from runners.play.drawing import MOVERS, Sketch
+from runners.play.lane import Frame, Lane
+from runners.reports.explainer.encode import (
     Stretch,
     add_seen,
     add_stretch,
@@ -20,9 +22,7 @@ from runners.explainer.encode import (
     robot_header,
     tracks_people,
 )
-from runners.explainer.packer import Packer
-from runners.play.drawing import MOVERS, Sketch
-from runners.play.lane import Frame, Lane
+from runners.reports.explainer.packer import Packer
 from runners.workers.trace import TracedStep
 
 MOST_PARTS = 4000  # that the page can drag; those of a larger world are only drawn

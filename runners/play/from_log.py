@@ -15,9 +15,9 @@ _RECORDINGS = (".bag", ".db3")
 
 def is_log(path: Path) -> bool:
     """Whether a path is the log of a drive, and not a run or a recorded episode of `lme eval`. Raises InputError."""
-    from runners.replay.bags import Bag
-    from runners.replay.carmen import is_carmen
-    from runners.replay.recorded import episode_of
+    from runners.recordings.bags import Bag
+    from runners.recordings.carmen import is_carmen
+    from runners.recordings.recorded import episode_of
 
     if path.suffix == ".mcap":
         with Bag(path) as bag:
@@ -33,7 +33,7 @@ def words_of_log(log: Path, root: Path = Path()) -> tuple[str, ...]:
 
     The map is written below `root`, as `lme maps build` makes it. Raises InputError.
     """
-    from runners.mapping.build import BuildConfig, build_map, write_map
+    from runners.recordings.map_build import BuildConfig, build_map, write_map
 
     built = build_map([log], BuildConfig())
     target = root / FOLDER / f"{log.resolve().name.partition('.')[0]}_map.yaml"

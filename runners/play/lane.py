@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lme.episode import Episode, RunningEpisode
-from lme.geometry.angles import wrap_angle
-from lme.geometry.frames import to_world
-from lme.navigator import Explanations, Navigator
-from lme.policies.lme.explanation import Explanation
-from lme.policies.lme.reasons import reason
-from lme.sim.simulator import Simulator, State
+from lme.geometry.frames import to_world, wrap_angle
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.reasons import reason
+from lme.navigation.episode import Episode, RunningEpisode
+from lme.navigation.navigator import Explanations, Navigator
+from lme.simulation.simulator import Simulator, State
 from lme.types import Floats, Outcome, Twist
 from lme.worlds.world import Task
 from runners.config import build

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.errors import InputError
+from lme.guides.lme.weight_files import PUBLISHED
 from lme.types import Outcome
-from lme.weight_files import PUBLISHED
 from lme.worlds.world import Task
 from runners.config import build
 from runners.config.schema import DriveConfig, RecordedConfig
@@ -46,8 +46,8 @@ def open_episode(path: Path, word: str | None, step: int | None) -> Session:
 
 
 def _of_run(run_dir: Path, word: str | None) -> Session:
-    from runners.explainer.pages import keys_of, select_episodes
     from runners.records.records import find_runs, read_episodes, read_record, read_trajectories
+    from runners.reports.explainer.pages import keys_of, select_episodes
 
     find_runs([run_dir])
     launch = read_launch(run_dir)
@@ -66,8 +66,8 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
 
 
 def _of_recording(path: Path) -> Session:
-    from runners.replay.bags import Bag
-    from runners.replay.recorded import episode_of
+    from runners.recordings.bags import Bag
+    from runners.recordings.recorded import episode_of
 
     with Bag(path) as bag:
         episode = episode_of(bag)
@@ -122,8 +122,8 @@ def _task(config: DriveConfig, world: int) -> Task:
 
 
 def _first_failed(episodes: pd.DataFrame) -> EpisodeKey:
-    from runners.analysis.failures import is_failure
-    from runners.explainer.pages import keys_of
+    from runners.reports.analysis.failures import is_failure
+    from runners.reports.explainer.pages import keys_of
 
     failed = episodes[is_failure(episodes)]
     return keys_of(failed if len(failed) else episodes)[0]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from runners.explainer.write import asset
+from runners.reports.explainer.write import asset
 
 ASSETS = Path(__file__).parent / "assets"
 SHARED = (  # of the explainer page, in this order: each may use those before it

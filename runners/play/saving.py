@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.episode import Episode
 from lme.errors import InputError
+from lme.navigation.episode import Episode
 from lme.worlds.world import Task, World
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer
@@ -114,7 +114,7 @@ def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
 
 def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], key: EpisodeKey) -> None:
     from runners.config import build
-    from runners.experiments.labels import run_labels
+    from runners.evaluate.labels import run_labels
     from runners.records.records import RecordWriter
     from runners.workers.episodes import EpisodePayload, initialise, record_of
 
@@ -149,7 +149,7 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
 
 
 def _save_page(session: Session, place: _Place, step: int) -> Saved:
-    from runners.explainer.write import write_page
+    from runners.reports.explainer.write import write_page
 
     path = place.free(".html")
     write_page(trace_of(session, _ended(session, False)), path, session.lanes[0].label)
@@ -157,8 +157,8 @@ def _save_page(session: Session, place: _Place, step: int) -> Saved:
 
 
 def _save_gif(session: Session, place: _Place, step: int) -> Saved:
-    from runners.figures.parts.animation import FilmPace, Screen
-    from runners.figures.parts.film import write_film
+    from runners.reports.figures.animation import FilmPace, Screen
+    from runners.reports.figures.film import write_film
 
     path = place.free(".gif")
     traces = [trace_of(session, lane) for lane in session.lanes]

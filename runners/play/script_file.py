@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import read_json
+from lme.inputs.guarded_file import read_json
 from lme.types import Pose
 from lme.worlds.world import Task
 from runners.play.drawing import Sketch, item_of

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lme.errors import InputError, require
-from lme.weight_files import PUBLISHED
+from lme.guides.lme.weight_files import PUBLISHED
 from lme.worlds.check import check_task
 from runners.config import build, command_line, weights
 from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.schema import DriveConfig
-from runners.experiments.from_python import to_hydra
-from runners.experiments.labels import run_labels
+from runners.evaluate.from_python import to_hydra
+from runners.evaluate.labels import run_labels
 from runners.play.session import Entrant, Setup, Source
 from runners.records.episode_record import RunLabels
 

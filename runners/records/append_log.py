@@ -53,7 +53,7 @@ class LogEntry(NamedTuple):
 
 def entry_of(result: EpisodeResult) -> LogEntry:
     """The entry of an episode."""
-    from lme.episode import TRAJECTORY_COLUMNS
+    from lme.navigation.episode import TRAJECTORY_COLUMNS
 
     return LogEntry(result.record.columns(), dict(zip(TRAJECTORY_COLUMNS, result.trajectory.T, strict=True)))
 

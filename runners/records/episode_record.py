@@ -101,7 +101,7 @@ class EpisodeRecord(RunLabels):
 
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
-    """What a worker returns for one episode. trajectory: (T, 10), see `lme.episode.Episode`."""
+    """What a worker returns for one episode. trajectory: (T, 10), see `lme.navigation.episode.Episode`."""
 
     record: EpisodeRecord
     trajectory: Floats

@@ -19,7 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
 from runners.config.schema import SystemConfig

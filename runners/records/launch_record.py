@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import decode_json, read_bytes
-from lme.sensing.people.source import People
+from lme.inputs.guarded_file import decode_json, read_bytes
+from lme.perception.people.source import People
 from runners.config import catalogue
 from runners.config.flatten import flatten
 from runners.config.instantiate import fill_dataclass

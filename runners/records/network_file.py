@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from lme.weight_files import NETWORK, REGISTERED, shipped_networks
+from lme.guides.lme.weight_files import NETWORK, REGISTERED, shipped_networks
 from runners.records import registered_name
 from runners.records.registered_name import read_key
 from runners.records.versions import versions

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from lme.weight_files import PUBLISHED
+from lme.guides.lme.weight_files import PUBLISHED
 from runners.config.catalogue import shipped
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten

@@ -11,8 +11,8 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from lme.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
-from lme.weight_files import REGISTERED
+from lme.guides.lme.weight_files import REGISTERED
+from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 
 
 def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
+from lme.guides.lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.records import registered_name

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from lme.guarded_file import read_json
+from lme.inputs.guarded_file import read_json
 from runners.config.flatten import flatten
 from runners.config.urls import masked
 from runners.records.whole_file import obstacle, write_atomically

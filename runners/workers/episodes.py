@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from lme import metrics
-from lme.episode import Episode, Observer, run_episode
 from lme.errors import InputError
-from lme.navigator import Navigator
+from lme.navigation.episode import Episode, Observer, run_episode
+from lme.navigation.navigator import Navigator
 from lme.robots import Robot
-from lme.sim.simulator import Simulator, State
-from lme.social import Company, without_people
+from lme.simulation.simulator import Simulator, State
+from lme.simulation.social import Company, without_people
 from lme.types import Guidance, Observation, Outcome, Twist
 from lme.worlds.check import check_task
 from lme.worlds.world import DrawsRobots, MapSet, Task

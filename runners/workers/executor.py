@@ -26,7 +26,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from lme.errors import InputError, require
-from lme.user_code import explained
+from lme.inputs.user_code import explained
 from runners.workers import server
 from runners.workers.signals import end_with_parent
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import lme
 from lme import numba_cache
 
-SOURCE = Path(lme.__file__).parent / "kernels" / "motion.py"
+SOURCE = Path(lme.__file__).parent / "geometry" / "motion.py"
 _LAST = "travelled"  # the last kernel in it that the first step of an episode calls
 
 

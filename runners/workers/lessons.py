@@ -14,18 +14,18 @@ from typing import Any, NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.envs.episodes import WORLDS_KEPT
-from lme.episode import run_episode
-from lme.navigator import MapReader, Navigator
-from lme.returned import checked_command, checked_guidance
+from lme.guides.lme.weight_files import with_network
+from lme.gym.episodes import WORLDS_KEPT
+from lme.inputs.returned import checked_command, checked_guidance
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import MapReader, Navigator
 from lme.robots import Robot
 from lme.types import Floats, Guide, Observation, Planner, Pose, Twist
-from lme.weight_files import with_network
 from lme.worlds.check import check_task
 from lme.worlds.world import Task, World
 from runners.config import build, instantiate
 from runners.config.schema import LearnConfig
-from runners.workers.robots import draw_robot
+from runners.workers.trials import draw_robot
 
 Arrays = tuple[NDArray[np.float32], ...]
 _ROBOT, _DRIVER = 0x726F, 0x6472  # seed the robot and the choice of driver separately from the episode

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import lme
 from lme.robots import Robot
-from lme.sim.simulator import State
+from lme.simulation.simulator import State
 from lme.types import Guidance, LaserScan, Observation, Pose, Twist
 from runners.records.episode_record import EpisodeKey
 from runners.workers.mcap_file import McapFile
@@ -86,7 +86,7 @@ class DecisionWriter:
 
 
 class Recorder:
-    """Writes what the policy receives and decides while it drives; an `lme.episode.Observer`.
+    """Writes what the policy receives and decides while it drives; an `lme.navigation.episode.Observer`.
 
     Use as a context manager around one episode; see `McapFile` and `DecisionWriter`.
     """

@@ -20,9 +20,9 @@ ONE_THREAD = dict.fromkeys(
 _PRELOAD = (
     "runners.workers.episodes",
     "runners.workers.trials",
-    "lme.guides.lme",
+    "lme.guides.lme.guide",
     "lme.planners.simple",
-    "lme.sim.fast",
+    "lme.simulation.fast",
     "lme.worlds.barn.map_set",
 )
 # Never fork: threads of this process (MLflow's) may hold locks that the child would wait for forever.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.records.episode_record import EpisodeKey, EpisodeResult, RunLabels
 from runners.records.launch_record import LAUNCH, read_launch
 from runners.records.parquet import TRAJECTORIES, trajectory_table

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lme.episode import Episode, run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.navigator import Explanations, Navigator
-from lme.policies.lme.explanation import Explanation
+from lme.guides.lme.explanation import Explanation
+from lme.navigation.episode import Episode, run_episode
+from lme.navigation.navigator import Explanations, Navigator
 from lme.robots import Robot
-from lme.sim.simulator import Simulator, State
+from lme.simulation.simulator import Simulator, State
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners.config import build

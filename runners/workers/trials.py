@@ -3,21 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields, replace
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lme import metrics
-from lme.episode import run_episode
-from lme.navigator import Navigator
-from lme.sim.simulator import Simulator
+from lme.errors import InputError, require
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
+from lme.robots import Footprint, Robot
+from lme.simulation.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet, Task
 from runners.config import build
-from runners.config.schema import TrainConfig
+from runners.config.build import simulator, with_disturbances
+from runners.config.schema import RobotRanges, TrainConfig
 from runners.config.space import with_values
-from runners.workers.disturbances import disturbed
+
+if TYPE_CHECKING:
+    from runners.config.schema import TrainConfig
+
+
+_DISTURBANCES = 0x6469  # seeds the draw separately from the episode
+
+
+def disturbed(config: TrainConfig, world: int) -> TrainConfig:
+    """The config with the disturbances drawn for a world; the same for every candidate."""
+    rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, _DISTURBANCES]))
+    drawn = {
+        key: float(rng.uniform(*bounds)) for key, bounds in asdict(config.disturbances).items() if bounds
+    }
+    return with_disturbances(config, drawn)
+
+
+def check_disturbances(config: TrainConfig) -> None:
+    """Raise InputError for a range that is not one, or a disturbance that the simulator does not have or refuses."""
+    highest = {}
+    for key, bounds in asdict(config.disturbances).items():
+        if bounds is None:
+            continue
+        if len(bounds) != 2:
+            raise InputError(f"disturbances.{key} is {bounds}: must be [lowest, highest] or null")
+        if key not in config.sim:
+            raise InputError(f"disturbances.{key}: this simulator has no {key}; choose sim=fast, or null")
+        require(f"disturbances.{key}[0]", bounds[0], at_least=0.0)
+        require(f"disturbances.{key}[1]", bounds[1], at_least=bounds[0])
+        highest[key] = bounds[1]
+    simulator(with_disturbances(config, highest))
+
 
 Values = tuple[tuple[str, float], ...]
 Place = tuple[str, int]  # a family and the number of a world
@@ -98,3 +133,45 @@ def episode_reward(config: TrainConfig, time_limit: float, outcome: str, steps: 
     terms = config.reward
     max_steps = terms.max_steps or round(time_limit * config.robot.control_rate)
     return metrics.reward(outcome, steps, max_steps, terms.crash, terms.timeout)
+
+
+_SIDES = ("length", "width")
+
+
+def check_ranges(ranges: RobotRanges) -> None:
+    """Raise InputError for an invalid range, and for one side of a footprint without the other."""
+    for key in ranged_keys(ranges):
+        found = getattr(ranges, key)
+        if len(found) != 2 or found[0] > found[1]:
+            raise InputError(f"robots.{key} is {found}: must be [lowest, highest]")
+        require(f"robots.{key}", found[0], above=0.0)
+    if (ranges.length is None) != (ranges.width is None):
+        raise InputError("robots.length and robots.width: must both be ranges, or both null")
+
+
+def draw_robot(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> Robot:
+    """The robot with values drawn from the ranges, uniformly in the logarithm."""
+    drawn_values = {
+        key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in ranged_keys(ranges)
+    }
+    return robot_with(robot, drawn_values)
+
+
+def extremes(robot: Robot, ranges: RobotRanges) -> tuple[Robot, Robot]:
+    """The robots with the lowest and with the highest values of the ranges."""
+    lowest, highest = ({key: getattr(ranges, key)[end] for key in ranged_keys(ranges)} for end in (0, 1))
+    return robot_with(robot, lowest), robot_with(robot, highest)
+
+
+def robot_with(robot: Robot, values: Mapping[str, float]) -> Robot:
+    """The robot with these values of `RobotRanges`; both sides of a footprint, or neither."""
+    limits = {key: value for key, value in values.items() if key not in _SIDES}
+    if len(limits) == len(values):
+        return replace(robot, **limits)  # type: ignore[arg-type]
+    footprint = Footprint(length=values["length"], width=values["width"])
+    return replace(robot, **limits, footprint=footprint, contact=None, collision_radius=None)  # type: ignore[arg-type]
+
+
+def ranged_keys(ranges: RobotRanges) -> list[str]:
+    """The keys of the ranges that are not None."""
+    return [field.name for field in fields(ranges) if getattr(ranges, field.name) is not None]

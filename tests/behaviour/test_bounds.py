@@ -5,14 +5,14 @@ import re
 import pytest
 
 from lme.errors import InputError
+from lme.guides.lme.candidates import CandidateConfig
 from lme.planners.dwa import DwaConfig
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig
 from lme.planners.teb.config import TebConfig
-from lme.policies.lme.candidates import CandidateConfig
 from lme.robots import Lidar
 from lme.worlds.barn.map_set import BarnConfig
-from lme.worlds.cold_trial.map_set import ColdTrialConfig
+from lme.worlds.cold_trial import ColdTrialConfig
 from lme.worlds.crowded import CrowdedConfig
 from lme.worlds.indoor.map_set import IndoorConfig
 from lme.worlds.rules import DrawnRules

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
-from lme.sensing.projection import Projection, to_scan
-from lme.sim.fast import FastConfig, FastSimulator
-from lme.sim.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config
+from lme.navigation.episode import run_episode
+from lme.perception.projection import Projection, to_scan
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config
 from lme.types import Outcome
 from lme.worlds.world import World
 from tests.builders import navigator, shipped, task

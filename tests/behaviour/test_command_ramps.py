@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lme.planners.safety.filter import SafetyFilter, SafetyFilterConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Twist
 from runners.config import build
 from tests.behaviour.test_pairs import PLANNERS, TUNED_FOR, configs, network  # noqa: F401 - a fixture

@@ -5,10 +5,10 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from lme.episode import run_episode
+from lme.config.presets import load_map_set, load_simulator
 from lme.live.step import LiveState
-from lme.navigator import Navigator
-from lme.presets import load_map_set, load_simulator
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.types import Guidance, Outcome, Twist
 from lme.worlds.world import World
 from runners.workers.episodes import episode_rng

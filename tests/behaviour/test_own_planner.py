@@ -8,7 +8,7 @@ import sys
 import pandas as pd
 import pytest
 
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from runners.cli.main import main
 
 README = (resource_dir("conf").parent / "README.md").read_text(encoding="utf-8")

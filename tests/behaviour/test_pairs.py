@@ -8,12 +8,12 @@ import math
 import numpy as np
 import pytest
 
+import lme.guides.lme.escaper
 import lme.planners.mppi.planner
-import lme.policies.lme.escaper
-from lme import weight_files
-from lme.episode import run_episode
-from lme.navigator import Navigator
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.guides.lme import weight_files
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import build, catalogue
@@ -190,12 +190,14 @@ def test_a_mirrored_world_is_driven_through_mirrored(robot, guide, planner, monk
     if planner in HANDED:
         pytest.skip(HANDED[planner])
     if guide == "lme_plus":
-        pytest.skip("cells do not mirror: tests/lme/guides/test_lme_plus.py mirrors its criteria")
+        pytest.skip(
+            "cells do not mirror: tests/lme/guides/lme_plus/test_guide_lme_plus.py mirrors its criteria"
+        )
     machine, navigator = made(robot, guide, planner)
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     *_, poses = drive(machine, navigator, CLUTTER, (5.0, 0.8), 4.0 / machine.v_max)
-    draw = lme.policies.lme.escaper.sample
-    monkeypatch.setattr(lme.policies.lme.escaper, "sample", lambda *given: draw(*given) * [1.0, -1.0])
+    draw = lme.guides.lme.escaper.sample
+    monkeypatch.setattr(lme.guides.lme.escaper, "sample", lambda *given: draw(*given) * [1.0, -1.0])
     noise = lme.planners.mppi.planner.draw
     turned = np.array([1.0, -1.0], dtype=np.float32)
     monkeypatch.setattr(lme.planners.mppi.planner, "draw", lambda *given: noise(*given) * turned)

@@ -7,14 +7,14 @@ import pytest
 from omegaconf import OmegaConf
 
 from lme.errors import InputError
-from runners.analysis.summary import summarise
 from runners.cli.main import main
 from runners.config import schema
 from runners.config.composer import Composer
 from runners.config.weights import parameters, scale_from_words, scale_in_words
-from runners.experiments import sweeps
-from runners.figures.parts.driven_runs import read_runs
+from runners.evaluate import sweeps
 from runners.records.records import find_runs, read_episodes
+from runners.reports.analysis.summary import summarise
+from runners.reports.figures.driven_runs import read_runs
 from tests.builders import PUBLISHED
 
 WORDS = ["map.worlds=[0,6]", "map.time_limit=2", "runs=1", "executor=serial", "tracking=none"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from lme.episode import run_episode
-from lme.weight_files import find_network, shipped_networks
+from lme.guides.lme.weight_files import find_network, shipped_networks
+from lme.navigation.episode import run_episode
 from runners.config.build import map_set, navigator, simulator
 from tests.composing import jobs_of
 

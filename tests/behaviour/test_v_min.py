@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import lme
-from lme.envs.fleet import Fleet
+from lme.config.presets import load_map_set, load_simulator
 from lme.errors import InputError
+from lme.gym.fleet import Fleet
 from lme.planners.commands import limited
-from lme.presets import load_map_set, load_simulator
 from lme.ramp import reachable
 from tests.builders import observation, stage, task
 

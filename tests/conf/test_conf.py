@@ -9,11 +9,10 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
-from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
-from lme.resources import resource_dir
+from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.worlds.check import check_task
-from runners.analysis.published import TEXTS
 from runners.cli.main import command_files
 from runners.config import ablations, build, catalogue, schema
 from runners.config.command_line import compose_job
@@ -21,6 +20,7 @@ from runners.config.composer import Composer, without_hydra
 from runners.config.flatten import flatten
 from runners.config.instantiate import configured
 from runners.records import launch_record
+from runners.reports.analysis.published import TEXTS
 
 CONF = resource_dir("conf")
 CATALOGUE = catalogue.shipped()
@@ -59,7 +59,9 @@ def test_every_option_composes(chosen, group, option):
     config = without_hydra(chosen(group, option))
     assert not OmegaConf.missing_keys(config)
     with warnings.catch_warnings():
-        warnings.filterwarnings("error", message=".*usually", category=UserWarning)  # of lme.plausibility
+        warnings.filterwarnings(
+            "error", message=".*usually", category=UserWarning
+        )  # of lme.inputs.plausibility
         assert launch_record.identity(OmegaConf.to_object(config))
         if "_target_" in CATALOGUE.values(f"{group}/{option}"):
             configured(config[group], group)

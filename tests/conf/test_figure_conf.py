@@ -9,7 +9,7 @@ from runners.config import catalogue, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
 from runners.config.job import Job
-from runners.experiments.figure import validate
+from runners.evaluate.figure import validate
 
 CATALOGUE = catalogue.shipped()
 

@@ -67,7 +67,7 @@ def test_the_table1_experiment_is_one_study_and_two_maps(composer):
 def test_the_papers_own_search(composer):
     """A Gaussian process with few initial points in a uniform space; evaluated as Table I."""
     config = compose_job(composer, ["experiment=train/paper"]).config
-    assert config.search == {"_target_": "runners.search.Gp", "batch": 1, "startup": 3}
+    assert config.search == {"_target_": "runners.training.Gp", "batch": 1, "startup": 3}
     assert (config.trials, config.configurations, len(config.held_out)) == (150, 4, 6)
     assert not any(found.log for found in read_space(config).values())
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.episode import run_episode
-from lme.guides.lme import Lme, LmeConfig
+from lme.guides.lme.candidates import CandidateConfig
+from lme.guides.lme.guide import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.policies.lme.candidates import CandidateConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import World

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from lme.policies.lme.criteria import SURMOUNT
+from lme.guides.lme.criteria import SURMOUNT
 from tests.golden import refresh
 
 PATHS = sorted(refresh.FOLDER.glob("*.json"))

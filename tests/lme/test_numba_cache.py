@@ -18,7 +18,7 @@ NOBODY = 65534
 COMPILE = """
 import numpy as np
 import lme
-from lme.kernels.motion import travelled
+from lme.geometry.motion import travelled
 assert lme.__file__.startswith({copy!r})
 print(travelled(0.0, 0.0, np.ones((2, 3))), sum(travelled.stats.cache_hits.values()), travelled.stats.cache_path)
 """
@@ -120,7 +120,7 @@ def test_each_version_of_a_kernel_has_a_folder_and_the_newest_are_kept(package):
 CALLER = """
 from numba import njit
 import lme
-from lme.kernels.{name} import {name}
+from lme.geometry.{name} import {name}
 
 @njit(cache=True)
 def caller():
@@ -141,7 +141,7 @@ def test_a_kernel_follows_a_change_of_a_kernel_that_it_calls(tmp_path):
     shutil.copytree(ROOT / "lme", copy, ignore=shutil.ignore_patterns("__pycache__"))
     (copy / "kernels" / "caller.py").write_text(CALLER.format(name="called"))
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": ""}
-    command = [sys.executable, "-c", "from lme.kernels.caller import caller; print(caller())"]
+    command = [sys.executable, "-c", "from lme.geometry.caller import caller; print(caller())"]
     for value in ("1", "2"):
         (copy / "kernels" / "called.py").write_text(CALLED.format(value=value))
         done = subprocess.run(

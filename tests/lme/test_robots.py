@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.episode import run_episode
 from lme.errors import InputError
+from lme.navigation.episode import run_episode
 from lme.robots import Cloud, Footprint, Lidar
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Limits, Outcome, Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from tests.builders import SHIPPED, navigator, shipped, stage

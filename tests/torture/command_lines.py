@@ -75,8 +75,10 @@ def run(folder: Path) -> None:
 
 
 def _validate(name: str) -> Any:
-    from runners.experiments import evaluate, figure, learn, train
-    from runners.replay import run as replay
+    from runners.evaluate import evaluate, figure
+    from runners.learning import learn
+    from runners.recordings import run as replay
+    from runners.training import train
 
     found = {"eval": evaluate, "train": train, "learn": learn, "figure": figure, "replay": replay}.get(name)
     return found.validate if found else lambda job: None

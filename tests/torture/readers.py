@@ -21,7 +21,7 @@ import yaml
 from PIL import Image
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from tests import made_bags, made_logs, networks, torch_archives
 from tests.lme.worlds.barn.test_files import write_world
 from tests.torture import command_lines
@@ -149,7 +149,7 @@ def _weights(folder: Path) -> None:
 
 
 def _read_weights(folder: Path) -> None:
-    from lme.presets import load_parameters
+    from lme.config.presets import load_parameters
 
     load_parameters(folder / "weights.yaml")
 
@@ -159,7 +159,7 @@ def _robot(folder: Path) -> None:
 
 
 def _read_robot(folder: Path) -> None:
-    from lme.presets import load_robot
+    from lme.config.presets import load_robot
 
     load_robot(folder / "robot.yaml")
 
@@ -238,10 +238,10 @@ def _read_bag(folder: Path) -> None:
 def _look_at_bag(folder: Path) -> None:
     """The part of a replay that reads: topics, frames, clock and every message."""
     from lme.live.frames import FramesConfig
-    from runners.replay.bags import Bag
-    from runners.replay.recorded import episode_of
-    from runners.replay.recording import inspect
-    from runners.replay.topics import BagTopicsConfig, choose, table
+    from runners.recordings.bags import Bag
+    from runners.recordings.recorded import episode_of
+    from runners.recordings.recording import inspect
+    from runners.recordings.topics import BagTopicsConfig, choose, table
 
     (path,) = folder.iterdir()
     with Bag(path) as bag:
@@ -261,7 +261,7 @@ def _carmen(folder: Path) -> None:
 
 def _map_logs(folder: Path) -> None:
     """Maps of each log, as `lme maps build` makes them."""
-    from runners.mapping.build import BuildConfig, build_map
+    from runners.recordings.map_build import BuildConfig, build_map
 
     for path in sorted(folder.iterdir()):
         build_map([path], BuildConfig(resolution=0.1, max_range=5.0), shown=False)
@@ -286,8 +286,8 @@ def _in(folder: Path, words: list[str]) -> None:
 
 
 def _read_records(folder: Path) -> None:
-    from runners.analysis.summary import summarise
     from runners.records.records import find_runs, read_episodes, read_trajectories
+    from runners.reports.analysis.summary import summarise
 
     runs = find_runs([folder / "run"])
     summarise(read_episodes(runs))
@@ -314,7 +314,7 @@ def _resume(folder: Path) -> None:
 
 
 def _log(folder: Path) -> None:
-    from lme.episode import TRAJECTORY_COLUMNS
+    from lme.navigation.episode import TRAJECTORY_COLUMNS
     from runners.records.append_log import encode, entry_of
     from runners.records.episode_record import EpisodeResult
     from tests.builders import episode_record
@@ -349,10 +349,10 @@ def _study(folder: Path) -> None:
 def _read_study(folder: Path) -> None:
     from runners.config.instantiate import build as build_target
     from runners.config.space import read_space
-    from runners.experiments.families import families
-    from runners.experiments.search_and_race import check_configurations, world_numbers
     from runners.records.launch_record import identity
-    from runners.search.opening import open_study
+    from runners.training.families import families
+    from runners.training.opening import open_study
+    from runners.training.search_and_race import check_configurations, world_numbers
     from tests.composing import jobs_of
 
     with jobs_of("train") as job_of:
@@ -372,7 +372,7 @@ def _scores(folder: Path) -> None:
 
 
 def _read_scores(folder: Path) -> None:
-    from runners.search.score_log import ScoreLog
+    from runners.training.race_log import ScoreLog
 
     ScoreLog(folder / "scores.jsonl").get({"a": 1.0, "b": 2})
 
@@ -427,7 +427,7 @@ def _own_options(folder: Path) -> None:
 
 
 def _read_own_options(folder: Path) -> None:
-    from runners.experiments.evaluate import validate
+    from runners.evaluate.evaluate import validate
     from tests.composing import jobs_of
 
     words = ("robot=mine", "map=mine", "planner=mine", "tracking=none")
@@ -440,7 +440,7 @@ def _gazebo(folder: Path) -> None:
 
 
 def _read_gazebo(folder: Path) -> None:
-    from runners.analysis.gazebo import read_log
+    from runners.reports.analysis.gazebo import read_log
 
     read_log(folder / "log.txt")
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.geometry.fan import fan_blocked
 from lme.geometry.frames import to_robot, to_world
-from lme.guides.global_path.costmap import Costmap, CostmapConfig, ends_of
+from lme.grids.obstacle_grid import INSCRIBED, TOUCHING
 from lme.guides.global_path.kernels import departs, nearest_passable, search, straighten, trace
-from lme.kernels.fan import fan_blocked
-from lme.kernels.obstacle_grid import INSCRIBED, TOUCHING
+from lme.mapping.costmap import Costmap, CostmapConfig, ends_of
+from lme.mapping.map_clock import MapClock
+from lme.perception.scan_points import obstacle_points
 from lme.robots import Robot
-from lme.sensing.map_clock import MapClock
-from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose
 from lme.worlds.world import World
 

@@ -10,8 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.kernels.heap import pop, push
-from lme.kernels.obstacle_grid import Costs
+from lme.geometry.heap import pop, push
+from lme.grids.obstacle_grid import Costs
 from lme.types import Floats, Ints
 
 Cell = tuple[int, int]

@@ -9,7 +9,7 @@ import numpy as np
 from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, warn_if_untrained
 from lme.guides.learned_subgoal.network import SubgoalPolicy, draw
 from lme.guides.learned_subgoal.weights import TRAINED, read_weights
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 

@@ -10,15 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.dead_reckoning import DeadReckoning
 from lme.errors import require
+from lme.geometry.straight_ways import straight_ways
 from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, bearings, candidates
 from lme.guides.learned_subgoal.kernels import nearest_by_sector
 from lme.guides.learned_subgoal.weights import TOLD
-from lme.kernels.straight_ways import straight_ways
-from lme.policies.lme.maintenance import carried
+from lme.guides.lme.maintenance import carried
+from lme.perception.dead_reckoning import DeadReckoning
+from lme.perception.scan_points import obstacle_points
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation
 
 REACH = 5.0  # [m] farther returns count as this far

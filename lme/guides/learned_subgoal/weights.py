@@ -8,8 +8,8 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import Arrays, read_arrays, write_arrays
 from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES
+from lme.inputs.array_file import Arrays, read_arrays, write_arrays
 
 Weights = Arrays
 

@@ -21,8 +21,8 @@ from lme.guides.tangent_bug.kernels import (
     joined,
     sweep,
 )
+from lme.perception.blind_arc import BlindArc
 from lme.robots import Robot
-from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Pose
 
 UNITS = directions(720)  # directions of the free distances: every half degree

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.guarded_file import read_bytes
+from lme.inputs.guarded_file import read_bytes
 from lme.planners.dclp import leveldb
 from lme.planners.dclp.kernels.crc32c import crc32c
 

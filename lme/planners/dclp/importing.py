@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import check_finite
 from lme.errors import InputError
+from lme.inputs.array_file import check_finite
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
 from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD, TRAINED
 

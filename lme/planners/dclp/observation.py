@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lme.kernels.points import beam_directions
+from lme.geometry.points import beam_directions
 from lme.planners.dclp.kernels.nearest_returns import nearest_returns
 from lme.types import Floats, Ints, LaserScan, Pose
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lme.inputs.resources import resource_dir
 from lme.planners.dclp.interface import DclpConfig, DclpFeatures, DclpInterface, warn_if_untrained
 from lme.planners.dclp.network import DclpPolicy, draw
 from lme.planners.dclp.weights import TRAINED, read_weights
-from lme.resources import resource_dir
 from lme.robots import Robot
 from lme.types import Guidance, Observation, Twist
 

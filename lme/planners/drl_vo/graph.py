@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lme.array_file import Arrays
+from lme.inputs.array_file import Arrays
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual
 

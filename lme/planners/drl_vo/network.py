@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import Arrays
 from lme.errors import InputError
+from lme.inputs.array_file import Arrays
 from lme.planners.drl_vo.architecture import LOG_STD
 from lme.planners.drl_vo.graph import GOAL_INPUT, IMAGE_INPUT, onnx_model
 from lme.requirements import install

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import Arrays
 from lme.errors import InputError
+from lme.inputs.array_file import Arrays
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.interface import DrlVoFeatures, DrlVoInterface

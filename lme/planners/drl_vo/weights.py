@@ -11,7 +11,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import Arrays, read_arrays, read_shapes, write_arrays
+from lme.inputs.array_file import Arrays, read_arrays, read_shapes, write_arrays
 from lme.planners.drl_vo.architecture import Shape, Sizes, checked_sizes, shapes
 
 WHAT = "a DRL-VO network"

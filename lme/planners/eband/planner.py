@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot, to_world
-from lme.kernels.collision import sweep
+from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import approach, limited
 from lme.planners.eband.band import Band, BandConfig
 from lme.planners.eband.kernels import hidden
 from lme.planners.polyline import exit_point
 from lme.planners.stopping import until_rest
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 
 _NO_EDGES = np.empty((0, 4))

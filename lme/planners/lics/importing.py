@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import check_finite
 from lme.errors import InputError
-from lme.guarded_file import check_regular
+from lme.inputs.array_file import check_finite
+from lme.inputs.guarded_file import check_regular
 from lme.planners.drl_vo.torch_file import DAMAGE, TorchFile
 from lme.planners.lics.weights import SHAPES, WHAT
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import require
+from lme.inputs.resources import resource_dir
 from lme.planners.commands import limited
 from lme.planners.lics.network import LicsPolicy
 from lme.planners.lics.observation import FRONT, direction_along, sweep
 from lme.planners.lics.weights import read_weights
-from lme.resources import resource_dir
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.array_file import read_arrays
+from lme.inputs.array_file import read_arrays
 
 WHAT = "a LiCS network"
 BEAMS, PATCHES, GOAL = 720, 36, 2

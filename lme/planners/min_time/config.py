@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lme import plausibility
 from lme.errors import require
+from lme.inputs import plausibility
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from collections import deque
 
 import numpy as np
 
-from lme.geometry.angles import wrap_angle
+from lme.geometry.frames import wrap_angle
 from lme.planners.commands import approach
 from lme.planners.min_time.kernels.way_out import STROKE, TURN, keeps_on_stroke, poses_after, way_out
 from lme.planners.safety.check import STILL

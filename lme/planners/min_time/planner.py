@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.geometry.arcs import first_contacts
 from lme.geometry.frames import to_robot
-from lme.kernels.arcs import first_contacts
-from lme.kernels.motion import drive
-from lme.kernels.movers import WIDEST, movers_among
-from lme.kernels.straight_ways import KEPT
+from lme.geometry.motion import WIDEST, drive, movers_among
+from lme.geometry.straight_ways import KEPT
+from lme.perception.scan_points import is_full_circle, obstacle_points
 from lme.planners.commands import limited, turn_shares, without_tiny_rates
 from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.kernels.best_command import best_command, best_twist, tried
@@ -22,7 +22,6 @@ from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
 from lme.ramp import reachable
 from lme.robots import Robot
-from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency

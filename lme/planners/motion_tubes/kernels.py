@@ -108,7 +108,7 @@ def _raise(a, b, beam, rule, increment, directions, need):
 
 @njit(cache=True, error_model="numpy")
 def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
-    """Free range of each beam: (B,) [m], inf without a hit (see `lme.sensing.scan_points`)."""
+    """Free range of each beam: (B,) [m], inf without a hit (see `lme.perception.scan_points`)."""
     low, high = np.float32(range_min), np.float32(range_max)
     seen = np.empty(len(ranges), np.float32)
     for i in range(len(ranges)):

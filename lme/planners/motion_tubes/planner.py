@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.kernels.collision import sweep
+from lme.geometry.collision import sweep
+from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import approach, limited
 from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
 from lme.planners.motion_tubes.kernels import Ranges
@@ -19,7 +20,6 @@ from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_t
 from lme.planners.stopping import until_rest
 from lme.ramp import towards
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from lme.errors import require
-from lme.planners.ros_dwa.local_costmap import LocalCostmapConfig
+from lme.mapping.local_costmap import LocalCostmapConfig
 
 
 def _costmap() -> LocalCostmapConfig:

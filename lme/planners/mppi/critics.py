@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.kernels.obstacle_grid import HIGHEST
+from lme.grids.obstacle_grid import HIGHEST
+from lme.mapping.local_costmap import LocalCostmap
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.kernels import critics
 from lme.planners.mppi.kernels.rollout import Singles
-from lme.planners.ros_dwa.local_costmap import LocalCostmap
 from lme.robots import Robot
 from lme.types import Floats, Observation
 

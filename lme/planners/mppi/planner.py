@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lme.geometry.frames import to_world
+from lme.mapping.local_costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.critics import Critics
@@ -20,7 +21,6 @@ from lme.planners.mppi.kernels.rollout import (
     smooth,
 )
 from lme.planners.polyline import stretch
-from lme.planners.ros_dwa.local_costmap import LocalCostmap
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 

@@ -18,7 +18,7 @@ Part = NDArray[np.float32]
 class OnnxFeatures:
     """The parts that `planner.inputs` names, as float32 vectors.
 
-    The arithmetic is that of `lme.envs`, in float32 and in the same order: an environment's observation and this one
+    The arithmetic is that of `lme.gym`, in float32 and in the same order: an environment's observation and this one
     are equal to the last bit. Raises InputError unless `planner.scan.beams` divides the lidar's beams.
     """
 

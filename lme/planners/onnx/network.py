@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lme.errors import InputError
-from lme.guarded_file import check_regular
+from lme.inputs.guarded_file import check_regular
 from lme.planners.onnx.features import Part
 from lme.requirements import install
 from lme.types import Floats

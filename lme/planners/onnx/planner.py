@@ -1,11 +1,11 @@
-"""A policy that was trained elsewhere, such as in `lme.envs`, and saved as an ONNX file."""
+"""A policy that was trained elsewhere, such as in `lme.gym`, and saved as an ONNX file."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from lme.planners.commands import limited
 from lme.planners.onnx.config import OnnxConfig
 from lme.planners.onnx.features import OnnxFeatures

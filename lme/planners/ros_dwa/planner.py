@@ -10,11 +10,10 @@ from enum import Enum, auto
 import numpy as np
 
 from lme.errors import require
-from lme.geometry.angles import wrap_angle
-from lme.geometry.frames import to_world
+from lme.geometry.frames import to_world, wrap_angle
+from lme.mapping.local_costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
-from lme.planners.ros_dwa.local_costmap import LocalCostmap
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig, TrajectorySearch
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose, Twist

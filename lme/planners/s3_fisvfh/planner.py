@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import approach, limited
 from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
 from lme.planners.s3_fisvfh.kernels import Costs, Valleys, histogram, least_clearance, nearest_ahead, search
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
 
 _ENTRY_PERIOD = 0.1  # [s] period of the entry's smoothing

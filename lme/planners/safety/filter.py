@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.inputs.plausibility import check_fields
+from lme.inputs.returned import checked_command
+from lme.perception.blind_arc import BlindArc
 from lme.planners.commands import limited
 from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
-from lme.plausibility import check_fields
-from lme.returned import checked_command
 from lme.robots import Robot
-from lme.sensing.blind_arc import BlindArc
 from lme.types import Guidance, Observation, Planner, Twist
 
 _REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points are half a cell off or less

@@ -1,6 +1,6 @@
 """Least distance between the outline and obstacle points until a robot that brakes stands.
 
-The motion is that of `sim=fast`: v and ω ramp to each command at their own limits (`lme.kernels.motion.drive`), and a
+The motion is that of `sim=fast`: v and ω ramp to each command at their own limits (`lme.geometry.motion.drive`), and a
 drive with a lag approaches it with a time constant. A state is the points, the twist and the commands under way. It
 can be stopped if the commands under way, and then commands that ramp to zero until it stands, lead to no contact.
 After one period of them the rest of the same motion is left, so a state that can be stopped leads to another one.
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.motion import drive
+from lme.geometry.motion import drive
 from lme.types import Floats
 
 _STEP = 0.02  # [m] no point of the outline moves further between two poses

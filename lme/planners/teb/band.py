@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lme.geometry.angles import wrap_angle
+from lme.geometry.frames import wrap_angle
 from lme.planners.teb.config import TebConfig
-from lme.planners.teb.kernels.equations import Bounds, normal_equations
-from lme.planners.teb.kernels.samples import along, near_obstacles, resized
+from lme.planners.teb.kernels import Bounds, along, near_obstacles, normal_equations, resized
 from lme.planners.teb.optimizer import Equations, optimize
 from lme.types import Floats, Limits, Pose, Twist
 

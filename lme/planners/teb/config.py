@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from lme.errors import require
-from lme.planners.ros_dwa.local_costmap import LocalCostmapConfig
-from lme.planners.teb.kernels.equations import Weights
+from lme.mapping.local_costmap import LocalCostmapConfig
+from lme.planners.teb.kernels import Weights
 
 
 def _costmap() -> LocalCostmapConfig:

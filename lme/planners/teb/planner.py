@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.kernels.obstacle_grid import TOUCHING
+from lme.grids.obstacle_grid import TOUCHING
+from lme.mapping.local_costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
-from lme.planners.ros_dwa.local_costmap import LocalCostmap
 from lme.planners.teb.band import TimedBand, Way
 from lme.planners.teb.config import TebConfig
 from lme.planners.teb.recovery import Horizon, Oscillation

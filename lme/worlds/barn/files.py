@@ -17,7 +17,7 @@ from defusedxml.ElementTree import fromstring
 from numpy.lib import format as npy
 
 from lme.errors import InputError
-from lme.guarded_file import expanded, read_bytes
+from lme.inputs.guarded_file import expanded, read_bytes
 from lme.types import Floats, Ints
 from lme.worlds.barn.generator import GRID_CELLS, start_wall
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from lme.types import Bools, Floats
 
 GRID_CELLS = 30  # rows and columns

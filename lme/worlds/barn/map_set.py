@@ -6,22 +6,65 @@ Protocol: the benchmark's `run.py` (Daffan/the-barn-challenge); worlds: Perille 
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from lme.errors import InputError, nearest, require
+from lme.inputs.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M, official_recipes
 from lme.worlds.barn.hard import hard_layout
 from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
-from lme.worlds.barn.subsets import FRESH, OFFICIAL, SUBSETS
 from lme.worlds.rules import MOST_WORLDS, TaskRules, check_chosen
 from lme.worlds.world import Task, World
+
+FRESH = ("fresh", "fresh_hard")  # generated: the others are official worlds
+FRESH_KEYS = ("count", "fresh_seed")  # which only these subsets use
+TARGET = "lme.worlds.barn.Barn"  # of the map set, in its YAML
+
+
+@cache
+def lab100() -> tuple[int, ...]:
+    """The hundred worlds of a test script of the paper's lab, sorted; `maps/README.md` has the source.
+
+    That the paper's "100 challenging maps" are the same is inferred.
+    """
+    with (resource_dir("maps") / "barn" / "lab100.csv").open(newline="", encoding="utf-8") as file:
+        return tuple(sorted(int(row["world"]) for row in csv.DictReader(file)))
+
+
+OFFICIAL: dict[str, Callable[[], Iterable[int]]] = {
+    "all": lambda: range(300),
+    "official50": lambda: range(0, 300, 6),
+    "lab100": lab100,
+    "hard100": lambda: range(200, 300),
+}
+SUBSETS = (*OFFICIAL, *FRESH)
+
+
+def is_idle(key: str, map_set: Mapping[str, Any]) -> bool:
+    """Whether a key of a map set's config is for fresh worlds, and the subset is one of official worlds."""
+    return key in FRESH_KEYS and map_set.get("_target_") == TARGET and map_set.get("subset") in OFFICIAL
+
+
+def check_given(keys: Iterable[str], map_set: Mapping[str, Any], node: str = "map") -> None:
+    """Raise InputError if one of the keys that the user gave is idle. node: of the map set in the whole config."""
+    for key in keys:
+        if is_idle(key, map_set):
+            choose = f"; {node}.worlds=0-9 chooses worlds" if key == "count" else ""
+            raise InputError(
+                f"{node}.{key} is {map_set[key]} with {node}.subset={map_set['subset']}: "
+                f"must be left out, or {node}.subset be {' or '.join(FRESH)}{choose}"
+            )
+
 
 FIRST_FRESH = 1000  # number of the first fresh world, so that records never mix them with official ones
 

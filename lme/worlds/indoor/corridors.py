@@ -7,9 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from lme.worlds.indoor.building import Building
-from lme.worlds.indoor.cells import WALL, Rectangle, random_size
-from lme.worlds.indoor.network import network
+from lme.worlds.indoor.layouts import WALL, Building, Rectangle, network, random_size
 
 EXTENT = (300, 400)  # of the network, at most: 15–20 m
 WIDTH = (24, 50)  # 1.2–2.5 m

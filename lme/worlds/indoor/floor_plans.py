@@ -6,11 +6,17 @@ import math
 
 import numpy as np
 
-from lme.worlds.indoor.building import Building
-from lme.worlds.indoor.cells import WALL, Rectangle, random_size
-from lme.worlds.indoor.furniture import furniture
-from lme.worlds.indoor.network import network
-from lme.worlds.indoor.partition import borders, door, room
+from lme.worlds.indoor.layouts import (
+    WALL,
+    Building,
+    Rectangle,
+    borders,
+    door,
+    furniture,
+    network,
+    random_size,
+    room,
+)
 
 EXTENT = (240, 397)  # of the whole: 12–20 m
 SIDE = 66  # of a room with a wall, at least: 3.3 m

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lme.worlds.indoor.building import Building
-from lme.worlds.indoor.cells import WALL, Rectangle, random_size
-from lme.worlds.indoor.furniture import furniture
-from lme.worlds.indoor.partition import borders, door, room
+from lme.worlds.indoor.layouts import WALL, Building, Rectangle, borders, door, furniture, random_size, room
 
 LENGTH = (240, 397)  # of the corridor: 12–20 m
 WIDTH = (24, 50)  # of the corridor: 1.2–2.5 m

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
-    from runners.analysis.compare_runs import RunComparison
+    from runners.reports.analysis.compare_runs import RunComparison
 
 EXAMPLES = (
     "lme compare outputs/eval/RUN1 outputs/eval/RUN2",
@@ -24,9 +24,9 @@ EXAMPLES = (
 
 def main(argv: list[str]) -> int:
     """Print the comparison, write its files, and say where they are. Raises InputError."""
-    from runners.analysis import compare_report
-    from runners.analysis.compare_runs import compare_runs
     from runners.records.records import find_runs, read_episodes
+    from runners.reports.analysis import compare_report
+    from runners.reports.analysis.compare_runs import compare_runs
 
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
@@ -77,8 +77,8 @@ def _default_folder(given: Sequence[Path], runs: Sequence[Path]) -> Path:
 def _write(found: Sequence[RunComparison], place: Path) -> list[Path]:
     """Write the files; their paths. Raises InputError if that cannot be done."""
     from lme.errors import InputError
-    from runners.analysis import compare_report
-    from runners.figures.reports.compare_runs import compare_figures
+    from runners.reports.analysis import compare_report
+    from runners.reports.plots.compare_runs import compare_figures
 
     try:
         place.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """Compose the config and evaluate; a sweep ends with one table and one chart over all its runs."""
     from runners.cli.launch import Command, launch
-    from runners.experiments.evaluate import evaluate, validate
-    from runners.experiments.sweeps import finish
+    from runners.evaluate.evaluate import evaluate, validate
+    from runners.evaluate.sweeps import finish
 
     return launch(Command("eval", evaluate, validate, finish), argv)

@@ -68,11 +68,11 @@ def _parser() -> argparse.ArgumentParser:
 def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool) -> None:
     """Explain a recording by `lme eval` or `lme live`, on the terminal or as a page."""
     from lme.errors import InputError
-    from runners.explainer.encode import title
-    from runners.explainer.pages import make_folder
-    from runners.explainer.write import write_page
+    from runners.recordings.retrace import retrace
     from runners.records.whole_file import output_path
-    from runners.replay.retrace import retrace
+    from runners.reports.explainer.encode import title
+    from runners.reports.explainer.pages import make_folder
+    from runners.reports.explainer.write import write_page
     from runners.workers.trace import Drive
 
     if words:
@@ -107,10 +107,10 @@ def _one_run(path: Path) -> Path:
 
 def _list(run_dir: Path) -> None:
     """Print the failed episodes, the number of the others, and the commands that explain them."""
-    from runners.analysis.failures import is_failure
     from runners.config.quoting import lme_command
     from runners.records.launch_record import trust_flags
     from runners.records.records import read_episodes
+    from runners.reports.analysis.failures import is_failure
 
     episodes = read_episodes([run_dir])
     failed = episodes[is_failure(episodes)]
@@ -131,7 +131,7 @@ def _list(run_dir: Path) -> None:
 
 def _lines(episodes: pd.DataFrame) -> list[str]:
     """The episodes as an aligned table."""
-    from runners.analysis.columns import aligned
+    from runners.reports.analysis.columns import aligned
 
     rows = [("episode", "outcome", "time [s]", "switches")]
     for episode in episodes.to_dict("records"):
@@ -144,9 +144,9 @@ def _lines(episodes: pd.DataFrame) -> list[str]:
 def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     """Make the pages and print their paths. Pages in the run directory are added to its MLflow run."""
     from lme.errors import InputError
-    from runners.analysis.failures import FOLDER
-    from runners.explainer import pages
     from runners.records.records import read_episodes
+    from runners.reports.analysis.failures import FOLDER
+    from runners.reports.explainer import pages
     from runners.tracking.mlflow import add_files
     from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
 
@@ -170,8 +170,8 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
 def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
     """The path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
-    from runners.analysis.failures import page_path
     from runners.records.whole_file import output_path
+    from runners.reports.analysis.failures import page_path
 
     if output is None:
         return {key: page_path(run_dir, key) for key in keys}
@@ -184,8 +184,8 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
 
 def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:
     """Print the reason of every decision. Equal decisions in a row share a line."""
-    from runners.explainer.pages import keys_of, select_episodes
     from runners.records.records import read_episodes, read_trajectories
+    from runners.reports.explainer.pages import keys_of, select_episodes
     from runners.workers.trace import rerun_recorded
 
     trajectories = read_trajectories([run_dir])
@@ -204,7 +204,7 @@ def _episode_lines(name: str, trace: Trace) -> list[str]:
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     """Steps, times and reasons. Raises InputError if the guide gives no reasons."""
     from lme.errors import InputError
-    from lme.policies.lme.reasons import reasons
+    from lme.guides.lme.reasons import reasons
 
     why = [step.explanation for step in steps if step.explanation is not None]
     if not why:

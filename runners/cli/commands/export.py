@@ -112,9 +112,9 @@ def _format(given: str | None, output: Path | None) -> str:
 def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
     """The steps of the named episodes of each run. Raises InputError, before anything is written."""
     from lme.errors import InputError
-    from runners.explainer.pages import keys_of
     from runners.records.export import with_run_dir
     from runners.records.records import read_episodes
+    from runners.reports.explainer.pages import keys_of
     from runners.workers.steps import step_tables
 
     parts = []
@@ -131,8 +131,8 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
 
 
 def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:
-    from runners.analysis.failures import is_failure
-    from runners.explainer.pages import keys_of, select_episodes
+    from runners.reports.analysis.failures import is_failure
+    from runners.reports.explainer.pages import keys_of, select_episodes
 
     if not words:
         return keys_of(frame)

@@ -15,7 +15,7 @@ _SHORT = {"map.world": "world", "step": "figure.step", "moment": "figure.moment"
 def main(argv: list[str]) -> int:
     """Compose the config, drive what must be driven, and draw. `lme figure KIND` stands for `figure=KIND`."""
     from runners.cli.launch import Command, launch
-    from runners.experiments.figure import draw_sweep, figure, validate
+    from runners.evaluate.figure import draw_sweep, figure, validate
 
     words = _to_overrides(argv)
     _check_driving(words)

@@ -19,10 +19,10 @@ NAME = "leaderboard.html"
 
 def main(argv: list[str]) -> int:
     """Write the page and say where it is. Raises InputError if there are no records or it cannot be written."""
-    from runners.analysis.leaderboard import entries
-    from runners.explainer.leaderboard import write_leaderboard
     from runners.records.collect import collect
     from runners.records.whole_file import output_path
+    from runners.reports.analysis.leaderboard import entries
+    from runners.reports.explainer.leaderboard import write_leaderboard
 
     arguments = _parser().parse_args(argv)
     frames, problems = collect(arguments.folders)

@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
     from functools import partial
 
     from runners.cli.launch import Command, launch
-    from runners.live.run import drive, validate
+    from runners.ros.run import drive, validate
 
     overrides, own = _split(argv)
     command = Command("live", partial(drive, arguments=own), validate)

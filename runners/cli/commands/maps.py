@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from runners.cli import map_building
 from runners.cli.parsers import texts
 
@@ -126,7 +126,7 @@ def _list(arguments: argparse.Namespace) -> None:
 
 
 def _list_pictures(titles: Mapping[str, str], console: Console) -> None:
-    from runners.figures.terminal.maps import set_entry
+    from runners.reports.figures.terminal import set_entry
 
     for name, title in titles.items():
         console.print(set_entry(name, title))
@@ -159,13 +159,13 @@ def _show(arguments: argparse.Namespace) -> None:
 
 
 def _show_pictures(chosen: Chosen, tasks: Sequence[Task], console: Console) -> None:
-    from runners.figures.terminal.maps import one_world, several_worlds
+    from runners.reports.figures.terminal import one_world, several_worlds
 
     console.print(several_worlds(tasks) if len(tasks) > 1 else one_world(chosen, tasks[0], console))
 
 
 def _table(tasks: Sequence[Task]) -> list[str]:
-    from runners.analysis.columns import aligned
+    from runners.reports.analysis.columns import aligned
 
     rows = [_measures(task) for task in tasks]
     return aligned(
@@ -186,8 +186,8 @@ def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path |
     """
     if not chosen.worlds:
         return None
-    from runners.figures.kinds.maps import COLUMNS, PANELS, panels_of, sheet
-    from runners.figures.parts.style import FORMATS, save_as
+    from runners.reports.figures.map_pictures import COLUMNS, PANELS, panels_of, sheet
+    from runners.reports.figures.style import FORMATS, save_as
 
     if output is None and len(tasks) > PANELS:
         return None

@@ -14,10 +14,10 @@ def main(argv: list[str]) -> int:
 
     A first word without "=" is the recording: `lme replay drive.bag` stands for `bag=drive.bag`.
     """
-    from lme.guarded_file import expanded
+    from lme.inputs.guarded_file import expanded
     from runners.cli.launch import Command, launch
     from runners.config.quoting import quoted
-    from runners.replay.run import replay, validate
+    from runners.recordings.run import replay, validate
 
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
@@ -30,9 +30,9 @@ def main(argv: list[str]) -> int:
 
 def _list(path: str) -> int:
     from lme.errors import InputError
-    from lme.guarded_file import expanded
-    from runners.replay.opening import open_recording
-    from runners.replay.topics import table
+    from lme.inputs.guarded_file import expanded
+    from runners.recordings.recording import open_recording
+    from runners.recordings.topics import table
 
     if not path:
         raise InputError("bag is null: give the recording, e.g. lme replay drive.mcap list=true")

@@ -12,7 +12,7 @@ from runners.cli.parsers import add_trust, texts
 if TYPE_CHECKING:
     import pandas as pd
 
-    from runners.analysis.summary import Row
+    from runners.reports.analysis.summary import Row
 
 EXAMPLES = (
     "lme table outputs/eval/RUN",
@@ -56,10 +56,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     """The rows of the table. The config of a sweep sets their order."""
-    from runners.analysis.summary import summarise
     from runners.config.ablations import labels
     from runners.config.systems import systems
     from runners.records.launch_record import read_launch
+    from runners.reports.analysis.summary import summarise
 
     launch = read_launch(runs[0])
     if launch is None:
@@ -69,7 +69,7 @@ def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
 
 
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
-    from runners.analysis import tables
+    from runners.reports.analysis import tables
 
     renderers = {"md": tables.to_markdown, "csv": tables.to_csv, "tex": tables.to_latex}
     if style in renderers:
@@ -81,8 +81,8 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
 def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path) -> list[str]:
     """Rewrite the tables and pictures of a run or sweep. Returns its findings. Raises InputError if it cannot."""
     from lme.errors import InputError
-    from runners.analysis.tables import write_tables
-    from runners.experiments import sweeps
+    from runners.evaluate import sweeps
+    from runners.reports.analysis.tables import write_tables
 
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -98,9 +98,9 @@ def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path
 def _draw(frame: pd.DataFrame, run: Path) -> None:
     """Draw the paths. That needs the worlds, so a folder without a launch record gets no picture."""
     from runners.config import build
-    from runners.figures.reports.paths import draw_run, sample_worlds
     from runners.records.launch_record import read_launch
     from runners.records.trust import UntrustedError
+    from runners.reports.plots.paths import draw_run, sample_worlds
 
     launch = read_launch(run)
     if launch is None:

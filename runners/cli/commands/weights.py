@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
-from lme.guarded_file import expanded
+from lme.inputs.guarded_file import expanded
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
-    from lme.array_file import Arrays
+    from lme.inputs.array_file import Arrays
 
 EXAMPLES = (
     "lme weights",
@@ -86,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _list(_: argparse.Namespace) -> None:
-    from lme.weight_files import REGISTERED, shipped_networks
+    from lme.guides.lme.weight_files import REGISTERED, shipped_networks
     from runners.config import catalogue
 
     for name in catalogue.shipped().options("weight_set"):
@@ -99,8 +99,8 @@ def _list(_: argparse.Namespace) -> None:
 
 def _key(path: Path) -> str:
     """The key that takes a file: of parameters, of a guide's network, or of a planner's."""
-    from lme.array_file import read_shapes
     from lme.guides.learned_subgoal.weights import SHAPES
+    from lme.inputs.array_file import read_shapes
 
     if path.suffix != ".npz":
         return "weights"
@@ -112,8 +112,8 @@ def _key(path: Path) -> str:
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from lme.array_file import write_arrays
-    from lme.weight_files import REGISTERED, shipped_networks
+    from lme.guides.lme.weight_files import REGISTERED, shipped_networks
+    from lme.inputs.array_file import write_arrays
     from runners.config.quoting import lme_command, override
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing

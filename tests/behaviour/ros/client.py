@@ -7,7 +7,7 @@ import json
 import sys
 import time
 
-from runners.live.run import connect
+from runners.ros.run import connect
 
 
 def main():

@@ -8,9 +8,9 @@ import sys
 import time
 
 from lme.types import Twist
-from runners.live.outgoing import OutgoingMessages
-from runners.live.run import connect
-from runners.live.transport import Delivery
+from runners.ros.outgoing import OutgoingMessages
+from runners.ros.run import connect
+from runners.ros.transport import Delivery
 
 
 def main():

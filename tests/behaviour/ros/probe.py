@@ -16,9 +16,9 @@ import time
 import numpy as np
 
 from lme.types import LaserScan, Pose, Twist
-from runners.live.outgoing import OutgoingMessages
-from runners.live.run import connect
-from runners.live.transport import Delivery
+from runners.ros.outgoing import OutgoingMessages
+from runners.ros.run import connect
+from runners.ros.transport import Delivery
 
 _RATE = 20.0  # [Hz] of scans and odometry
 _BEAMS, _RANGE = 180, 5.0

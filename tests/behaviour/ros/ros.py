@@ -17,7 +17,7 @@ from tests.hearing import hear_signals
 from tests.places import ROOT
 
 LME = ("-m", "runners.cli.main", "live")
-_FOUND = "import importlib.util as u; from runners.live import {module}; {module}.check_installed()"
+_FOUND = "import importlib.util as u; from runners.ros import {module}; {module}.check_installed()"
 _PYTHONS = {1: [sys.executable], 2: [sys.executable, str(ROOT / ".venv-ros2" / "bin" / "python")]}
 _NAMES = {1: "LME_ROS1_PYTHON", 2: "LME_ROS2_PYTHON"}  # a Python that has lme and this version of ROS
 

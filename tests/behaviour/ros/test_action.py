@@ -16,7 +16,7 @@ DISPLACED = {1: "preempted", 2: "aborted"}
 @pytest.fixture(scope="module")
 def robot(ros):
     package = PACKAGES[ros.version]
-    look = f"import runners.live.ros{ros.version} as r; r.check_installed(); import {package}"
+    look = f"import runners.ros.ros{ros.version} as r; r.check_installed(); import {package}"
     if ros.start([ros.python, "-c", look], "look").wait(60):
         pytest.skip(f"the package {package} is not installed")
     ros.lme(f"ros{ros.version}", "robot=turtlebot2")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from runners.live import run
+from runners.ros import run
 from tests.behaviour.ros.test_safety import GOAL, _await_node, moves, stands
 
 

@@ -14,7 +14,7 @@ from benchmarks.people.__main__ import report
 from benchmarks.people.moving import labels_of, read_drive, tracked_in_sector
 from lme.errors import InputError
 from lme.geometry.frames import compose, to_robot
-from lme.kernels.raycast import cast
+from lme.perception.raycast import cast
 from lme.types import Pose
 from tests.made_bags import BEGAN, EDGES, SECOND, TF, BagMaker
 

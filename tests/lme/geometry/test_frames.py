@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.geometry.angles import wrap_angle
-from lme.geometry.frames import compose, relative, to_robot, to_world
+from lme.geometry.frames import compose, relative, to_robot, to_world, wrap_angle
 from lme.types import Pose
 from tests.tolerances import KERNEL
 

@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import lme.guides.global_path.costmap as costmap_module
 import lme.guides.global_path.guide as module
-from lme.episode import run_episode
+import lme.mapping.costmap as costmap_module
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
-from lme.guides.global_path.costmap import Costmap, CostmapConfig
 from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
-from lme.navigator import Navigator
+from lme.mapping.costmap import Costmap, CostmapConfig
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import World

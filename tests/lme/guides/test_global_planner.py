@@ -5,7 +5,7 @@ import pytest
 
 from lme.errors import InputError
 from lme.guides.global_planner import GlobalPlanner, GlobalPlannerConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import shipped, task

@@ -19,9 +19,9 @@ from lme.guides.learned_subgoal.interface import REACH, LearnedSubgoalConfig, Su
 from lme.guides.learned_subgoal.kernels import nearest_by_sector
 from lme.guides.learned_subgoal.network import SLOPE, SubgoalPolicy, draw
 from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, TRAINED, read_weights
-from lme.navigator import Navigator
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import CLUTTER, observation, room, stage, task

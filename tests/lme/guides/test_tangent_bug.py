@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.tangent_bug.guide import Mode, TangentBug, TangentBugConfig
-from lme.navigator import Navigator
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task

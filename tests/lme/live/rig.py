@@ -10,7 +10,7 @@ pytest.importorskip("rosbags")
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
 from lme.live.step import LiveState
-from lme.navigator import Navigator
+from lme.navigation.navigator import Navigator
 from lme.types import Guidance, Pose, Twist
 from tests import builders
 from tests.live_loop import BEGAN

@@ -10,12 +10,12 @@ import pytest
 pytest.importorskip("rosbags")
 
 from lme.errors import InputError
+from lme.live.config import CloudConfig, ScanConfig
 from lme.live.frames import Carrier
 from lme.live.messages import SECOND
-from lme.live.postures import Posture
-from lme.live.scan_config import CloudConfig, ScanConfig
+from lme.live.poses import Posture
 from lme.live.scan_source import ScanSource
-from lme.sensing.point_cloud import rigid_transform
+from lme.perception.point_cloud import rigid_transform
 from lme.types import Pose
 from tests import builders
 from tests.made_bags import BagMaker

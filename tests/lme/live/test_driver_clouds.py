@@ -9,7 +9,7 @@ import pytest
 from lme.geometry.frames import compose
 from lme.live.messages import Tilt
 from lme.live.step import LiveState
-from lme.sensing.point_cloud import rigid_transform
+from lme.perception.point_cloud import rigid_transform
 from lme.types import Pose
 from tests import builders
 from tests.lme.live.rig import FAR, Rig, drives, stands

@@ -9,15 +9,14 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from lme.live.config import LiveConfig
+from lme.live.config import LiveConfig, ScanConfig
 from lme.live.driver import LiveDriver
 from lme.live.messages import LASER_SCAN, ODOMETRY, POINT_CLOUD
-from lme.live.scan_config import ScanConfig
 from lme.live.step import LiveState
-from lme.navigator import Navigator
-from lme.sensing.scan_points import obstacle_points
+from lme.navigation.navigator import Navigator
+from lme.perception.scan_points import obstacle_points
 from lme.types import Guidance, Pose, Twist
-from runners.replay.bags import Bag
+from runners.recordings.bags import Bag
 from tests import builders
 from tests.made_bags import MOUNT, OTHERS, SECOND, TF, BagMaker, drive
 from tests.places import SHARED

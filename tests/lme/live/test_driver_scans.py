@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lme.live.scan_config import ScanConfig
+from lme.live.config import ScanConfig
 from tests import builders
 from tests.lme.live.rig import FAR, Rig, drives, stands
 from tests.made_bags import SECOND

@@ -5,11 +5,11 @@ import pytest
 
 pytest.importorskip("rosbags")
 
+from lme.live.config import ScanConfig
 from lme.live.pilot import Pilot
-from lme.live.scan_config import ScanConfig
 from lme.live.scan_source import ScanSource
-from lme.navigator import Navigator
-from lme.sensing.people.source import TrackedPeople
+from lme.navigation.navigator import Navigator
+from lme.perception.people.source import TrackedPeople
 from tests import builders
 from tests.lme.live.rig import Puppet
 from tests.made_bags import BagMaker

@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("rosbags")
 
 from lme.errors import InputError
-from lme.live.scan_config import CloudConfig, ScanConfig
+from lme.live.config import CloudConfig, ScanConfig
 from lme.live.scan_source import ScanSource
+from lme.perception.point_cloud import rigid_transform
 from lme.robots import Cloud
-from lme.sensing.point_cloud import rigid_transform
 from tests import builders
 from tests.made_bags import BagMaker
 

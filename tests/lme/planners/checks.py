@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Twist
 from tests.builders import observation, task
 from tests.tolerances import KERNEL

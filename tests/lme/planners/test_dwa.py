@@ -8,13 +8,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.dwa import Dwa, DwaConfig
-from lme.resources import resource_dir
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import World

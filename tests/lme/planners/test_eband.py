@@ -9,15 +9,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.eband.planner import EBand, EBandConfig, _thinned
 from lme.planners.polyline import project, stretch
-from lme.resources import resource_dir
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Observation, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task

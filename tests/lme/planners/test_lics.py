@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
 from lme.errors import InputError
+from lme.navigation.episode import run_episode
 from lme.planners.lics.planner import Lics, LicsConfig
 from lme.types import Guidance, Outcome
 from runners.config import build

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
+from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot
-from lme.kernels.collision import sweep
-from lme.kernels.motion import drive as moved_by
+from lme.geometry.motion import drive as moved_by
 from lme.planners.min_time.config import MinTimeConfig, MinTimeParts
 from lme.planners.min_time.planner import MinTime
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World

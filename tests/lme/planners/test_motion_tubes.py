@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
-from lme.kernels.raycast import cast
-from lme.navigator import Navigator
+from lme.navigation.navigator import Navigator
+from lme.perception.raycast import cast
 from lme.planners.motion_tubes.planner import MotionTubes, MotionTubesConfig
 from lme.robots import Footprint
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task, without_errors

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.kernels.obstacle_grid import TOUCHING
+from lme.grids.obstacle_grid import TOUCHING
 from lme.planners.mppi import planner as module
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.planner import Mppi
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue

@@ -1,4 +1,4 @@
-"""ORCA as a planner: by hand, and what every planner must do. tests/lme/kernels/test_orca.py has its half-planes."""
+"""ORCA as a planner: by hand, and what every planner must do. tests/lme/geometry/test_orca.py has its half-planes."""
 
 import math
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
-from lme.kernels.obstacle_grid import INSCRIBED, TOUCHING
-from lme.planners.ros_dwa.local_costmap import LocalCostmap, LocalCostmapConfig
+from lme.grids.obstacle_grid import INSCRIBED, TOUCHING
+from lme.mapping.local_costmap import LocalCostmap, LocalCostmapConfig
 from lme.planners.ros_dwa.planner import RosDwa, RosDwaConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, shipped, task

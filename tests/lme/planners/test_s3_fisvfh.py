@@ -9,10 +9,11 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
 from lme.planners.s3_fisvfh.kernels import (
     Costs,
@@ -25,8 +26,7 @@ from lme.planners.s3_fisvfh.kernels import (
     valleys,
 )
 from lme.planners.s3_fisvfh.planner import S3Fisvfh, S3FisvfhConfig
-from lme.resources import resource_dir
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task

@@ -11,7 +11,7 @@ from lme.errors import InputError
 from lme.planners.commands import approach
 from lme.planners.simple import Simple, SimpleConfig
 from lme.ramp import towards
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Pose, Twist
 from tests.builders import SHIPPED, observation, shipped, stage, task
 from tests.tolerances import KERNEL

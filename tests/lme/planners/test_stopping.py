@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lme.planners.commands import limited
 from lme.planners.stopping import StoppingGuard
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Pose, Twist
 from lme.worlds.world import World
 from tests.builders import observation, shipped, stage, task

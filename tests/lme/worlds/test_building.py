@@ -7,8 +7,8 @@ from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
+from lme.config.presets import load_map_set
 from lme.errors import InputError
-from lme.presets import load_map_set
 from lme.worlds import building
 from lme.worlds.building import Buildings, BuildingsConfig
 from lme.worlds.map_file import MapFile, MapFileConfig

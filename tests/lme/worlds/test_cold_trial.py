@@ -5,11 +5,10 @@ from collections import Counter
 
 import pytest
 
+from lme.config.presets import load_map_set, load_robot
 from lme.errors import InputError
-from lme.presets import load_map_set, load_robot
 from lme.worlds.check import check_task
-from lme.worlds.cold_trial.families import Place, task_in
-from lme.worlds.cold_trial.ranges import TrialRanges
+from lme.worlds.cold_trial import Place, TrialRanges, task_in
 
 SEED = 7
 

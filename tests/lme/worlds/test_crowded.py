@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_map_set, load_robot
 from lme.errors import InputError
-from lme.presets import load_map_set, load_robot
-from lme.sim.crowd import Crowd
+from lme.simulation.crowd import Crowd
 from lme.types import Pose
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.crowded import Crowded, CrowdedConfig

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import yaml
 
-from lme.episode import run_episode
 from lme.errors import InputError
-from lme.resources import resource_dir
-from lme.sim.crowd import Crowd
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.simulation.crowd import Crowd
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.dynabarn import DIFFICULTIES, RADIUS, Dynabarn, DynabarnConfig, crossing

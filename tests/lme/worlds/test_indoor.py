@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 from lme.worlds.clearance import clearance_field
-from lme.worlds.indoor.cells import CELL_M, WALL
+from lme.worlds.indoor.layouts import CELL_M, WALL
 from lme.worlds.indoor.map_set import KINDS
 
 SEEDS = range(6)

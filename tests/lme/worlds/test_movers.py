@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.sim.crowd import Crowd
-from lme.sim.fast import FastConfig, FastSimulator
-from lme.sim.physics import PhysicsConfig, PhysicsSimulator
+from lme.simulation.crowd import Crowd
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
 from lme.types import Pose, Twist
 from lme.worlds.movers import REPEATS, Mover
 from lme.worlds.world import World

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.clearance import clearance_field

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 from PIL import Image
 
+from lme.config.presets import load_map_set, load_robot
 from lme.errors import InputError
-from lme.presets import load_map_set, load_robot
 
 LIES = r"the start lies [\d.]+ m from the goal, within map\.goal_tolerance = 100 m: must be further away"
 SETS = {

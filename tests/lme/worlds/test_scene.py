@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
 from lme.errors import InputError
-from lme.guides.lme import Lme, LmeConfig
+from lme.guides.lme.guide import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.dwa import Dwa, DwaConfig
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.scene import Scene, SceneConfig, read_scene

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import _crosses_itself, _side, floor_plan, read_shapes
 from tests.tolerances import KERNEL

@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 import yaml
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
-from lme.navigator import Navigator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
-from lme.worlds.trap_shapes import DRAWINGS
-from lme.worlds.traps import KINDS, Traps, TrapsConfig
+from lme.worlds.traps import DRAWINGS, KINDS, Traps, TrapsConfig
 from runners.config.instantiate import build
 from tests.builders import SHIPPED, navigator, shipped, stage
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from runners.cli.launch import Command
 from runners.cli.launch import launch as run_launch
 from runners.config import schema

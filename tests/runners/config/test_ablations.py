@@ -3,14 +3,14 @@
 import pytest
 
 from lme.errors import InputError
-from runners.analysis.summary import summarise
 from runners.config import ablations
 from runners.config.catalogue import shipped
 from runners.config.space import read_space
-from runners.experiments.evaluate import _recorded
-from runners.experiments.search_and_race import search_space
+from runners.evaluate.evaluate import _recorded
 from runners.records.episode_record import RunLabels
 from runners.records.records import read_episodes
+from runners.reports.analysis.summary import summarise
+from runners.training.search_and_race import search_space
 from tests.composing import jobs_of
 from tests.made_runs import write_run
 

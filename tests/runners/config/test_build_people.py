@@ -3,7 +3,7 @@
 import pytest
 
 from lme.errors import InputError
-from lme.sensing.people.source import People, TrackedPeople
+from lme.perception.people.source import People, TrackedPeople
 from runners.config import build
 from runners.records.launch_record import identity, recorded_config
 from tests.composing import jobs_of

@@ -3,12 +3,12 @@
 import pytest
 
 from lme.errors import InputError
-from runners.analysis.table_notes import title
 from runners.cli.main import main
-from runners.experiments.families import families
-from runners.experiments.held_out import _evaluation, held_out_places
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
+from runners.reports.analysis.tables import title
+from runners.training.families import families
+from runners.training.held_out import _evaluation, held_out_places
 from tests.composing import jobs_of
 
 QUICK = ["map.worlds=[0]", "map.time_limit=0.3", "runs=1", "executor=serial", "tracking=none"]

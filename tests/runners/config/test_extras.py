@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from lme.errors import InputError
-from runners.replay import bags, rerun_file
+from runners.recordings import bags, rerun_file
 from runners.workers.cluster import DaskConfig
 from tests.lme.test_requirements import OPTIONAL
 from tests.places import ROOT

@@ -4,7 +4,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.config.command_line import compose
-from runners.experiments.evaluate import validate
+from runners.evaluate.evaluate import validate
 
 PLUS = "must go with guide=lme_plus"
 

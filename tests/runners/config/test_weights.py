@@ -5,11 +5,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from runners.analysis.summary import row_keys
 from runners.cli.main import main
 from runners.config.weights import own_weights_of
 from runners.records.launch_record import launch_of, read_launch
 from runners.records.records import read_episodes
+from runners.reports.analysis.summary import row_keys
 from tests.composing import jobs_of
 
 

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_robot
 from lme.planners.dclp.interface import DclpConfig, DclpInterface
 from lme.planners.dclp.network import DclpPolicy
 from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED
-from lme.presets import load_robot
 from lme.robots import Footprint
 from lme.types import Twist
 from runners.config.schema import RobotRanges
-from runners.workers.robots import extremes
+from runners.workers.trials import extremes
 from tests.builders import observation, stage
 from tests.networks import random_weights
 from tests.tolerances import FLOAT32_LAYER, NETWORK

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_robot
 from lme.planners.drl_vo.architecture import Sizes
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.interface import PEDESTRIANS, DrlVoInterface
 from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.observation import image_of
 from lme.planners.drl_vo.weights import TRAINED, file_shapes, read_weights
-from lme.presets import load_robot
 from lme.types import LaserScan, Twist
 from tests.builders import observation, stage
 from tests.networks import TINY, random_drl_vo

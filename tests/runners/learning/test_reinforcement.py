@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lme.envs.reward import Reward
+from lme.gym.reward import Reward
 from lme.planners.dclp.interface import DclpConfig, DclpInterface
 from lme.robots import Footprint
 from tests.composing import jobs_of

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_robot
 from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES, RANGES, candidates
 from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface
 from lme.guides.learned_subgoal.network import SubgoalPolicy
 from lme.guides.learned_subgoal.weights import SHAPES, STATE_INPUTS, TOLD, TRAINED
-from lme.presets import load_robot
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.worlds.world import World
 from runners.config.schema import RobotRanges
-from runners.workers.robots import extremes
+from runners.workers.trials import extremes
 from tests.builders import CLUTTER, stage, task
 from tests.networks import random_subgoal
 from tests.tolerances import FLOAT32_LAYER, NETWORK

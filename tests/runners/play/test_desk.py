@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from lme.episode import RunningEpisode
+from lme.navigation.episode import RunningEpisode
 from runners.play.desk import Desk
 from runners.play.fields import LONGEST_MESSAGE
 from tests.runners.play.conftest import drive, ways

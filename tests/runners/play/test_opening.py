@@ -10,12 +10,12 @@ import pytest
 from lme.errors import InputError
 from lme.types import Outcome
 from runners.cli import main
-from runners.mapping.build import BuildConfig, build_map
 from runners.play.desk import Desk
 from runners.play.from_log import is_log, words_of_log
 from runners.play.opening import open_episode, words_of
 from runners.play.session import Session, Source
 from runners.play.setups import setup_of
+from runners.recordings.map_build import BuildConfig, build_map
 from tests.made_logs import flaser_lines, write
 from tests.runners.play.conftest import drive, ways
 

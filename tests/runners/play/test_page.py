@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from runners.cli import main
-from runners.explainer.write import asset
 from runners.play.desk import Desk
 from runners.play.page import OWN, SHARED, own
-from tests.runners.explainer.conftest import browser, settle, until  # noqa: F401 - a fixture
+from runners.reports.explainer.write import asset
+from tests.runners.reports.explainer.conftest import browser, settle, until  # noqa: F401 - a fixture
 
 uvicorn = pytest.importorskip("uvicorn", reason="needs uvicorn: the extra play")
 pytest.importorskip("starlette", reason="needs starlette: the extra play")

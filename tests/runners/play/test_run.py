@@ -126,6 +126,6 @@ def test_a_browser_may_call_before_the_server_runs_and_on_this_machine_alone():
 
 def test_the_config_can_be_printed(capsys):
     assert main.main(["play", "system=lme", "--cfg", "job"]) == 0
-    assert "lme.guides.lme.Lme" in capsys.readouterr().out
+    assert "lme.guides.lme.guide.Lme" in capsys.readouterr().out
     assert main.main(["play", "--help"]) == 0
     assert "lme play outputs/eval/RUN 282/1" in capsys.readouterr().out

@@ -97,7 +97,7 @@ def test_pages_films_and_recordings_are_whole(session_of, folder, changes):
     film = folder / save(session, "gif", "mine", folder, 0).path
     assert film.read_bytes()[:6] == b"GIF89a"
     recording = folder / save(session, "mcap", "mine", folder, 0).path
-    from runners.replay.bags import Bag
+    from runners.recordings.bags import Bag
 
     with Bag(recording) as bag:
         scans = sum(1 for _ in bag.messages(["/scan"]))

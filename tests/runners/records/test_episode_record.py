@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from lme.episode import TRAJECTORY_COLUMNS
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.records.episode_record import (
     COLUMNS,
     KEY_COLUMNS,

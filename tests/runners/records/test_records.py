@@ -16,8 +16,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.records import append_log, parquet
 from runners.records.episode_record import EpisodeKey, EpisodeResult
 from runners.records.launch_record import LAUNCH, Launch, read_launch

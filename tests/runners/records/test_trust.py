@@ -11,10 +11,10 @@ import pytest
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.play.opening import open_episode
+from runners.recordings.recorded import episode_of
 from runners.records import trust
 from runners.records.launch_record import LAUNCH, read_launch
 from runners.records.trust import UntrustedError
-from runners.replay.recorded import episode_of
 from tests.composing import jobs_of
 from tests.made_runs import write_run
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from runners.analysis.summary import metrics
 from runners.config.flatten import flatten
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
+from runners.reports.analysis.summary import metrics
 from runners.tracking.store import DEFAULTS, RUN_ID_FILE
 from tests import postgres
 from tests.places import ROOT

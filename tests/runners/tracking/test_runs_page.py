@@ -6,7 +6,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from runners.analysis import summary
+from runners.reports.analysis import summary
 from runners.tracking.runs_page import METRICS, STATE, VIEW, RunsPage, addresses, is_up
 
 

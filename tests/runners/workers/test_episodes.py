@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import lme
-from lme.social import SocialMeasures
+from lme.simulation.social import SocialMeasures
 from lme.types import Twist
 from runners.cli import main
 from runners.records.episode_record import COLUMNS

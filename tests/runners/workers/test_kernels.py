@@ -14,7 +14,7 @@ from tests.places import ROOT
 
 DRIVE = """
 import numpy as np
-from lme.kernels.motion import travelled
+from lme.geometry.motion import travelled
 from runners.workers.kernels import compiled
 said = compiled()
 travelled(0.0, 0.0, np.ones((2, 3)))

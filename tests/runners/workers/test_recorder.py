@@ -12,20 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.navigation.episode import run_episode
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Twist
 from runners.cli.main import main
 from runners.config import build
 from runners.config.schema import Record
-from runners.experiments import evaluate
+from runners.evaluate import evaluate
 from runners.records import launch_record, run_directories
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.workers.episodes import EpisodePayload, Recordings, episode_rng, initialise
+from runners.workers.mcap_file import half_angle
 from runners.workers.recorder import TOPICS, Recorder, recording_path
-from runners.workers.ros_messages import half_angle
 from tests.builders import CLUTTER, navigator, stage, task
 from tests.composing import jobs_of
 from tests.places import ROOT

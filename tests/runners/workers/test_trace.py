@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
-from lme.guides.lme import Lme
+from lme.guides.lme.guide import Lme
+from lme.navigation.episode import run_episode
 from runners.config import build
 from runners.workers.episodes import episode_rng
 from runners.workers.trace import rerun

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.arcs import clearances, first_contact, within_reach
-from lme.kernels.bearing import unsigned_bearing
-from lme.kernels.straight_ways import KEPT
+from lme.geometry.arcs import clearances, first_contact, within_reach
+from lme.geometry.fan import unsigned_bearing
+from lme.geometry.straight_ways import KEPT
 from lme.types import Floats
 
 FORESEEN = 1.5  # [s] over which motion at constant velocity is predicted

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lme.guides.lme.weight_files import find_network
 from lme.planners.lics.importing import import_state
 from lme.planners.lics.weights import SHAPES, read_weights
-from lme.weight_files import find_network
 from tests.networks import random_lics, refused
 from tests.torch_archives import saved, zipped
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lme.guides.lme.weight_files import find_network
 from lme.planners.lics.network import LicsPolicy
 from lme.planners.lics.weights import read_weights
-from lme.weight_files import find_network
 from tests.networks import random_lics
 from tests.tolerances import FLOAT32_LAYER
 

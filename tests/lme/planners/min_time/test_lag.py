@@ -9,7 +9,7 @@ import pytest
 from lme.planners.min_time import MinTime
 from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.lag import Lag
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Twist
 from lme.worlds.world import World
 from tests.builders import shipped, task, without_errors

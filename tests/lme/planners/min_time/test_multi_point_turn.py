@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot
-from lme.kernels.collision import sweep
-from lme.kernels.motion import drive
+from lme.geometry.motion import drive
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.ramp import reachable
 from lme.types import Limits, Pose, Twist

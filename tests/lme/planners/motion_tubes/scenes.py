@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from lme.kernels.raycast import cast
+from lme.perception.raycast import cast
 from lme.planners.motion_tubes.tubes import TubeSpec, lidar_view
 from lme.types import LaserScan
 from tests.builders import shipped

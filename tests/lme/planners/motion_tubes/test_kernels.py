@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot
-from lme.kernels.collision import sweep
 from lme.planners.motion_tubes.kernels import (
     arc_pose,
     choose,

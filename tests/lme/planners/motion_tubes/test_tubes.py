@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lme.kernels.collision import sweep
+from lme.geometry.collision import sweep
 from lme.planners.motion_tubes.kernels import (
     arc_pose,
     free_tubes,

@@ -1,15 +1,15 @@
-"""A policy that was trained in lme.envs drives as planner=onnx as it did there."""
+"""A policy that was trained in lme.gym drives as planner=onnx as it did there."""
 
 import numpy as np
 import pytest
 
 import lme
-from lme.presets import load_map_set
+from lme.config.presets import load_map_set
 
 torch = pytest.importorskip("torch")
 gym = pytest.importorskip("gymnasium")
 pytest.importorskip("onnxruntime")
-from lme.envs import FlatObservation, flattened  # noqa: E402
+from lme.gym import FlatObservation, flattened  # noqa: E402
 
 BEAMS, WORLDS = 72, {"subset": "fresh", "count": 4, "time_limit": 10.0}
 LOOK = {

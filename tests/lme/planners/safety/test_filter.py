@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.planners.safety.filter import SafetyFilter, SafetyFilterConfig
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import observation, shipped, stage, task

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lme.geometry.frames import to_robot
 from lme.planners.safety.kernels import StoppingMotion, stopping_clearances
 from lme.ramp import reachable
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Pose, Twist
 from tests import oracles
 from tests.builders import stage, task

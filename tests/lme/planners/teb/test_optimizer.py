@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lme.planners.teb.kernels.equations import normal_equations
+from lme.planners.teb.kernels import normal_equations
 from lme.planners.teb.optimizer import optimize
 from tests import oracles
 

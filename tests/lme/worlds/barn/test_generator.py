@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from lme.types import Pose
 from lme.worlds.barn.files import find_worlds, path_file, read_path, read_world
 from lme.worlds.barn.generator import (

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from lme.errors import InputError
-from lme.resources import resource_dir
+from lme.inputs.resources import resource_dir
 from lme.worlds.barn.map_set import Barn, BarnConfig
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import yaml
 
-from lme.episode import run_episode
 from lme.errors import InputError
 from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
-from lme.navigator import Navigator
+from lme.inputs.resources import resource_dir
+from lme.navigation.episode import run_episode
+from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
-from lme.sim.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.indoor import Indoor, IndoorConfig

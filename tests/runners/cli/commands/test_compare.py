@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lme.episode import TRAJECTORY_COLUMNS
-from runners.analysis import paired
-from runners.analysis.run_names import names
-from runners.analysis.shared_worlds import ComparedRun, same_worlds
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import compare
 from runners.records.episode_record import EpisodeResult
 from runners.records.launch_record import launch_of
 from runners.records.records import RecordWriter, read_episodes
+from runners.reports.analysis import paired
+from runners.reports.analysis.run_names import names
+from runners.reports.analysis.shared_worlds import ComparedRun, same_worlds
 from tests.builders import episode_record
 from tests.composing import jobs_of
 

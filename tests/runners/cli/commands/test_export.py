@@ -11,10 +11,10 @@ import pandas as pd
 import pytest
 
 import lme
-from lme.episode import TRAJECTORY_COLUMNS
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import export
-from runners.experiments.from_python import _records
+from runners.evaluate.from_python import _records
 from runners.records.episode_record import EpisodeResult
 from runners.records.records import RecordWriter, read_episodes
 from tests.builders import episode_record

@@ -4,7 +4,7 @@ import pytest
 
 from runners.cli import completion
 from runners.cli.main import main
-from runners.live import run
+from runners.ros import run
 
 
 @pytest.fixture
@@ -60,8 +60,8 @@ def test_a_mistake_is_one_line(installed, capsys, words, said):
     ("word", "packages"), [("ros1", "apt-get install"), ("ros2", "pip install ros-rclpy")]
 )
 def test_a_missing_ros_is_one_line_that_says_what_to_install(monkeypatch, capsys, tmp_path, word, packages):
-    monkeypatch.setattr(f"runners.live.{word}.find_spec", lambda name: None)
-    monkeypatch.setattr("runners.live.ros1.DEBIAN", tmp_path)
+    monkeypatch.setattr(f"runners.ros.{word}.find_spec", lambda name: None)
+    monkeypatch.setattr("runners.ros.ros1.DEBIAN", tmp_path)
     assert main(["live", word]) == 2
     printed = capsys.readouterr().err
     assert packages in printed

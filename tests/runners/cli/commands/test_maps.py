@@ -87,7 +87,7 @@ def test_thumbnails_need_nothing_heavy():
     """They must be there at once."""
     script = """
 import sys
-from runners.figures.terminal.maps import set_entry
+from runners.reports.figures.terminal import set_entry
 set_entry("env1", "")
 sys.exit(", ".join({"matplotlib", "pandas", "mlflow", "torch", "optuna", "hydra"} & set(sys.modules)) or 0)
 """

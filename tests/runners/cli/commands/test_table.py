@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
+from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli.commands import table
 from runners.records.episode_record import EpisodeResult
 from runners.records.records import RecordWriter

@@ -18,7 +18,7 @@ from runners.tracking.mlflow import MlflowConfig, MlflowTracking
 from runners.tracking.store import open_client
 from tests.hearing import hear_signals
 from tests.places import ROOT
-from tests.runners.explainer import conftest
+from tests.runners.reports.explainer import conftest
 
 browser = conftest.browser  # the fixture
 SCRIPT = "import sys; from runners.cli.commands import ui; sys.exit(ui.main(sys.argv[1:]))"

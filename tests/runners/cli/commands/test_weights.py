@@ -3,8 +3,8 @@
 import pytest
 
 from lme.errors import InputError
+from lme.guides.lme.weight_files import REGISTERED
 from lme.planners.dclp.weights import SHAPES, read_weights
-from lme.weight_files import REGISTERED
 from runners.cli.commands import weights
 from runners.config.build import navigator
 from tests.composing import jobs_of

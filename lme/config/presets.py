@@ -1,0 +1,209 @@
+"""Robots, map sets, simulators and learned parameters by name, read without Hydra."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from types import NoneType
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
+
+import yaml
+
+from lme.errors import InputError, nearest
+from lme.guides.lme.weight_files import (
+    PUBLISHED,
+    find_weights,
+    learned_parameters,
+    own_names,
+    shipped_weights,
+)
+from lme.inputs.resources import overlaid, resource_dir
+from lme.inputs.yaml_entry import Entry, read_yaml
+from lme.robots import Robot
+
+if TYPE_CHECKING:
+    from lme.worlds.world import MapSet
+
+_Part = TypeVar("_Part")
+# of a key that takes another's value if there is one
+_DEFAULT = re.compile(r"\$\{(?:oc\.select|given):[\w.]+,(.*)\}")
+_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
+
+_KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
+    int: (lambda given: type(given) is int, "a whole number"),
+    bool: (lambda given: isinstance(given, bool), "true or false"),
+    list[int]: (lambda given: _is_list_of(given, (int,)), "a list of whole numbers"),
+    list[float]: (lambda given: _is_list_of(given, (int, float)), "a list of numbers"),
+    list[str]: (lambda given: _is_list_of(given, (str,)), "a list of texts"),
+    dict[str, float]: (lambda given: _is_mapping_to(given, (int, float)), "a mapping of names to numbers"),
+    dict[str, str]: (lambda given: _is_mapping_to(given, (str,)), "a mapping of names to text"),
+}
+
+
+def load_robot(robot: str | Path) -> Robot:
+    """The robot of `conf/robot/NAME.yaml` by its name, or of your own YAML file by its path.
+
+    Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
+    """
+    path = find_option("robot", robot)
+    made: Robot = _build(Robot, str(path), _with_base(path, "robot"))
+    if made.radius_note and path.parent != resource_dir("conf") / "robot":
+        warnings.warn(f"{path}: {made.radius_note}", stacklevel=2)
+    return made
+
+
+def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
+    """The map set of `conf/map/NAME.yaml`, with other values for some of its keys.
+
+    A `radius` and a `v_max` of null become those of the robot; without a robot v_max is 0.5 m/s. Raises InputError for
+    an unknown name or key, a wrong value, or a key that the map set would not use.
+    """
+    from lme.worlds.barn.map_set import check_given
+    from lme.worlds.rules import with_robot
+
+    values, place = option("map", name, settings)
+    if robot is not None:
+        values = with_robot(values, robot)
+    elif "radius" in values and values["radius"] is None:
+        raise InputError(
+            "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
+        )
+    check_given(settings or {}, values)
+    target, config = configured(values, place)
+    made: MapSet = target(config)
+    return made
+
+
+def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
+    """The class of the simulator of `conf/sim/NAME.yaml` and its Config, with other values for some keys.
+
+    Raises InputError for an unknown name or key, or a wrong value.
+    """
+    return configured(*option("sim", name, settings))
+
+
+def load_parameters(weights: str | Path = "published") -> dict[str, float]:
+    """The parameters of a weight set: a weight for each criterion, d1 [m] and d2.
+
+    weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of a file.
+    The criteria are LME+'s if the file has just these, else the paper's six. Raises
+    InputError if there is no such file, or if a parameter in it is missing or wrong.
+    """
+    content = read_yaml(find_weights(str(weights)))
+    given = content.get("parameters") if isinstance(content, dict) else None
+    names = set(given) if isinstance(given, dict) else set()
+    papers = set(own_names(PUBLISHED))
+    own = next((own for own in shipped_weights() if names == set(own_names(own)) != papers), None)
+    return learned_parameters(str(weights), own=own)
+
+
+def option(
+    group: str, name: str | Path, settings: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], str]:
+    """The values of the keys of `conf/GROUP/NAME.yaml`, with `settings` in place of some, and a name for messages.
+
+    A key that would take the value of another key of the whole config has its default. Raises InputError.
+    """
+    path = find_option(group, name)
+    values = _with_base(path, group)
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: must be a mapping")
+    place = f"{group} {name}" if settings else str(path)
+    return {key: _without_reference(value) for key, value in overlaid(values, settings or {}).items()}, place
+
+
+def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
+    """The class that `_target_` names, and its Config with the other values. place: for messages.
+
+    Raises InputError for an unknown key or a wrong value.
+    """
+    module, _, target = str(values["_target_"]).rpartition(".")
+    made = getattr(importlib.import_module(module), target)
+    return made, _build(
+        made.Config, place, {key: value for key, value in values.items() if key != "_target_"}
+    )
+
+
+def ablation_settings(path: Path) -> dict[str, Any]:
+    """What the file of an ablation sets in the whole config; without `# @package _global_`, parameters alone.
+
+    Raises InputError if it cannot be read.
+    """
+    content = read_yaml(path)
+    own = content if isinstance(content, dict) else {}
+    own = {key: value for key, value in own.items() if key != "defaults"}
+    return own if _WHOLE.search(path.read_text(encoding="utf-8")) else {"ablation": own}
+
+
+def find_option(group: str, given: str | Path) -> Path:
+    """The file of an option by its name, or by its path. Raises InputError."""
+    shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
+    if given in shipped:
+        return shipped[str(given)]
+    if Path(given).is_file():
+        return Path(given)
+    known = [name for name in shipped if not name.startswith("_")]
+    what, names = group.replace("_", " "), ", ".join(known)
+    hint = nearest(str(given), known)
+    raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
+
+
+def _with_base(path: Path, group: str) -> object:
+    """An option's mapping, over those of the options in its `defaults`, as Hydra composes `[jackal, _self_]`."""
+    own = read_yaml(path)
+    if not isinstance(own, dict) or "defaults" not in own:
+        return own
+    merged: dict[str, Any] = {}
+    bases = [_with_base(find_option(group, name), group) for name in own.pop("defaults") if name != "_self_"]
+    for layer in (*bases, own):
+        merged = overlaid(merged, layer) if isinstance(layer, dict) else merged
+    return merged
+
+
+def _without_reference(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_reference(each) for key, each in value.items()}
+    found = _DEFAULT.fullmatch(value) if isinstance(value, str) else None
+    return value if found is None else yaml.safe_load(found[1])
+
+
+def _build(part: type[_Part], place: str, value: object) -> _Part:
+    """A dataclass from a mapping with a key for each of its fields that has no default, and perhaps the others."""
+    known = fields(part)  # type: ignore[arg-type]
+    required = [each.name for each in known if each.default is each.default_factory is MISSING]
+    optional = [each.name for each in known if each.name not in required]
+    entry, kinds = Entry(place, value, required, optional), get_type_hints(part)
+    return part(**{key: _value(entry, key, kinds[key]) for key in entry.keys})
+
+
+def _value(entry: Entry, key: str, kind: Any) -> Any:
+    given, kinds = entry.value(key), get_args(kind)
+    if NoneType in kinds:
+        if given is None:
+            return None
+        kind = next(each for each in kinds if each is not NoneType)
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _build(kind, f"{entry.place}, {key}", given)
+    if kind is str:
+        return str(given)
+    if kind is float:
+        return entry.number(key)
+    if kind not in _KINDS:
+        return given
+    fits, right = _KINDS[kind]
+    if not fits(given):
+        raise entry.mistake(key, right)
+    return given
+
+
+def _is_list_of(given: object, types: tuple[type, ...]) -> bool:
+    """Whether `given` is a list of values of exactly these types."""
+    return isinstance(given, list) and all(type(item) in types for item in given)
+
+
+def _is_mapping_to(given: object, types: tuple[type, ...]) -> bool:
+    return isinstance(given, Mapping) and all(type(item) in types for item in given.values())

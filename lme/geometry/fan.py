@@ -1,0 +1,249 @@
+"""Test of a fan of segments from one apex: which segments come too near to a point.
+
+The result is that of testing every segment against every point; the algorithm skips pairs that cannot be near.
+A segment comes within the radius of a point only if it lies in the tangent cone of the disc of that radius around
+the point, and is long enough to reach the disc. The ends are therefore sorted into bins of bearing about the apex.
+Each point is tested against the bins in its cone, and blocked ends are removed from their bins.
+
+Helpers that are called once per point take only numbers: Numba's reference counting makes passing an array from
+inside a loop more expensive than the work on it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Bools, Floats
+
+BEARING_ERROR = 2e-5  # [rad] upper bound of the error of `bearing`
+_TINY = 1e-300  # avoids 0 / 0
+_TAN_PI_8 = math.sqrt(2.0) - 1.0
+_ATAN_P = (
+    -0.8750608600031904,
+    -16.157537187333652,
+    -75.00855792314705,
+    -122.88666844901361,
+    -64.85021904942025,
+)
+_ATAN_Q = (24.858464901423063, 165.02700983169885, 432.88106049129027, 485.3903996359137, 194.5506571482614)
+_SLICES = 720  # of a turn; Taylor series about their middles are exact to 1e-16
+_MIDDLES = np.column_stack(
+    [f(2.0 * math.pi * (np.arange(_SLICES) + 0.5) / _SLICES) for f in (np.cos, np.sin)]
+)
+
+
+@njit(cache=True, error_model="numpy")
+def diamond(x: float, y: float) -> float:
+    """Diamond angle: increases with the bearing of (x, y), from −2 above −π to 2 at π; 0 for (0, 0).
+
+    It has no branches, so loops over it are vectorised. A y of −0 counts as negative.
+    """
+    part = y / max(abs(x) + abs(y), _TINY)
+    return part if x >= 0.0 else math.copysign(2.0, y) - part
+
+
+@njit(cache=True, error_model="numpy")
+def bearing(x: float, y: float) -> float:
+    """atan2(y, x) in [0, 2π] with an error below 1e-5 rad; NaN for (0, 0). Source: Abramowitz & Stegun 4.4.47."""
+    ax, ay = abs(x), abs(y)
+    z = min(ax, ay) / max(ax, ay)
+    zz = z * z
+    angle = z * (0.9998660 + zz * (-0.3302995 + zz * (0.1801410 + zz * (-0.0851330 + zz * 0.0208351))))
+    angle = math.pi / 2.0 - angle if ay > ax else angle
+    angle = math.pi - angle if x < 0.0 else angle
+    return 2.0 * math.pi - angle if y < 0.0 else angle
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def unsigned_bearing(x: float, y: float) -> float:
+    """|atan2(y, x)| in [0, π] with an error below 1e-15 rad; 0 for (0, 0). Places nearer than 1e-280 have any.
+
+    It has no branches, so loops over it are vectorised and take a tenth of atan2's time. Source: the rational
+    approximation of arctan in the Cephes Mathematical Library (Moshier 1989, Methods and Programs for Mathematical
+    Functions), for up to tan(π/8); arctan(t) = π/4 + arctan((t − 1)/(t + 1)) up to 1.
+    """
+    ax, ay = abs(x), abs(y)
+    t = min(ax, ay) / max(ax, ay, _TINY)
+    far = t > _TAN_PI_8
+    t = (t - 1.0) / (t + 1.0) if far else t
+    z = t * t
+    p = (((_ATAN_P[0] * z + _ATAN_P[1]) * z + _ATAN_P[2]) * z + _ATAN_P[3]) * z + _ATAN_P[4]
+    q = ((((z + _ATAN_Q[0]) * z + _ATAN_Q[1]) * z + _ATAN_Q[2]) * z + _ATAN_Q[3]) * z + _ATAN_Q[4]
+    angle = t + t * (z * p / q)
+    angle = angle + 0.25 * math.pi if far else angle
+    angle = 0.5 * math.pi - angle if ay > ax else angle
+    return math.pi - angle if x < 0.0 else angle
+
+
+@njit(cache=True, error_model="numpy")
+def direction(turn: float) -> tuple[float, float]:
+    """Cosine and sine of an angle given in turns; the error is below 1e-14."""
+    turn -= np.floor(turn)
+    i = min(int(turn * _SLICES), _SLICES - 1)
+    off = 2.0 * math.pi * (turn - (i + 0.5) / _SLICES)
+    square = off * off
+    cos = 1.0 - square * (0.5 - square / 24.0)
+    sin = off * (1.0 - square * (1.0 / 6.0 - square / 120.0))
+    return _MIDDLES[i, 0] * cos - _MIDDLES[i, 1] * sin, _MIDDLES[i, 1] * cos + _MIDDLES[i, 0] * sin
+
+
+_FEW = 8  # [ends or points] up to this number, sorting does not pay
+_ENDS_PER_BIN = 4
+_STRIDE = 8  # number of passes over the points, since neighbours in a scan block the same ends
+_SLACK = 1e-9  # share of all lengths by which discs are widened, more than any rounding error
+_FAR = 1e100  # [m²] products of squares beyond this may overflow
+
+
+@njit(cache=True, error_model="numpy")
+def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bools:
+    """Whether each segment apex–end comes nearer than `radius` [m] to any point (paper Eqs. 4–6): (N,).
+
+    apex (2,), ends (N, 2), points (M, 2) [m], in any order. A distance of exactly `radius` does not block.
+    """
+    blocked = np.zeros(len(ends), np.bool_)
+    arms, sum_ends = _arms(apex, ends)
+    rays, sum_points = _arms(apex, points)
+    if min(len(ends), len(points)) <= _FEW or not sum_ends + sum_points < _FAR:  # also where one is NaN
+        _test_all(arms, rays, radius, blocked)
+        return blocked
+    wide = radius + _SLACK * (radius + math.sqrt(sum_ends) + math.sqrt(sum_points))
+    axis = (arms[0].sum(), arms[1].sum())  # reference for bearings, so that a narrow fan does not wrap around
+    bearing = _bearings(arms, axis)
+    low = bearing.min()
+    num_bins = len(ends) // _ENDS_PER_BIN + 1
+    scale = num_bins / (bearing.max() - low + _SLACK)
+    cones = _cones(rays, axis, wide, low, scale, num_bins)
+    ends_left, arms_left, start, stop, reach = _sort_into_bins(arms, bearing, low, scale, num_bins, wide)
+    for offset in range(_STRIDE):
+        _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
+    return blocked
+
+
+@njit(cache=True, error_model="numpy")
+def _near(dx, dy, length_square, qx, qy, radius_square):
+    """Whether q is nearer than the radius to the segment from the origin to d. No branches: none can be predicted."""
+    along, across, ex, ey = qx * dx + qy * dy, qx * dy - qy * dx, qx - dx, qy - dy
+    square, limit = across * across, radius_square * length_square
+    beyond = along >= length_square
+    square, limit = ex * ex + ey * ey if beyond else square, radius_square if beyond else limit
+    behind = along <= 0.0
+    square, limit = qx * qx + qy * qy if behind else square, radius_square if behind else limit
+    return square < limit
+
+
+@njit(cache=True, error_model="numpy")
+def _test_all(arms, rays, radius, blocked):
+    """Test every segment against every point."""
+    radius_square = radius * radius
+    for j in range(rays.shape[1]):
+        for i in range(len(blocked)):
+            blocked[i] |= _near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
+
+
+@njit(cache=True, error_model="numpy")
+def _arms(apex, points):
+    """x, y and squared length of the points relative to the apex, (3, N), and the sum of the squared lengths."""
+    ax, ay = apex[0], apex[1]
+    arms = np.empty((3, len(points)))
+    total = 0.0
+    for i in range(len(points)):
+        x, y = points[i, 0] - ax, points[i, 1] - ay
+        arms[0, i], arms[1, i], arms[2, i] = x, y, x * x + y * y
+        total += arms[2, i]
+    return arms, total
+
+
+@njit(cache=True, error_model="numpy")
+def _bearings(arms, axis):
+    """Diamond angles of the arms relative to the axis: (N,)."""
+    ax, ay = axis
+    out = np.empty(arms.shape[1])
+    for i in range(len(out)):
+        x, y = arms[0, i], arms[1, i]
+        out[i] = diamond(x * ax + y * ay, y * ax - x * ay)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _cones(rays, axis, wide, low, scale, num_bins):
+    """First and last bin between the tangents to the disc of radius `wide` around each point: (2, M).
+
+    The tangents are the ray turned by ±asin(wide / length). If the apex is in the disc, the cone covers all bins.
+    If the cone contains the direction opposite to the axis, it wraps around: num_bins is added to its last bin.
+    No branches, for vectorisation.
+    """
+    ax, ay = axis
+    top = float(num_bins)
+    out = np.empty((2, rays.shape[1]), np.int32)
+    for j in range(rays.shape[1]):
+        x, y = rays[0, j], rays[1, j]
+        u, v = x * ax + y * ay, y * ax - x * ay
+        square = rays[2, j] - wide * wide
+        cos = math.sqrt(max(square, 0.0))
+        first = (diamond(u * cos + v * wide, v * cos - u * wide) - low) * scale
+        last = (diamond(u * cos - v * wide, v * cos + u * wide) - low) * scale
+        wrap = top if first > last else 0.0
+        first, last = min(max(first, 0.0), top), min(max(last, -1.0), top - 1.0) + wrap
+        out[0, j] = int(first) if square > 0.0 else 0
+        out[1, j] = int(last) if square > 0.0 else num_bins - 1
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
+    """Counting sort of the ends: indices (N,), arms (4, N), where bins start and stop, and their reach (num_bins,).
+
+    The fourth row is the squared distance at which a point is too far to block the arm. The reach of a bin is the
+    greatest of its ends, 0 without any.
+    """
+    start = np.zeros(num_bins + 1, np.int64)
+    bin_of = np.empty(len(bearing), np.int64)
+    for i in range(len(bearing)):
+        bin_of[i] = min(int((bearing[i] - low) * scale), num_bins - 1)
+        start[bin_of[i] + 1] += 1
+    for k in range(num_bins):
+        start[k + 1] += start[k]
+    stop = start[:-1].copy()
+    reach = np.zeros(num_bins)
+    ends = np.empty(len(bearing), np.int64)
+    sorted_arms = np.empty((4, len(bearing)))
+    for i in range(len(bearing)):
+        k = bin_of[i]
+        slot, far = stop[k], (math.sqrt(arms[2, i]) + wide) ** 2
+        ends[slot] = i
+        sorted_arms[0, slot], sorted_arms[1, slot] = arms[0, i], arms[1, i]
+        sorted_arms[2, slot], sorted_arms[3, slot] = arms[2, i], far
+        stop[k] = slot + 1
+        reach[k] = max(reach[k], far)
+    return ends, sorted_arms, start, stop, reach
+
+
+@njit(cache=True, error_model="numpy")
+def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
+    """Test every `_STRIDE`-th point from `offset` on against the ends in its bins, and remove blocked ends."""
+    num_bins, radius_square = len(reach), radius * radius
+    farthest = 0.0
+    for k in range(num_bins):
+        farthest = max(farthest, reach[k])
+    for j in range(offset, rays.shape[1], _STRIDE):
+        qx, qy, square = rays[0, j], rays[1, j], rays[2, j]
+        if square >= farthest:
+            continue
+        for turned in range(cones[0, j], cones[1, j] + 1):
+            k = turned if turned < num_bins else turned - num_bins
+            if square >= reach[k]:
+                continue
+            before, left = stop[k], start[k]
+            reach[k] = 0.0
+            for i in range(start[k], before):
+                end, x, y, length_square, far = ends[i], arms[0, i], arms[1, i], arms[2, i], arms[3, i]
+                near = _near(x, y, length_square, qx, qy, radius_square)
+                blocked[end] |= near
+                ends[left], arms[0, left], arms[1, left] = end, x, y
+                arms[2, left], arms[3, left] = length_square, far
+                left += not near
+                reach[k] = max(reach[k], 0.0 if near else far)
+            stop[k] = left

@@ -1,0 +1,90 @@
+"""Ways that a robot drives by turning in place and then going straight, checked with its exact footprint."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.geometry.arcs import first_contacts
+from lme.geometry.fan import fan_blocked
+from lme.types import Bools, Floats
+
+KEPT = 0.98  # share of its distance that a point inside the margin keeps
+_ROUNDING = 1e-9  # share of a distance that no rounding error reaches
+
+
+@njit(cache=True, error_model="numpy")
+def straight_ways(
+    places: Floats, points: Floats, box: tuple[float, float, float], margin: float, turn_margin: float
+) -> Bools:
+    """Whether the robot can turn on the spot to each place and then drive there without contact: (N,).
+
+    places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
+    sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn. A
+    point that is already nearer must just not come any nearer.
+    """
+    blocked = _blocked_ahead(places, points, box, margin)
+    near, _ = _split(points, math.hypot(box[0], box[1]) + box[2] + turn_margin, np.inf)
+    if box[0] > 0.0 and len(near):
+        turns = np.array([[0.0, 1.0], [0.0, -1.0]])
+        margins, zeros, full = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
+        left, right = first_contacts(turns, near, box, margins, zeros, full, KEPT)
+        for n in range(len(places)):
+            bearing = math.atan2(places[n, 1], places[n, 0])
+            blocked[n] = blocked[n] or bearing > left or -bearing > right
+    free: Bools = np.logical_not(blocked)
+    return free
+
+
+@njit(cache=True, error_model="numpy")
+def reachable(
+    places: Floats,
+    points: Floats,
+    box: tuple[float, float, float],
+    margin: float,
+    turn_margin: float,
+    tight: float,
+) -> Floats:
+    """1 for places to which a way is free (`straight_ways`); if there is none, ½ with margins times `tight`: (N,)."""
+    ways, value = straight_ways(places, points, box, margin, turn_margin), 1.0
+    if not ways.any():
+        ways, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
+    out = np.zeros(len(ways))
+    for n in range(len(ways)):
+        if ways[n]:
+            out[n] = value
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _blocked_ahead(places, points, box, margin):
+    """Whether a point is on the straight way to each place, for a robot that faces it: (N,)."""
+    width = box[1] + box[2] + margin
+    ahead = max(box[0] - box[1], 0.0)  # reach of the front beyond the half disc at the end of the swept strip
+    ends, origin = np.empty(places.shape), np.zeros(2)
+    farthest = 0.0
+    for n in range(len(places)):
+        away = math.sqrt(places[n, 0] * places[n, 0] + places[n, 1] * places[n, 1])
+        stretch = 1.0 + ahead / max(away, 1e-3)
+        ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
+        farthest = max(farthest, stretch * away)
+    beside, before = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
+    blocked = fan_blocked(origin, ends, before, width)
+    if len(beside):
+        blocked |= fan_blocked(origin, ends, beside, KEPT * math.sqrt((beside**2).sum(axis=1).min()))
+    return blocked
+
+
+@njit(cache=True, error_model="numpy")
+def _split(points, near, far):
+    """The points nearer to the origin than `near`, and the others up to `far` [m], in their order: two of (M, 2)."""
+    inner, outer = np.empty(points.shape), np.empty(points.shape)
+    i, j = 0, 0
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        away = math.sqrt(x * x + y * y)
+        inner[i, 0], inner[i, 1] = x, y
+        outer[j, 0], outer[j, 1] = x, y
+        i += away < near
+        j += near <= away <= far
+    return inner[:i], outer[:j]

@@ -1,0 +1,206 @@
+"""A grid over the edges of a large world, so that only those near a beam or a robot are looked at.
+
+A beam goes from cell to cell (Amanatides & Woo 1987, DOI 10.2312/egtp.19871000) and ends in the first in which it
+meets an edge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from lme.geometry.collision import point_to_segment
+from lme.types import Floats, Ints
+
+_SLACK = 1e-6  # [m] by which an edge may lie outside a cell that it belongs to; far above rounding errors
+_SURE = 1e-9  # [m] an end farther from a beam's line is on its side for sure
+
+
+class EdgeGrid(NamedTuple):
+    """Edges by cell. frame: lowest x and y, side of a cell [m], rows, columns.
+
+    Cell k = row · columns + column has edges[starts[k]:starts[k + 1]]; edges (K, 4) [x0, y0, x1, y1] [m].
+    """
+
+    frame: tuple[float, float, float, int, int]
+    starts: Ints
+    edges: Floats
+
+
+NO_EDGES = EdgeGrid((0.0, 0.0, 1.0, 0, 0), np.zeros(1, np.int64), np.empty((0, 4)))
+
+
+def edge_grid(edges: Floats) -> EdgeGrid:
+    """The grid of edges (E, 4), E ≥ 1, with about E cells."""
+    low, high = edges.reshape(-1, 2).min(axis=0) - _SLACK, edges.reshape(-1, 2).max(axis=0) + _SLACK
+    side = math.sqrt((high - low).prod() / len(edges))
+    columns, rows = (math.ceil(span / side) for span in (high - low).tolist())
+    frame = (float(low[0]), float(low[1]), side, rows, columns)
+    starts, found = _by_cell(edges, *frame)
+    return EdgeGrid(frame, starts, found)
+
+
+def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -> Floats:
+    """The edges (K, 4) of the grid that may be the nearest of its edges, or in contact, at some pose.
+
+    poses (P, 3) of a footprint, P ≥ 1; box (half_length, half_width, rounding) [m]. An edge may come twice.
+    """
+    half_length, half_width, rounding = box
+    r_min = min(half_length, half_width) + rounding
+    r_max = math.hypot(half_length, half_width) + rounding
+    near: Floats = _near_edges(poses, float(r_min), float(r_max), *grid)
+    return near
+
+
+@njit(cache=True, error_model="numpy")
+def _by_cell(edges, low_x, low_y, side, rows, columns):
+    """`starts` and `edges` of an `EdgeGrid`."""
+    starts = np.zeros(rows * columns + 1, np.int64)
+    for i in range(len(edges)):
+        for row in _rows(edges, i, low_y, side, rows):
+            first, last = _columns(edges, i, row, low_x, low_y, side, columns)
+            for column in range(first, last):
+                starts[row * columns + column + 1] += 1
+    starts = np.cumsum(starts)
+    found, filled = np.empty((starts[-1], 4)), starts.copy()
+    for i in range(len(edges)):
+        for row in _rows(edges, i, low_y, side, rows):
+            first, last = _columns(edges, i, row, low_x, low_y, side, columns)
+            for k in range(row * columns + first, row * columns + last):
+                found[filled[k]] = edges[i]
+                filled[k] += 1
+    return starts, found
+
+
+@njit(cache=True, error_model="numpy")
+def _rows(edges, i, low_y, side, rows):
+    """The rows that edge i touches."""
+    low, high = min(edges[i, 1], edges[i, 3]) - _SLACK, max(edges[i, 1], edges[i, 3]) + _SLACK
+    return range(_cell(low, low_y, side, rows), _cell(high, low_y, side, rows) + 1)
+
+
+@njit(cache=True, error_model="numpy")
+def _columns(edges, i, row, low_x, low_y, side, columns):
+    """First and last + 1 of the columns that edge i touches in a row."""
+    x0, y0, along_x, along_y = edges[i, 0], edges[i, 1], edges[i, 2] - edges[i, 0], edges[i, 3] - edges[i, 1]
+    begin, end = 0.0, 1.0  # of the part in the row
+    if abs(along_y) > _SLACK:
+        low, high = low_y + row * side - _SLACK - y0, low_y + (row + 1) * side + _SLACK - y0
+        begin, end = (
+            max(min(low / along_y, high / along_y), 0.0),
+            min(max(low / along_y, high / along_y), 1.0),
+        )
+    from_x, to_x = x0 + begin * along_x, x0 + end * along_x
+    first = _cell(min(from_x, to_x) - _SLACK, low_x, side, columns)
+    return first, _cell(max(from_x, to_x) + _SLACK, low_x, side, columns) + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _cell(place, low, side, count):
+    """The index of a coordinate's row or column, or of the nearest."""
+    return min(max(math.floor((place - low) / side), 0), count - 1)
+
+
+@njit(cache=True, error_model="numpy")
+def _near_edges(poses, r_min, r_max, frame, starts, edges):
+    """The bounds are those of the broad phase in `lme.geometry.collision`."""
+    x, y = poses[len(poses) // 2, 0], poses[len(poses) // 2, 1]
+    travel = 0.0
+    for k in range(len(poses)):
+        travel = max(travel, math.hypot(poses[k, 0] - x, poses[k, 1] - y))
+    gap = nearest(x, y, frame, starts, edges)
+    limit = (max(gap - r_min, 0.0) + r_max + travel) * (1.0 + 1e-6)
+    return edges[_within(x, y, limit, frame, starts, edges)]
+
+
+@njit(cache=True, error_model="numpy")
+def nearest(x, y, frame, starts, edges):
+    """Distance from (x, y) to the nearest edge [m], found in a window that grows; inf if there is none."""
+    if len(edges) == 0:
+        return np.inf
+    low_x, low_y, side, rows, columns = frame
+    reach, farthest = 2.0 * side, math.hypot(abs(x - low_x), abs(y - low_y)) + side * (rows + columns)
+    within = _within(x, y, reach, frame, starts, edges)
+    while len(within) == 0 and reach < farthest:  # ends for any number, also inf and NaN
+        reach *= 2.0
+        within = _within(x, y, reach, frame, starts, edges)
+    least = np.inf
+    for i in within:
+        least = min(least, point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
+    return math.sqrt(least)
+
+
+@njit(cache=True, error_model="numpy")
+def _within(x, y, limit, frame, starts, edges):
+    """Indices of the edges within `limit` of (x, y)."""
+    low_x, low_y, side, rows, columns = frame
+    found, count = np.empty(64, np.int64), 0
+    first, last = _cell(x - limit, low_x, side, columns), _cell(x + limit, low_x, side, columns)
+    for row in range(_cell(y - limit, low_y, side, rows), _cell(y + limit, low_y, side, rows) + 1):
+        for i in range(starts[row * columns + first], starts[row * columns + last + 1]):
+            apart = point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3])
+            if apart <= limit * limit:
+                if count == len(found):
+                    found = np.concatenate((found, np.empty_like(found)))
+                found[count] = i
+                count += 1
+    return found[:count]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def first_hit(x, y, turn, beam, far, frame, starts, edges):
+    """Distance from (x, y) along a beam to the first edge of a grid if it is less than `far`, else `far` [m].
+
+    beam: its direction (2,) in a frame whose heading in the world has cosine and sine `turn`. The arithmetic of a hit
+    is that of `lme.perception.raycast`.
+    """
+    low_x, low_y, side, rows, columns = frame
+    dx, dy = turn[0] * beam[0] - turn[1] * beam[1], turn[1] * beam[0] + turn[0] * beam[1]
+    across, up = (x - low_x) / side, (y - low_y) / side
+    column, row = math.floor(across), math.floor(up)
+    per_column, per_row = side / max(abs(dx), 1e-300), side / max(abs(dy), 1e-300)
+    at_column = (column + 1 - across if dx > 0.0 else across - column) * per_column
+    at_row = (row + 1 - up if dy > 0.0 else up - row) * per_row
+    next_column, next_row = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
+    is_inside = 0 <= column < columns and 0 <= row < rows
+    k = row * columns + column
+    first, last = (starts[k], starts[k + 1]) if is_inside else (0, len(edges))
+    while True:
+        far = _first_of(x, y, turn, beam, dx, dy, far, edges, first, last)
+        if not is_inside or far < min(at_column, at_row) - _SURE:
+            return far
+        if at_column < at_row:
+            column += next_column
+            at_column += per_column
+        else:
+            row += next_row
+            at_row += per_row
+        if not (0 <= column < columns and 0 <= row < rows):
+            return far
+        k = row * columns + column
+        first, last = starts[k], starts[k + 1]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
+    """`first_hit` among edges first…last − 1. dx, dy: the beam's direction in the world."""
+    cos, sin = turn
+    for i in range(first, last):
+        ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
+        start_side, end_side = ax * dy - ay * dx, bx * dy - by * dx
+        if (start_side > _SURE and end_side > _SURE) or (start_side < -_SURE and end_side < -_SURE):
+            continue
+        start_x, start_y = cos * ax + sin * ay, cos * ay - sin * ax
+        end_x, end_y = cos * bx + sin * by, cos * by - sin * bx
+        across_start = start_x * beam[1] - start_y * beam[0]
+        across_end = end_x * beam[1] - end_y * beam[0]
+        if (across_start > 0.0) != (across_end > 0.0):
+            distance = (start_x * end_y - start_y * end_x) / (across_start - across_end)
+            # by rounding, an edge behind may seem to be met where its line and the beam's are one
+            behind = ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
+            if distance >= 0.0 and not behind:
+                far = min(far, distance)
+    return far

@@ -1,0 +1,118 @@
+"""Find learned parameters and networks by name, by training run, or by file; and read the former."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError, nearest
+from lme.guides.lme.score import CRITERIA, THRESHOLDS, read_parameters
+from lme.inputs.guarded_file import expanded
+from lme.inputs.resources import resource_dir
+from lme.inputs.yaml_entry import read_yaml
+
+PUBLISHED = "published"  # the paper's weight set
+WEIGHTS = "weights.yaml"  # in the directory of a training run
+NETWORK = "weights.npz"  # in the directory of a run of lme learn
+REGISTERED = Path("outputs") / "weights"
+IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
+_OWN = re.compile(r"\$\{parameters:.*,\s*([\w./-]+)\s*\}")  # the fifth argument of the resolver
+
+
+def learned_parameters(
+    weights: str, criteria: Iterable[str] = (), own: str | None = None
+) -> dict[str, float]:
+    """The parameters of a weight set: a weight for each criterion, d1 [m] and d2.
+
+    weights: as for `find_weights`. criteria: names besides the paper's six. own: the weight set of a guide with other
+    criteria than the paper's; it names them, and is taken where `weights` is the paper's set. Raises InputError naming
+    the file where it is missing or malformed.
+    """
+    if own is None:
+        return read_parameters(find_weights(weights), (*CRITERIA, *criteria))
+    names = [name for name in own_names(own) if name not in THRESHOLDS]
+    return read_parameters(find_weights(own if weights == PUBLISHED else weights), names)
+
+
+def own_weights(guide: Mapping[str, Any]) -> str | None:
+    """The weight set that a guide's config, not resolved, names as its own; None where it has the paper's criteria."""
+    found = _OWN.fullmatch(str(guide.get("parameters")))
+    return found[1] if found and found[1] != "null" else None
+
+
+def own_names(own: str) -> list[str]:
+    """Names of the parameters in a weight set that ships."""
+    content = read_yaml(find_weights(own))
+    assert isinstance(content, dict)
+    return list(content["parameters"])
+
+
+def find_weights(weights: str) -> Path:
+    """The weight file that `weights` names. Raises InputError where there is none."""
+    shipped = shipped_weights()
+    if weights in shipped:
+        return shipped[weights]
+    path = Path(weights)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        return _of_run(path)
+    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.yaml"))}
+    if weights in registered:
+        return registered[weights]
+    known = [*shipped, *registered]
+    raise InputError(
+        f"weights is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a "
+        "training run, or the path of a weight file"
+    )
+
+
+def with_network(node: Mapping[str, Any], part: str = "planner") -> Mapping[str, Any]:
+    """The config of a part in which `weights`, if it is given, is the path of the network that it names."""
+    given = node.get("weights")
+    return (
+        {**node, "weights": str(find_network(given, f"{part}.weights"))} if isinstance(given, str) else node
+    )
+
+
+def find_network(weights: str, key: str = "planner.weights") -> Path:
+    """The network file that the value of `key` names: shipped or in `outputs/weights/`, of a run, or by path.
+
+    Raises InputError.
+    """
+    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
+    known = {**registered, **shipped_networks()}
+    path = expanded(weights)
+    if path.is_dir():
+        path = path / NETWORK
+    if weights in known or path.is_file():
+        return known.get(weights, path)
+    raise InputError(
+        f"{key} is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a run of "
+        f"lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
+    )
+
+
+def shipped_weights() -> dict[str, Path]:
+    """The weight sets that ship with lme, by name."""
+    return _shipped("weight_set", "yaml")
+
+
+def shipped_networks() -> dict[str, Path]:
+    """The networks that ship with lme, by name."""
+    return _shipped("network", "npz")
+
+
+def _shipped(folder: str, ending: str) -> dict[str, Path]:
+    return {path.stem: path for path in sorted((resource_dir("conf") / folder).glob(f"*.{ending}"))}
+
+
+def _of_run(directory: Path) -> Path:
+    if not (directory / WEIGHTS).is_file():
+        raise InputError(
+            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train; "
+            "resume that training to finish it"
+        )
+    return directory / WEIGHTS

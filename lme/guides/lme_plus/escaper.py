@@ -1,0 +1,189 @@
+"""LME+: subgoals by expected time, from scans, twist and the target's position alone (docs/lme_plus.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lme.errors import require
+from lme.geometry.frames import to_robot, to_world
+from lme.guides.lme.candidates import CandidateConfig, sample
+from lme.guides.lme.criteria import View
+from lme.guides.lme.explanation import Decision, Explanation, Step, explain
+from lme.guides.lme.maintenance import Choice, choose
+from lme.guides.lme.score import Parameters
+from lme.guides.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
+from lme.guides.lme_plus.learned_times import OTHER_TARGET, LearnedTimes, StuckPlaces
+from lme.guides.lme_plus.memory import Memory
+from lme.guides.lme_plus.travel import NARROW, Field, Travel, TravelConfig, apart
+from lme.robots import Robot
+from lme.types import Floats, Observation, Pose
+
+_NAMES = tuple(CRITERIA)
+_NONE = np.empty((0, 2))
+_CANDIDATES = 100  # random ones
+_EVERY = 3  # decisions with the same expected times, if nobody is near and the target does not move
+_BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
+_TRIED = 10.0  # [s] before narrow passages, after which they are expected to take twice as long
+_MOST = 5.0  # times that this is done
+_STANDS = 0.05  # [m/s] slower than this the robot stands
+_SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
+
+
+@dataclass(slots=True)
+class EscaperPlusParts:
+    """Parts of the method; False leaves one out, for an ablation."""
+
+    memory: bool = True  # of points; else those of the current scan
+    random: bool = True  # candidates; else a single one
+    structured: bool = True  # candidates on the fastest way
+    narrow: bool = True  # passages are a last resort; else closed
+    stuck: bool = True  # places take longer
+    learned: bool = True  # times of places that are out of reach
+    people: bool = True  # are expected to walk on; else they are points like all others
+
+
+@dataclass(slots=True)
+class EscaperPlusConfig:
+    """How far it remembers, the distance that it keeps, and what it expects of the speed near obstacles and people."""
+
+    reach: float = 12.0  # [m] of the memory and of the expected times
+    margin: float = 0.08  # [m] distance to obstacle points on a straight way and in the turn before it
+    travel: TravelConfig = field(default_factory=TravelConfig)
+    parts: EscaperPlusParts = field(default_factory=EscaperPlusParts)
+
+    def __post_init__(self) -> None:
+        require("guide.reach", self.reach, above=0.0)
+        require("guide.margin", self.margin, at_least=0.0)
+
+
+class LocalMinimumEscaperPlus:
+    """Generates subgoals and maintains the current one, like `lme.guides.lme.escaper.LocalMinimumEscaper`."""
+
+    def __init__(
+        self, robot: Robot, parameters: Mapping[str, float], config: EscaperPlusConfig | None = None
+    ) -> None:
+        """parameters: a weight for each criterion by name, d1 [m], and d2, in the unit of the score."""
+        self._robot = robot
+        self._config = config or EscaperPlusConfig()
+        self._parameters = Parameters.from_mapping(parameters, _NAMES)
+        parts = self._config.parts
+        self._candidates = CandidateConfig(number=_CANDIDATES if parts.random else 1)
+        self._travel = Travel(
+            self._config.travel, robot, self._config.reach, self._config.margin, parts.narrow
+        )
+        self.reset(np.random.default_rng(0))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; `rng` draws the candidates."""
+        self._rng = rng
+        parts = self._config.parts
+        self._memory = Memory(self._robot, self._config.reach, parts.memory, parts.people)
+        self._learned = LearnedTimes()
+        self._learned_for: Floats | None = None  # the target, in the carried frame
+        self._field: Field | None = None
+        self._age = 0  # decisions made with the field
+        self._tried = 0.0  # [s] spent before narrow passages on the way to the target
+        self._stuck = StuckPlaces(self._robot.dt)  # on the way to the target
+        self.sight: Sight | None = None  # of the last decision
+        self._subgoal: Floats | None = None  # in the carried frame
+        self._last: Step | None = None
+
+    def decide(self, observation: Observation) -> tuple[Decision, Floats, Floats]:
+        """Advance one control period.
+
+        Returns the subgoal, all known obstacle points (M, 2), and places on the fastest way (K, 2), in the robot frame
+        [m].
+        """
+        self._memory.see(observation)
+        self.sight, way = self._look(observation)
+        self._last = step = self._step(observation, self.sight, way)
+        waits = (
+            step.decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
+        )
+        if waits and len(way) and self._config.parts.stuck:
+            self._stuck.wait(to_world(way[0], self.sight.pose))
+        return step.decision, self.sight.points, way
+
+    def explanation(self) -> Explanation | None:
+        """All quantities behind the last decision; None before the first."""
+        return None if self._last is None else explain(self._last)
+
+    def _step(self, observation: Observation, sight: Sight, way: Floats) -> Step:
+        """Algorithm 1 of the paper, with the criteria of LME+. way (K, 2): places on the fastest way."""
+        subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
+        pool = self._generate(observation, way, subgoal)
+        candidates = len(pool) - (subgoal is not None)
+        features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
+        old = None if subgoal is None else candidates
+        choice = self._choose(subgoal, scores, new)
+        if choice is not Choice.KEPT:
+            self._subgoal = to_world(pool[new], sight.pose)
+            subgoal = to_robot(self._subgoal, sight.pose)
+        assert subgoal is not None
+        decision = Decision(subgoal, choice, blocked)
+        view, parameters = self._view(observation, sight), self._parameters
+        return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
+
+    def _choose(self, subgoal: Floats | None, scores: Floats, new: int) -> Choice:
+        """Whether to switch from the subgoal, whose score is the last, to the candidate `new`."""
+        if subgoal is None:
+            return Choice.FIRST
+        distance, parameters = math.hypot(*subgoal.tolist()), self._parameters
+        return choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
+
+    def _view(self, observation: Observation, sight: Sight) -> View:
+        """What an explanation shows: the points of the scan and the target; LME+ has no history and no blockage."""
+        radius = self._robot.footprint.r_min + self._config.margin
+        return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
+
+    def _look(self, observation: Observation) -> tuple[Sight, Floats]:
+        """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
+        config, robot, pose = self._config, self._robot, self._memory.pose
+        field = self._times(to_world(observation.target, pose), pose)
+        way, ahead = field.descent(pose, self._reach(observation))
+        self._tried += robot.dt if ahead < _BEFORE else 0.0
+        margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
+        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), way
+
+    def _reach(self, observation: Observation) -> float:
+        """How far candidates may be [m]."""
+        return min(self._candidates.max_range, observation.scan.range_max)
+
+    def _times(self, target: Floats, pose: Pose) -> Field:
+        """The expected times of the last decisions, or new ones, if these are old or of another target."""
+        memory, field = self._memory, self._field
+        self._age += 1
+        old = self._age >= _EVERY or len(memory.people) > 0
+        if field is None or old or apart(target, field.target) > _SAME_TARGET:
+            learned, here = self._learned_of(target), np.array(pose[:2])
+            narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
+            given = memory.points, target, here, memory.people, learned, narrow, self._stuck.rows
+            self._field = field = self._travel.field(*given)
+            self._age = 0
+        return field
+
+    def _learned_of(self, target: Floats) -> LearnedTimes:
+        """What was learned of the ways to a target."""
+        other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
+        if other:
+            self._tried = 0.0
+            self._stuck.forget()
+        if other or not (self._config.parts.memory and self._config.parts.learned):
+            self._learned, self._learned_for = LearnedTimes(), target
+        return self._learned
+
+    def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
+        """Random candidates all around, places on the fastest way, the target if it is in range; then the subgoal."""
+        reach = self._reach(observation)
+        parts = [sample(self._rng, self._candidates, reach, -math.pi, 2 * math.pi)]
+        if self._config.parts.structured:
+            parts.append(way)
+        if math.hypot(*observation.target.tolist()) <= reach:
+            parts.append(observation.target[None])
+        if subgoal is not None:
+            parts.append(subgoal[None])
+        return np.concatenate(parts)

@@ -1,0 +1,45 @@
+"""LME+ as a guide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.weight_files import learned_parameters
+from lme.guides.lme_plus.escaper import EscaperPlusConfig, LocalMinimumEscaperPlus
+from lme.robots import Robot
+from lme.types import Guidance, Observation
+
+OWN_SET = "lme_plus"  # of the weights that ship
+
+
+@dataclass(slots=True)
+class LmePlusConfig(EscaperPlusConfig):
+    """An escaper's settings and its parameters by name; {}: those that ship."""
+
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+class LmePlus:
+    """The successor of LME: candidates scored by expected time (docs/lme_plus.md)."""
+
+    Config = LmePlusConfig
+
+    def __init__(self, config: LmePlusConfig, robot: Robot) -> None:
+        parameters = config.parameters or learned_parameters(OWN_SET, own=OWN_SET)
+        self.escaper = LocalMinimumEscaperPlus(robot, parameters, config)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; `rng` draws the candidates."""
+        self.escaper.reset(rng)
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The subgoal with the least expected time, the known obstacle points, and the fastest way."""
+        decision, points, way = self.escaper.decide(observation)
+        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points, way)
+
+    def explanation(self) -> Explanation | None:
+        """All quantities behind the last decision; None before the first."""
+        return self.escaper.explanation()

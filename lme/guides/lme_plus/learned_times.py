@@ -1,0 +1,163 @@
+"""Times that a search shows to be the least possible, for later searches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.guides.lme.distance import distances_to
+from lme.guides.lme_plus.travel_grid import Grid, GridNumbers, disc_radius
+from lme.types import Floats
+
+
+@njit(cache=True, error_model="numpy")
+def learn(
+    learned: Floats,
+    corner: tuple[int, int],
+    times: Floats,
+    grid: GridNumbers,
+    here: Floats,
+    target: Floats,
+    most: float,
+    v_max: float,
+    moves: float,
+) -> None:
+    """Raise the times of the disc's cells in `learned` (A, B) to what a search found, or to the least that it allows.
+
+    corner: of the frame of the grid in `learned`. times (W, W): see `travel_times`; it has searched all ways of the
+    robot at `here` (2,) to the target (2,) of up to `most` [s]. So a cell that it has no time of takes at least `most`,
+    less the time of the straight way from the robot, to within the time for one cell. Cells of which that is no more
+    than the straight way takes are left out, also if the target `moves` [m]: they are outside of an ellipse.
+    """
+    low_x, low_y, cell, size = grid
+    x, y = (here[0] - low_x) / cell + 0.5, (here[1] - low_y) / cell + 0.5
+    to_x, to_y = (target[0] - low_x) / cell + 0.5, (target[1] - low_y) / cell + 0.5
+    ellipse = _ellipse(x, y, to_x, to_y, (most * v_max + moves) / cell)
+    middle, radius, cell_time = 0.5 * (size + 1.0), disc_radius(size), cell / v_max
+    for i in range(1, size + 1):
+        half = math.sqrt(max(radius * radius - (i - middle) ** 2, 0.0))
+        low, high = _columns(i, ellipse)
+        first, last = math.ceil(max(middle - half, low)), int(min(middle + half, high))
+        if first > last:
+            continue
+        known, found = (
+            learned[corner[0] + i, corner[1] + first : corner[1] + last + 1],
+            times[i, first : last + 1],
+        )
+        across = (i - x) ** 2
+        for n in range(len(known)):  # without branches, for the processor's vectors
+            along = first + n - y
+            least = most - math.sqrt(across + along * along) * cell_time
+            time = found[n] if found[n] < least else least
+            known[n] = time if time > known[n] else known[n]
+
+
+@njit(cache=True, error_model="numpy")
+def _ellipse(x, y, to_x, to_y, length):
+    """The places on ways of a length between two others [cells]: centre, and a, b, c of a x² + 2 b x y + c y² ≤ 1."""
+    apart = math.hypot(to_x - x, to_y - y)
+    cos, sin = ((to_x - x) / apart, (to_y - y) / apart) if apart > 0.0 else (1.0, 0.0)
+    along, across = 4.0 / length**2, 4.0 / max(length**2 - apart**2, 1e-9)
+    a, c = cos * cos * along + sin * sin * across, sin * sin * along + cos * cos * across
+    b = cos * sin * (along - across)
+    return 0.5 * (x + to_x), 0.5 * (y + to_y), a, b, c
+
+
+@njit(cache=True, error_model="numpy")
+def _columns(row, ellipse):
+    """First and last column of the ellipse in a row; the last is before the first if there is none."""
+    x, y, a, b, c = ellipse
+    off = row - x
+    root = (b * off) ** 2 - c * (a * off * off - 1.0)
+    if root < 0.0:
+        return 1.0, 0.0
+    return y - (b * off + math.sqrt(root)) / c, y - (b * off - math.sqrt(root)) / c
+
+
+OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned of the ways to it is forgotten
+Learned = tuple[
+    Floats, tuple[int, int]
+]  # times (A, B) [s], and in them the row and column before a grid's first cell
+
+
+class LearnedTimes:
+    """The least time to the target from each cell that was ever in reach [s], in the carried frame; 0 where none was.
+
+    A search says the time of the cells that it visited, and a least time of those that it had no reason to visit. Such
+    times only rise, as in Learning Real-Time A* (Korf 1990), in the form of Real-Time Adaptive A* (Koenig and Likhachev
+    2006, AAMAS, DOI 10.1145/1160633.1160682). Later, when a cell is at the edge of the disc and the points about it are
+    not known, it still has its time. So a dead end that is longer than the reach of the memory is not entered again and
+    again. The array grows in steps of the disc's width, so with the way.
+    """
+
+    def __init__(self) -> None:
+        self._times = np.zeros((0, 0))
+        self._first = 0, 0  # index of the first cell
+
+    def around(self, grid: Grid) -> Learned:
+        """The times, of which those about the cells of a grid may be changed."""
+        wide = grid.size + 2
+        low = round(grid.x / grid.cell) - 1, round(grid.y / grid.cell) - 1
+        corner = low[0] - self._first[0], low[1] - self._first[1]
+        rows, columns = self._times.shape
+        if 0 <= corner[0] <= rows - wide and 0 <= corner[1] <= columns - wide:
+            return self._times, corner
+        if not self._times.size:
+            self._first = low
+        pads, first = [], []
+        for at, start, count in zip(low, self._first, self._times.shape, strict=True):
+            before, after = max(start - at, 0), max(at + wide - start - count, 0)
+            pads.append((-(-before // wide) * wide, -(-after // wide) * wide))
+            first.append(start - pads[-1][0])
+        self._times, self._first = np.pad(self._times, pads), (first[0], first[1])
+        return self._times, (low[0] - self._first[0], low[1] - self._first[1])
+
+    def learn(
+        self, times: Floats, grid: Grid, here: Floats, target: Floats, most: float, v_max: float
+    ) -> None:
+        """Take in the `times` (W, W) of a search of all ways from `here` to `target` (2,) of up to `most` [s]."""
+        moves = 2.0 * OTHER_TARGET
+        learn(*self.around(grid), times, (*grid,), here, target, most, v_max, moves)
+
+
+_AFTER = 2.0  # [s] before a place in all, from which it counts
+_COST = 10.0  # [-] times as long as the robot was stuck before a place, the way through it takes longer
+_SAME = 0.5  # [m] between two places that count as one
+_RADIUS = 0.3  # [m] around a place, where the way takes longer
+
+
+class StuckPlaces:
+    """Places on the fastest way in front of which no candidate could be reached, in the carried frame.
+
+    A body that is longer than wide may not get where a disc of its inner radius can. So expected times do not know of
+    such places until it has tried. The way through one takes longer by `_COST` times as long as the robot was stuck
+    before it. So it takes another way at some time, however much longer that is.
+
+    rows: (S, 6) x, y [m], velocity 0, radius [m] and time per metre [s/m], as `kernels.travel_time` takes people.
+    """
+
+    def __init__(self, dt: float) -> None:
+        """dt: control period [s]."""
+        self._dt = dt
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all places, for another target."""
+        self._places, self._waited = np.empty((0, 2)), np.empty(0)  # [m], and how long before each [s]
+        self.rows: Floats = np.empty((0, 6))
+
+    def wait(self, place: Floats) -> None:
+        """Count one control period that the robot is stuck before a place (2,) [m]."""
+        away = distances_to(self._places, place)
+        if len(away) and away.min() < _SAME:
+            self._waited[away.argmin()] += self._dt
+        else:
+            self._places = np.vstack((self._places, place))
+            self._waited = np.append(self._waited, self._dt)
+        stuck = self._waited > _AFTER
+        slower = _COST * self._waited[stuck] / (2.0 * _RADIUS)
+        self.rows = np.column_stack(
+            (self._places[stuck], np.zeros((len(slower), 2)), np.full(len(slower), _RADIUS), slower)
+        )

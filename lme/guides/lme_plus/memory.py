@@ -1,0 +1,228 @@
+"""Short memory of obstacle points, carried along by dead reckoning."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.geometry.frames import compose, to_world
+from lme.geometry.motion import WIDEST, movers_among
+from lme.perception.dead_reckoning import DeadReckoning, Move
+from lme.perception.scan_points import obstacle_points
+from lme.robots import Robot
+from lme.types import Bools, Floats, Limits, Observation, Pose
+
+
+@njit(cache=True, error_model="numpy")
+def squares_around(reach: float, square: float) -> Bools:
+    """Whether each square within `reach` [m] has a point, for `remember`: none has, before and after each call."""
+    side = 2 * _half(reach, square) + 1
+    return np.zeros((side, side), np.bool_)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _half(reach, square):
+    """Squares on each side of the robot's own."""
+    return math.ceil(reach / square) + 1
+
+
+@njit(cache=True, error_model="numpy")
+def remember(
+    taken: Bools,
+    memory: Floats,
+    points: Floats,
+    ranges: NDArray[np.float32],
+    beams: tuple[float, float],
+    mount: tuple[float, float, float],
+    pose: tuple[float, float, float],
+    square: float,
+    reach: float,
+    slack: float,
+    range_max: float,
+) -> tuple[Floats, Floats]:
+    """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2), and in the robot frame.
+
+    taken: `squares_around` the robot. memory (N, 2), and the first result: in the carried frame [m]. points (M, 2): of
+    the scan, in the robot frame. ranges (B,), and beams: first bearing and increment [rad] in the lidar's frame, which
+    is at `mount`. pose: of the robot in the carried frame. square [m]: side of the squares. A remembered point is
+    dropped if it is farther than `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly
+    (`slack` [m]): then either a beam passed it, or the scan has a newer point of the same surface. Beams say nothing of
+    points that are not `slack` nearer than `range_max` [m].
+    """
+    half = _half(reach, square)
+    first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
+    kept = np.empty((len(points) + len(memory), 2))
+    count = 0
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for m in range(len(points)):
+        px, py = points[m, 0], points[m, 1]
+        if px * px + py * py > reach * reach:
+            continue
+        x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
+        i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
+        if not taken[i, j]:
+            taken[i, j] = True
+            kept[count, 0], kept[count, 1] = x, y
+            count += 1
+    lidar = pose[0] + cos * mount[0] - sin * mount[1], pose[1] + sin * mount[0] + cos * mount[1]
+    first = pose[2] + mount[2] + beams[0]
+    for n in range(len(memory)):
+        x, y = memory[n, 0], memory[n, 1]
+        if (x - pose[0]) ** 2 + (y - pose[1]) ** 2 > reach * reach:
+            continue
+        i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
+        if taken[i, j] or _in_sight(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack, range_max):
+            continue
+        taken[i, j] = True
+        kept[count, 0], kept[count, 1] = x, y
+        count += 1
+    kept, around = kept[:count], np.empty((count, 2))
+    for n in range(count):
+        i, j = math.floor(kept[n, 0] / square) - first_i, math.floor(kept[n, 1] / square) - first_j
+        taken[i, j] = False
+        x, y = kept[n, 0] - pose[0], kept[n, 1] - pose[1]
+        around[n, 0], around[n, 1] = cos * x + sin * y, cos * y - sin * x
+    return kept, around
+
+
+@njit(cache=True, error_model="numpy")
+def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
+    """Whether the beam nearest in angle and its neighbours end beyond the point, or less than `slack` before it."""
+    turn = 2.0 * math.pi / abs(increment)
+    beam = (math.atan2(dy, dx) - first) / increment
+    beam -= turn * math.floor((beam + 0.5) / turn)
+    middle = int(beam + 0.5)
+    if middle >= len(ranges):
+        return False
+    distance = math.sqrt(dx * dx + dy * dy)
+    if distance + slack > range_max:
+        return False
+    away = distance - slack
+    for beam in range(max(middle - 1, 0), min(middle + 2, len(ranges))):  # noqa: SIM110 (slow when compiled)
+        if not ranges[beam] > away:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
+    """The points (N, 2) within `reach` of a place [m], and the others, each in their order."""
+    near = np.empty(len(points), np.bool_)
+    for n in range(len(points)):
+        near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
+    return points[near], points[~near]
+
+
+_NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
+_STANDING = 0.05  # [m/s] slower people stand
+_SAME = 0.5  # [m] from where somebody stood a period ago: the same person
+_SORTED = 1.0  # [m] of way after which points near and far are sorted again
+_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
+_SQUARE = 0.05  # [m] one point is kept per square of this side
+
+
+class Memory:
+    """Points seen so far, in a frame fixed to the ground that starts at the robot.
+
+    The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
+    heading); v and ω are taken to change at their limits of acceleration and then to hold. Where odometry is the better
+    source, it is carried by that (`lme.perception.dead_reckoning`). It drifts like any dead reckoning, so only near and
+    recent points can be relied on. A point is forgotten as soon as the scan sees its place,
+    so points behind obstacles and in the blind arc are kept, and far ones until the robot comes back.
+    """
+
+    def __init__(self, robot: Robot, reach: float, keeps: bool = True, people: bool = True) -> None:
+        """reach: farther points are out of use until the robot comes nearer [m].
+
+        keeps: if not, only the points of the current scan are known. people: if not, the points of tracked people are
+        kept like all others.
+        """
+        self._keeps, self._tells_people = keeps, people
+        self._dt = robot.dt
+        self._mount = robot.lidar.mount
+        self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
+        self.points: Floats = _NOTHING  # in the carried frame
+        self.known: Floats = _NOTHING  # the same in the robot frame
+        self._far: Floats = _NOTHING  # out of reach, in the carried frame
+        self._sorted_at = self.pose
+        self._near = reach + _SORTED
+        self._reach = self._near + _SORTED  # the points of `reach` are all in, wherever they were sorted
+        self._taken = squares_around(self._reach, _SQUARE)
+        self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
+        # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and for how long they stand [s]
+        self.people = _NOBODY
+        self._reckoning = DeadReckoning(self._dt)
+
+    def see(self, observation: Observation) -> None:
+        """Advance one control period and take in the scan."""
+        scan, move = observation.scan, self._reckoning.move(observation)
+        if move is not None:
+            self.pose = _moved(self.pose, move, self._dt, observation.limits)
+        self.seen = obstacle_points(scan, self._mount)
+        still, theirs = self._without_people(observation.pedestrians)
+        if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
+            self._sort()
+        self.points, self.known = remember(
+            self._taken,
+            self.points if self._keeps else self.points[:0],
+            still,
+            scan.ranges,
+            (scan.angle_min, scan.angle_increment),
+            (*self._mount,),
+            (*self.pose,),  # plain tuples, which Numba recognises faster
+            _SQUARE,
+            self._reach,
+            _SLACK,
+            scan.range_max,
+        )
+        if len(theirs):
+            self.known = np.concatenate((self.known, theirs))
+
+    def _sort(self) -> None:
+        """Put the points that have come into reach among the near ones, and those that have left it among the far."""
+        self._sorted_at = self.pose
+        if self._keeps:
+            points = np.concatenate((self.points, self._far))
+            self.points, self._far = split(points, self.pose[:2], self._near)
+
+    def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
+        """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""
+        before, self.people = self.people, _NOBODY
+        if not (self._tells_people and len(pedestrians)):
+            return self.seen, self.seen[:0]
+        own, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
+        people[:, :2] = to_world(people[:, :2], self.pose)
+        people[:, 2:4] = to_world(people[:, 2:4], Pose(0.0, 0.0, self.pose.yaw))
+        self.people = np.column_stack((people, self._standing(people, before)))
+        return self.seen[~own], self.seen[own]
+
+    def _standing(self, people: Floats, before: Floats) -> Floats:
+        """For how long each of the people (P, 5) stands (P,) [s], by those of the last period (Q, 6)."""
+        still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
+        if not (still.any() and len(before)):
+            return np.zeros(len(people))
+        away = np.hypot(*(people[:, None, :2] - before[:, :2]).transpose(2, 0, 1))
+        same = away.argmin(axis=1)
+        known = still & (away.min(axis=1) < _SAME)
+        return np.where(known, before[same, 5] + self._dt, 0.0)
+
+
+def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
+    """The pose one control period later."""
+    if move.pose is not None:
+        x, y, yaw = compose(pose, move.pose)
+        return Pose(x, y, yaw)
+    before, now = move.before, move.now
+    distance = _way(before.v, now.v, limits.alpha_v, dt)
+    turn = _way(before.omega, now.omega, limits.alpha_omega, dt)
+    middle = pose.yaw + turn / 2
+    return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)
+
+
+def _way(before: float, now: float, alpha: float, dt: float) -> float:
+    """Integral over `dt` of a rate that changes from `before` to `now` at `alpha` and then holds."""
+    ramp = min(abs(now - before) / alpha, dt)
+    return (before + now) / 2 * ramp + now * (dt - ramp)

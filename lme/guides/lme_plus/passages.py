@@ -1,0 +1,82 @@
+"""How wide the passage is in which a cell lies, by the points on both of its sides."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.guides.lme_plus.travel_grid import HALF_DIAGONAL, Grid, Pace
+from lme.types import Floats
+
+_ONE_SIDED = 0.9  # share of the way from points on one side alone by which they are then farther at least
+
+
+@njit(cache=True, error_model="numpy")
+def half_width(
+    i: int,
+    j: int,
+    squares: Floats,
+    border: int,
+    obstacles: tuple[Floats, NDArray[np.int32], NDArray[np.int32]],
+    grid: Grid,
+    pace: Pace,
+) -> float:
+    """Half of the distance between the points on both sides of a cell [m]; 0 if it is in no narrow passage.
+
+    The cell is in row i and column j of the grid, from 0. squares, and obstacles, which are points (M, 2), following
+    (M,) and first (size, size): see `nearest_points.draw`; `border` cells of squares are around the grid. One of the
+    two points is the nearest in the grid to the cell's centre, at least half a cell away. The other is on the other
+    side, so the angle between them is more than a right one, and less than 2 `inner` from it.
+    """
+    (points, following, first), (low_x, low_y, cell, size) = obstacles, grid
+    square = squares[i + border, j + border]
+    x, y = low_x + (i + 0.5) * cell, low_y + (j + 0.5) * cell
+    ax, ay, nearest = 0.0, 0.0, np.inf
+    reach = int(math.sqrt(square) + 0.5)
+    for a in range(max(i - reach, 0), min(i + reach + 1, size)):
+        for b in range(max(j - reach, 0), min(j + reach + 1, size)):
+            m = first[a, b]
+            while m >= 0:
+                dx, dy = points[m, 0] - x, points[m, 1] - y
+                away = dx * dx + dy * dy
+                if away < nearest:
+                    ax, ay, nearest = dx, dy, away
+                m = following[m]
+    if nearest < 0.25 * cell * cell:
+        return 0.0
+    most = 4.0 * pace.inner * pace.inner
+    side = HALF_DIAGONAL * math.sqrt(nearest)
+    width, reach = most, int(2.0 * pace.inner / cell + 0.5)
+    for a in range(max(i - reach, 0), min(i + reach + 1, size)):
+        for b in range(max(j - reach, 0), min(j + reach + 1, size)):
+            if (a - i) * ax + (b - j) * ay > side:
+                continue
+            m = first[a, b]
+            while m >= 0:
+                dx, dy = points[m, 0] - x, points[m, 1] - y
+                if dx * ax + dy * ay < 0.0:
+                    width = min(width, (dx - ax) ** 2 + (dy - ay) ** 2)
+                m = following[m]
+    return 0.5 * math.sqrt(width) if width < most else 0.0
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def may_be_passage(squares, i, j, tight, comfort):
+    """Whether a cell can be in a narrow passage; tight, comfort: as in `Pace`, but in cells. i, j: as in `squares`.
+
+    It is not if all places in it are less than `tight` from a point, or if the points are on one side alone: then the
+    nearest is farther from one of twelve cells about 2 cells away, by nearly all of the way there.
+    """
+    square = squares[i, j]
+    least = max(tight - HALF_DIAGONAL, 0.5)
+    if square < least * least:
+        return False
+    away = math.sqrt(square)
+    straight = min(away + _ONE_SIDED * 2.0, comfort) ** 2
+    if max(squares[i - 2, j], squares[i + 2, j], squares[i, j - 2], squares[i, j + 2]) >= straight:
+        return False
+    aslant = min(away + _ONE_SIDED * math.sqrt(5.0), comfort) ** 2
+    rows = max(squares[i - 2, j - 1], squares[i - 2, j + 1], squares[i + 2, j - 1], squares[i + 2, j + 1])
+    columns = max(squares[i - 1, j - 2], squares[i - 1, j + 2], squares[i + 1, j - 2], squares[i + 1, j + 2])
+    return max(rows, columns) < aslant

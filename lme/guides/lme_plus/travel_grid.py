@@ -1,0 +1,259 @@
+"""What the search for expected times works on: a grid, the robot's pace in it, and arrays that are used again."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.guides.lme_plus.nearest_points import pad
+from lme.types import Bools, Floats
+
+HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
+
+
+class Grid(NamedTuple):
+    """`size` × `size` square cells of side `cell` [m], of which those of the largest disc inside the frame are used.
+
+    x, y: the corner with the lowest coordinates [m].
+    """
+
+    x: float
+    y: float
+    cell: float
+    size: int
+
+
+GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
+PaceNumbers = tuple[float, float, float, float, float, float, float]  # a Pace as a plain tuple
+
+
+class Pace(NamedTuple):
+    """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
+
+    d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
+    up to (1 + slowdown) times, and from there down to d = tight with the difference, up to `narrow` times. d < tight:
+    no passage. Between points on two sides, d is half of the distance between these (`passages.half_width`). Within
+    `room` [m] of a robot that is nearer to a point than `inner`, places that are as near as it, but for half a cell's
+    diagonal, are passable, and in a passage between two sides as slow as d = inner: the robot is in it. If the target
+    is nearer to a point than `inner`, ways of up to 2 inner lead to it where no point is in the cell itself. They take
+    so long that the robot is expected to come as near as there is passage.
+    """
+
+    v_max: float
+    tight: float
+    inner: float
+    comfort: float
+    slowdown: float
+    narrow: float
+    room: float
+
+
+class Workspace(NamedTuple):
+    """Arrays that `travel_times` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
+
+    times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads, so outside the
+    disc. edge (E,): the cells of the disc with a neighbour outside it. steps (C,): time across a cell [s], 0 if not
+    known yet. narrow (C,): whether a cell is in a narrow passage, between points on two sides, if its step is known.
+    away (C,): distance from the robot [cells], likewise. squares, first, marks: see `nearest_points.draw`. nodes
+    (2, N): a cell that was put into a bucket, and the next node of that bucket. walls (C,): cells that were seen to be
+    no passage. used (2,): number of nodes and of walls.
+    """
+
+    times: Floats
+    tentative: Floats
+    steps: Floats
+    narrow: Bools
+    away: Floats
+    squares: Floats
+    first: NDArray[np.int32]
+    marks: NDArray[np.int32]
+    nodes: NDArray[np.int32]
+    walls: NDArray[np.int32]
+    used: NDArray[np.int64]
+    edge: NDArray[np.int32]
+
+
+def workspace(size: int, cell: float, comfort: float) -> Workspace:
+    """A workspace for grids of `size` × `size` cells of side `cell` [m], and one comfort [m]."""
+    wide, padded, disc = size + 2, size + 2 * pad(comfort, cell), _disc(size)
+    return Workspace(
+        times=np.full((wide, wide), np.inf),
+        tentative=np.where(disc, np.inf, -np.inf).ravel(),
+        steps=np.zeros(wide * wide),
+        narrow=np.zeros(wide * wide, np.bool_),
+        away=np.empty(wide * wide),
+        squares=np.full((padded, padded), np.inf),
+        first=np.full((size, size), -1, np.int32),
+        marks=np.empty(padded * padded, np.int32),
+        nodes=np.empty((2, 5 * wide * wide), np.int32),
+        walls=np.empty(wide * wide, np.int32),
+        used=np.zeros(2, np.int64),
+        edge=np.flatnonzero(_edge(disc)).astype(np.int32),
+    )
+
+
+def _disc(size: int) -> Bools:
+    """Whether each of (size + 2, size + 2) cells is in the disc."""
+    along = np.arange(size + 2) - (size + 1) / 2
+    inside: Bools = np.hypot(along[:, None], along) <= disc_radius(size)
+    return inside
+
+
+def _edge(disc: Bools) -> Bools:
+    """Which cells of the disc have one of their four neighbours outside it."""
+    inner = np.zeros_like(disc)
+    inner[1:-1, 1:-1] = disc[:-2, 1:-1] & disc[2:, 1:-1] & disc[1:-1, :-2] & disc[1:-1, 2:]
+    return disc & ~inner
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def disc_radius(size: int) -> float:
+    """Radius of the disc [cells]; one cell less than would fit, so that what is known reaches beyond its edge."""
+    return 0.5 * size - 1.0
+
+
+_STEP = 4  # cells between a place and those that tell in which direction T falls there
+
+
+@njit(cache=True, error_model="numpy")
+def rest_at(
+    times: Floats,
+    places: Floats,
+    pose: tuple[float, float, float],
+    grid: Grid | GridNumbers,
+    robot_time: float,
+    beyond: float,
+    here: Floats,
+    target: Floats,
+    v_max: float,
+) -> Floats:
+    """T at the (N, 2) places in the frame at `pose` [s]: (N,). Elsewhere than searched, the least possible.
+
+    The search ended `beyond` [s] after the time of the robot, which is at `here` (2,). If that is inf, such places
+    have the time of the straight line to the target (2,), at v_max [m/s].
+    """
+    places = _placed(places, pose)
+    out = times_at(times, places, grid)
+    known = robot_time < np.inf
+    for n in range(len(places)):
+        if out[n] == np.inf:
+            apart = here if known else target
+            dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
+            straight = math.sqrt(dx * dx + dy * dy) / v_max
+            out[n] = max(robot_time + beyond - straight, 0.0) if known else straight
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def turns_at(
+    times: Floats,
+    places: Floats,
+    pose: tuple[float, float, float],
+    grid: Grid | GridNumbers,
+    target: Floats,
+) -> Floats:
+    """Angles between the straight ways from `pose` to (N, 2) places in its frame and the steepest descents of T there.
+
+    From 0 to π [rad]: (N,). T is that of cells: those `_STEP` cells to each side of the place's own, or on one side
+    only where the search did not reach the other. 0 at places that it did not reach, and nearer than that to the target
+    or the grid's edge.
+    """
+    low_x, low_y, cell, size = grid
+    to_x, to_y, near = target[0], target[1], (_STEP * cell) ** 2
+    placed, out = _placed(places, pose), np.zeros(len(places))
+    for n in range(len(places)):
+        x, y = placed[n, 0], placed[n, 1]
+        i, j = math.floor((x - low_x) / cell) + 1, math.floor((y - low_y) / cell) + 1
+        inside = _STEP < i <= size - _STEP and _STEP < j <= size - _STEP
+        if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < near:
+            continue
+        down_x = _fall(times[i - _STEP, j], times[i, j], times[i + _STEP, j])
+        down_y = _fall(times[i, j - _STEP], times[i, j], times[i, j + _STEP])
+        x, y = x - pose[0], y - pose[1]
+        out[n] = abs(math.atan2(x * down_y - y * down_x, x * down_x + y * down_y))
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _fall(before, here, after):
+    """By how much T falls from one side of a cell to the other; from the side that has one, twice."""
+    if before < np.inf:
+        return before - after if after < np.inf else 2.0 * (before - here)
+    return 2.0 * (here - after) if after < np.inf else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _placed(places, pose):
+    """The places in the frame of the pose."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    out = np.empty(places.shape)
+    for n in range(len(places)):
+        x, y = places[n, 0], places[n, 1]
+        out[n, 0], out[n, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
+    """T at the (N, 2) places by bilinear interpolation of the cells that have one [s]: (N,); inf if none has."""
+    low_x, low_y, cell, size = grid
+    out = np.full(len(places), np.inf)
+    for n in range(len(places)):
+        x = min(max((places[n, 0] - low_x) / cell + 0.5, 1.0), size - 1e-9)
+        y = min(max((places[n, 1] - low_y) / cell + 0.5, 1.0), size - 1e-9)
+        i, j = int(x), int(y)
+        total, weights = 0.0, 0.0
+        for a in range(2):
+            for b in range(2):
+                time = times[i + a, j + b]
+                if time < np.inf:
+                    weight = (x - i if a else i + 1 - x) * (y - j if b else j + 1 - y)
+                    total += weight * time
+                    weights += weight
+        if weights > 0.0:
+            out[n] = total / weights
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def descend(
+    times: Floats,
+    narrow: Bools,
+    pose: tuple[float, float, float],
+    grid: Grid | GridNumbers,
+    length: float,
+    every: int,
+) -> tuple[Floats, float]:
+    """Places on the way of steepest descent of T, one per `every` cells, in the frame at the pose: (K, 2) [m].
+
+    The way goes from the pose's cell to cell, for at most `length` [m]. Returns also how far on it the first of the
+    `narrow` cells (W²,) is [m]; inf: none.
+    """
+    low_x, low_y, cell, size = grid
+    i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
+    j = min(max(int((pose[1] - low_y) / cell) + 1, 1), size)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    most = int(length / cell)
+    places = np.empty((most // every + 1, 2))
+    count, way, ahead = 0, 0.0, 0.0 if narrow[i * (size + 2) + j] else np.inf
+    for k in range(1, most + 1):
+        steepest, di, dj = 0.0, 0, 0
+        for a in range(-1, 2):
+            for b in range(-1, 2):
+                fall = (times[i, j] - times[i + a, j + b]) / math.sqrt(max(a * a + b * b, 1))
+                if fall > steepest:
+                    steepest, di, dj = fall, a, b
+        if di == 0 and dj == 0:
+            break
+        i, j, way = i + di, j + dj, way + cell * math.sqrt(di * di + dj * dj)
+        if ahead == np.inf and narrow[i * (size + 2) + j]:
+            ahead = way
+        if k % every == 0:
+            x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]
+            places[count, 0], places[count, 1] = cos * x + sin * y, cos * y - sin * x
+            count += 1
+    return places[:count], ahead

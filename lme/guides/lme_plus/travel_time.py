@@ -1,0 +1,268 @@
+"""Expected time to a target from every cell of a local disc, around obstacle points.
+
+The eikonal equation |∇T| = s is solved from the target outwards (fast marching: Sethian 1999, SIAM Review 41(2),
+DOI 10.1137/S0036144598347059), with buckets instead of a heap (Yatziv, Bartesaghi & Sapiro 2006, J. Comput. Phys.
+212(2), DOI 10.1016/j.jcp.2005.08.005). s is the time per metre. Cells are taken in the order of T plus the time that
+the straight line from the robot takes, as in A*, so cells far from every possible way of the robot are never
+visited. In this order a cell may come before one that it depends on; then its time is recomputed.
+
+At the edge of the disc the time is that of the straight line, or what earlier searches have learned of the place if
+that is more (Learning Real-Time A*, Korf 1990, Artificial Intelligence 42(2-3), DOI 10.1016/0004-3702(90)90054-4).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from lme.guides.lme_plus.nearest_points import draw, erase, pad
+from lme.guides.lme_plus.passages import half_width, may_be_passage
+from lme.guides.lme_plus.travel_grid import (
+    HALF_DIAGONAL,
+    Grid,
+    GridNumbers,
+    Pace,
+    PaceNumbers,
+    Workspace,
+    disc_radius,
+)
+from lme.types import Floats
+
+BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
+_NEIGHBOURS = 4
+_BESIDE = 20.0  # [-] times as long as at v_max: the way from the nearest passage to a target that has none
+_TINY = 1e-9  # [m] instead of a band without width
+_GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
+
+
+@njit(cache=True, error_model="numpy")
+def travel_times(
+    work: Workspace | tuple[Any, ...],
+    points: Floats,
+    target: Floats,
+    robot: Floats,
+    grid: Grid | GridNumbers,
+    pace: Pace | PaceNumbers,
+    people: Floats,
+    learned: Floats,
+    corner: tuple[int, int],
+    beyond: float,
+    leave: bool,
+) -> float:
+    """T of every cell [s], in `work.times` until the next call; returns that of the robot's cell.
+
+    points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. people (P, 6): x, y, vx, vy [m, m/s], the
+    radius within which they are in the way [m], and the time per metre that it costs to be there when they are [s/m];
+    the robot is expected at a place after the time of the straight way. learned (A, B): the least times known before
+    [s], where `corner` is that of the grid's frame. A way that leaves the disc is straight and free from there to the
+    target, or takes what was learned of the cell at its edge if that is more; to a target in the disc, ways leave it
+    only if `leave` is true. Only ways from the robot that take at most `beyond` [s] more than the best are searched;
+    cells on no such way are inf, as are those without passage. Python passes plain tuples: Numba needs 5 µs more to
+    recognise each named one.
+    """
+    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people, learned, corner
+    time: float = _solve(*named, beyond, leave)
+    return time
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(work, points, target, robot, grid, pace, people, learned, corner, beyond, leave):
+    x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
+    rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
+    place = grid.x, grid.y, grid.cell, grid.size
+    following = np.empty(len(points), np.int32)
+    lists = work.first, following, work.marks
+    marks, nearest = draw(work.squares, *lists, points, robot, place, pace.comfort, pace.inner)
+    least = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
+    inside = _inside(x, y, grid.size)
+    enclosed = inside and not leave
+    obstacles = points, following, work.first
+    time = _march(
+        work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, least, beyond, enclosed
+    )
+    erase(work.squares, work.first, work.marks, marks, pace.comfort, grid.cell)
+    return time
+
+
+@njit(cache=True, error_model="numpy")
+def _clear(work):
+    """Forget the last result."""
+    times = work.times.ravel()
+    for n in range(work.used[0]):
+        at = work.nodes[0, n]
+        times[at] = work.tentative[at] = np.inf
+        work.steps[at], work.narrow[at] = 0.0, False
+    for n in range(work.used[1]):
+        at = work.walls[n]
+        work.tentative[at], work.steps[at] = np.inf, 0.0
+    work.used[:] = 0
+
+
+@njit(cache=True, error_model="numpy")
+def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
+    """Solve the equation from the target, or also from the edge of the disc unless the ways are `enclosed` in it.
+
+    target, robot: (row, column). least [m]: distance that a passage near the robot must have.
+    """
+    _clear(work)
+    wide, cell_time = grid.size + 2, grid.cell / pace.v_max
+    x, y = target
+    rx, ry = robot
+    here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
+    final, tentative, steps, far = work.times.ravel(), work.tentative, work.steps, work.away
+    narrow, passable = work.narrow, pace.tight < pace.inner
+    least_half, most = pace.tight / grid.cell, pace.comfort / grid.cell
+    cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
+    border = pad(pace.comfort, grid.cell) - 1
+    beside = _beside(squares, border, x, y, grid, pace)
+    at_target, count = _sources(cells, work.edge, x, y, grid.size, enclosed)
+    heads = np.full(BUCKETS, -1, np.int32)
+    first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
+    for n in range(count):
+        i, j = cells[n] // wide, cells[n] % wide
+        time = math.hypot(i - x, j - y) * cell_time
+        if n >= at_target:
+            time = max(time, learned[i + corner[0], j + corner[1]])
+        tentative[cells[n]] = time
+        bucket = min(int(time / cell_time + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
+        follow[n], heads[bucket] = heads[bucket], n
+    bucket, stop, least_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
+    node = heads[0]
+    aside, ahead = np.uint64(1), np.uint64(wide)  # indices without a sign are faster: none can be negative
+    while True:
+        if node < 0:
+            bucket += 1
+            if bucket >= stop:
+                break
+            node = heads[bucket]
+            continue
+        at = np.uint64(cells[node])
+        node = follow[node]
+        known = tentative[at]
+        if final[at] <= known:
+            continue
+        final[at] = known
+        if at == np.uint64(here):
+            stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
+        for k in range(_NEIGHBOURS):
+            near = at + aside if k == 0 else at - aside if k == 1 else at + ahead if k == 2 else at - ahead
+            enough = tentative[near] - least_gain
+            if known >= enough:
+                continue  # a time by way of this cell is longer than its own
+            step = steps[near]
+            if step == 0.0:
+                i, j = int(near) // wide, int(near) % wide
+                away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
+                square = squares[i + border, j + border] * grid.cell * grid.cell
+                tight, half = square < pace.inner * pace.inner, 0.0
+                if tight and passable and may_be_passage(squares, i + border, j + border, least_half, most):
+                    half = half_width(i - 1, j - 1, squares, border + 1, obstacles, grid, pace)
+                step = grid.cell * _slowness(max(square, half * half), half, away * grid.cell, least, pace)
+                if (
+                    tight
+                    and step > _BESIDE * cell_time
+                    and (i - x) ** 2 + (j - y) ** 2 < beside
+                    and square > 0.5 * grid.cell**2
+                ):
+                    step = _BESIDE * cell_time
+                if len(people):
+                    place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
+                    step += grid.cell * _in_the_way(place, away * cell_time, people)
+                steps[near], far[near], narrow[near] = step, away, half > 0.0
+                if step == np.inf:
+                    walls[blocked] = near
+                    blocked += 1
+                    if tentative[near] == np.inf:
+                        tentative[near] = -np.inf  # not looked at again
+            if step == np.inf:
+                continue
+            time = _eikonal(
+                min(final[near - ahead], final[near + ahead]),
+                min(final[near - aside], final[near + aside]),
+                step,
+            )
+            if time < enough and count < len(cells):
+                tentative[near] = time
+                into = min(int(time / cell_time + far[near] - first), BUCKETS - 1)
+                cells[count] = near
+                if into <= bucket:
+                    follow[count], node = node, count
+                else:
+                    follow[count], heads[into] = heads[into], count
+                count += 1
+    work.used[0], work.used[1] = count, blocked
+    return final[here]
+
+
+@njit(cache=True, error_model="numpy")
+def _beside(squares, border, x, y, grid, pace):
+    """Squared distance up to which ways lead to a target that has no passage [cells²]; 0 if it has."""
+    if _inside(x, y, grid.size):
+        square = squares[int(x + 0.5) + border, int(y + 0.5) + border] * grid.cell * grid.cell
+        if square < pace.inner * pace.inner:
+            return 4.0 * pace.inner * pace.inner / (grid.cell * grid.cell)
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _sources(cells, edge, x, y, size, enclosed):
+    """Put the cells whose time is known into `cells`; how many are about the target, and how many with the edge."""
+    at_target = 0
+    if _inside(x, y, size):
+        for i in range(int(x), int(x) + 2):
+            for j in range(int(y), int(y) + 2):
+                cells[at_target] = i * (size + 2) + j
+                at_target += 1
+    count = at_target
+    if not enclosed:
+        for at in edge:
+            cells[count] = at
+            count += 1
+    return at_target, count
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _inside(x, y, size):
+    """Whether a (row, column) is in the disc by at least the diagonal of a cell, so that the cells about it are."""
+    middle = 0.5 * (size + 1.0)
+    return math.hypot(x - middle, y - middle) <= disc_radius(size) - 2.0 * HALF_DIAGONAL
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _eikonal(a, b, step):
+    """The time of a cell whose neighbours have times a along one axis and b along the other; inf: none."""
+    apart = abs(a - b)
+    if apart < step:
+        return 0.5 * (a + b + math.sqrt(2.0 * step * step - apart * apart))
+    return min(a, b) + step
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _slowness(square, half, away, least, pace):
+    """Time per metre [s/m] by squared distance to the nearest point and distance to the robot; inf: no passage."""
+    if square >= pace.comfort * pace.comfort:
+        return 1.0 / pace.v_max
+    d = math.sqrt(square)
+    if d < pace.inner:
+        beside = d >= least and away <= pace.room
+        if d < pace.tight and not beside:
+            return np.inf
+        if half == 0.0 or not beside:
+            share = (pace.inner - max(d, pace.tight)) / max(pace.inner - pace.tight, _TINY)
+            return (1.0 + pace.slowdown + (pace.narrow - 1.0 - pace.slowdown) * share) / pace.v_max
+        d = pace.inner
+    share = (pace.comfort - d) / (pace.comfort - pace.inner)
+    return (1.0 + pace.slowdown * share * share) / pace.v_max
+
+
+@njit(cache=True, error_model="numpy")
+def _in_the_way(place, time, people):
+    """Time per metre that people cost at a place after some time [s/m]."""
+    cost = 0.0
+    for n in range(len(people)):
+        dx = people[n, 0] + time * people[n, 2] - place[0]
+        dy = people[n, 1] + time * people[n, 3] - place[1]
+        if dx * dx + dy * dy < people[n, 4] * people[n, 4]:
+            cost = max(cost, people[n, 5])
+    return cost

@@ -1,0 +1,137 @@
+"""One control period of many robots, each in its own world, and what each of them sees."""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from lme.geometry.collision import first_event
+from lme.geometry.motion import drive, even_limits, time_beyond, travelled
+from lme.geometry.noise import add_noise
+from lme.perception.raycast import cast_beams
+from lme.types import Floats, Ints
+
+RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
+
+
+class Places(NamedTuple):
+    """The worlds and tasks of N robots, each in the first rows of its part of the arrays.
+
+    circles (N, C, 3), edges (N, E, 4): obstacles [m]. counts (N, 2): how many of them are the robot's.
+    starts, goals (N, 2) [m]. rules (N, 3): tolerance of the goal [m], time limit [s], distance from the start [m] at
+    which the clock starts.
+    """
+
+    circles: Floats
+    edges: Floats
+    counts: Ints
+    starts: Floats
+    goals: Floats
+    rules: Floats
+
+
+class Bodies(NamedTuple):
+    """N robots: limits (N, 4), boxes (N, 3) of what collides [m], and the radius (N,) around each box [m]."""
+
+    limits: Floats
+    boxes: Floats
+    reaches: Floats
+
+
+class States(NamedTuple):
+    """The state of N robots, which the kernels change.
+
+    poses (N, 3); twists (N, 2); times (N,) since reset [s]; clocks (N,): when the clock started [s], NaN before;
+    lengths (N,) of the paths [m]; outcomes (N,).
+    """
+
+    poses: Floats
+    twists: Floats
+    times: Floats
+    clocks: Floats
+    lengths: Floats
+    outcomes: Ints
+
+
+@njit(cache=True, error_model="numpy")
+def advance(states, bodies, places, commands, dt, max_step, even_ramp):
+    """Drive every robot for one control period of `dt` [s], or until contact or arrival.
+
+    commands (N, 2) [m/s, rad/s]; max_step [m] and even_ramp as in `sim=fast`.
+    """
+    for i in range(len(commands)):
+        x, y, begin = states.poses[i, 0], states.poses[i, 1], states.times[i]
+        travel, twist = _motion(i, states, bodies, commands, dt, max_step, even_ramp)
+        circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
+        box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
+        passed, _, contact, arrived = first_event(
+            travel, places.goals[i], places.rules[i, 0], box, circles, edges
+        )
+        states.poses[i] = travel[passed - 1]
+        states.twists[i, 0], states.twists[i, 1] = twist
+        states.times[i] = begin + dt * passed / len(travel)
+        states.lengths[i] += travelled(x, y, travel[:passed])
+        _run_clock(i, states, places, travel[:passed], begin)
+        states.outcomes[i] = _outcome(i, states, places, contact, arrived)
+
+
+@njit(cache=True, error_model="numpy")
+def look(chosen, states, places, lidar, table, noise, noise_std, ranges, targets):
+    """Write what the chosen robots (K,) see: ranges (K, B) [m], and targets (K, 2) in their frames [m].
+
+    lidar: x, y, yaw of the mount, angle_min, angle_increment, range_max; table (2, B): `beam_table`; noise (K, B)
+    standard normal, not read if noise_std [m] is 0.
+    """
+    mount_x, mount_y, mount_yaw, angle_min, increment, range_max = lidar
+    for k in range(len(chosen)):
+        i = chosen[k]
+        x, y, yaw = states.poses[i, 0], states.poses[i, 1], states.poses[i, 2]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
+        lidar_x, lidar_y = x + cos * mount_x - sin * mount_y, y + sin * mount_x + cos * mount_y
+        heading = wrapped(yaw + mount_yaw) + angle_min
+        ranges[k] = cast_beams(lidar_x, lidar_y, heading, increment, range_max, table, circles, edges)
+        if noise_std > 0.0:
+            add_noise(ranges[k], noise[k], noise_std, range_max)
+        dx, dy = places.goals[i, 0] - x, places.goals[i, 1] - y
+        targets[k, 0], targets[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@njit(cache=True, error_model="numpy")
+def wrapped(angle):
+    """`lme.geometry.frames.wrap_angle`: the angle wrapped to (−π, π] [rad], exactly."""
+    size = abs(angle)
+    part = size % math.tau
+    rest = math.tau - part
+    if part > rest or (part == rest and 0.5 * (size - part) % math.tau != 0.0):
+        part = -rest
+    part = math.copysign(1.0, angle) * part
+    return math.pi if part <= -math.pi else part
+
+
+@njit(cache=True, error_model="numpy")
+def _motion(i, states, bodies, commands, dt, max_step, even_ramp):
+    """`drive` of robot i."""
+    pose = (states.poses[i, 0], states.poses[i, 1], states.poses[i, 2])
+    twist, command = (states.twists[i, 0], states.twists[i, 1]), (commands[i, 0], commands[i, 1])
+    limits = (bodies.limits[i, 0], bodies.limits[i, 1], bodies.limits[i, 2], bodies.limits[i, 3])
+    if even_ramp:
+        limits = even_limits(twist, command, limits, dt)
+    return drive(pose, twist, command, limits, dt, max_step, bodies.reaches[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _run_clock(i, states, places, travel, begin):
+    """Start the clock of robot i if it is far enough from the start."""
+    if math.isnan(states.clocks[i]):
+        states.clocks[i] = time_beyond(travel, places.starts[i], places.rules[i, 2], begin, states.times[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _outcome(i, states, places, contact, arrived):
+    if contact:
+        return COLLISION
+    if arrived:
+        return SUCCESS
+    elapsed = states.times[i] if math.isnan(states.clocks[i]) else states.times[i] - states.clocks[i]
+    return TIMEOUT if elapsed >= places.rules[i, 1] - 1e-9 else RUNNING

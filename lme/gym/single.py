@@ -1,0 +1,127 @@
+"""The environment of one robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.gym.episodes import DrawRobot, world_of
+from lme.gym.frame import frame
+from lme.gym.reward import CODES, Result, Reward, distances
+from lme.gym.spaces import (
+    Arrays,
+    Settings,
+    action_space,
+    arrays,
+    choose,
+    commands,
+    observation_space,
+    people_rows,
+)
+from lme.navigation.episode import Progress
+from lme.perception.people.source import People, people_source
+from lme.robots import Robot
+from lme.simulation.simulator import Simulator
+from lme.types import Floats, Observation, Outcome, Twist
+from lme.worlds.world import MapSet
+
+
+class NavigationEnv(gym.Env[Any, Any]):
+    """Drive a robot to its goal past obstacles that it sees with a lidar.
+
+    See docs/envs.md for observation, action, reward and info. Each episode is in a world of the map set, drawn at
+    random; `reset(options={"world": 42})` chooses it.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+
+    def __init__(
+        self,
+        map: str | MapSet = "barn",
+        robot: str | Robot | DrawRobot = "jackal",
+        sim: str = "fast",
+        reward: Reward | Settings | None = None,
+        map_config: Settings | None = None,
+        sim_config: Settings | None = None,
+        render_mode: str | None = None,
+        people: str = "none",
+    ) -> None:
+        """See `lme.gym.spaces.choose` for the other keywords.
+
+        people: whom the observation's `people` holds, see `lme.perception.people.source.People`; "none": no such key.
+        """
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f'render_mode is {render_mode!r}: must be None or "rgb_array"')
+        self.render_mode = render_mode
+        self._choices = choose(map, robot, sim, reward, map_config, sim_config)
+        self._episodes = self._choices.episodes()
+        self._people = people_source(people, self._episodes.robot)
+        self._shows_people = people != People.none
+        self.observation_space = observation_space(self._episodes.robot.lidar, self._shows_people)
+        self.action_space = action_space()
+        self._simulator: Simulator | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Arrays, dict[str, Any]]:
+        """Start an episode, in the world `options["world"]` if there is one."""
+        super().reset(seed=seed)
+        self._task, self._robot = self._episodes.draw(self.np_random, world_of(options))
+        self._simulator = self._choices.simulator(self._choices.config, self._robot)
+        observation = self._simulator.reset(self._task, self.np_random)
+        if self._people:
+            self._people.reset()
+        self._progress, self._steps = Progress(self._task, self._simulator.state), 0
+        self._trail, self._distance = [self._simulator.state.pose], self._distance_left()
+        return self._seen(observation), {"world": self._task.number, "optimal_time": self._task.optimal_time}
+
+    def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
+        """Drive for one control period. Raises InputError for an action that is not two numbers."""
+        if self._simulator is None:
+            raise InputError("the robot has no episode yet: call reset before step")
+        v, omega = commands(action, np.array(self._robot.limits.bounds)).tolist()
+        before = self._simulator.state
+        observation = self._simulator.step(Twist(v, omega))
+        state = self._simulator.state
+        self._progress.moved(before, state)
+        self._steps += 1
+        self._trail.append(state.pose)
+        outcome = self._progress.outcome(state)
+        truncated = outcome is Outcome.TIMEOUT
+        terminated = outcome is not None and not truncated
+        info = {} if outcome is None else self._result(outcome).info()
+        return self._seen(observation), self._reward(outcome), terminated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The scene from above, (H, W, 3); None without a render mode."""
+        if self.render_mode is None or self._simulator is None:
+            return None
+        return frame(self._task, self._robot, self._simulator, self._scan, self._trail)
+
+    def _seen(self, observation: Observation) -> Arrays:
+        self._scan = scan = observation.scan
+        seen = arrays(
+            scan.ranges, observation.target, observation.twist, observation.limits.bounds, scan.range_max
+        )
+        if self._shows_people:
+            told = self._people.seen(observation, None) if self._people else observation
+            seen["people"] = people_rows(told.pedestrians)
+        return seen
+
+    def _reward(self, outcome: Outcome | None) -> float:
+        before, self._distance = self._distance, self._distance_left()
+        return float(self._choices.reward.of(before, self._distance, np.array([CODES[outcome]]))[0])
+
+    def _distance_left(self) -> Floats:
+        """(1,) distance from robot to goal [m]."""
+        assert self._simulator is not None
+        return distances(np.array([self._task.goal]), np.array([self._simulator.state.pose]))
+
+    def _result(self, outcome: Outcome) -> Result:
+        assert self._simulator is not None
+        time, length = self._progress.time(self._simulator.state), self._progress.path_length
+        return Result(outcome, self._task.number, time, length, self._steps, self._task.optimal_time)

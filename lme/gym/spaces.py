@@ -1,0 +1,181 @@
+"""Observations and actions as Gymnasium's spaces describe them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from lme.config.presets import load_map_set, load_robot, load_simulator
+from lme.errors import InputError, nearest, require
+from lme.gym.episodes import DrawRobot, Episodes
+from lme.gym.reward import Reward
+from lme.robots import Lidar, Robot
+from lme.types import Floats
+from lme.worlds.world import MapSet
+
+Arrays = dict[str, NDArray[np.float32]]
+
+MOST_PEOPLE = 16  # in an observation
+
+
+def observation_space(lidar: Lidar, people: bool) -> spaces.Dict[Any]:
+    """scan [m], target [m], twist [m/s, rad/s] and limits (v_max, ω_max, α_v, α_ω), float32; and `people_rows`."""
+    space = spaces.Dict(
+        scan=spaces.Box(0.0, lidar.range_max, (lidar.num_beams,), np.float32),
+        target=spaces.Box(-np.inf, np.inf, (2,), np.float32),
+        twist=spaces.Box(-np.inf, np.inf, (2,), np.float32),
+        limits=spaces.Box(0.0, np.inf, (4,), np.float32),
+    )
+    if people:
+        space["people"] = spaces.Box(-np.inf, np.inf, (MOST_PEOPLE, 5), np.float32)
+    return space
+
+
+def action_space() -> spaces.Box[Any]:
+    """v and ω, each as a share of the robot's limit."""
+    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def arrays(ranges: NDArray[np.float32], target: Any, twist: Any, limits: Any, range_max: float) -> Arrays:
+    """New arrays as in the space, of one robot or of many. The range of a beam without a return becomes range_max."""
+    return {
+        "scan": np.minimum(ranges, np.float32(range_max)),
+        "target": np.array(target, dtype=np.float32),
+        "twist": np.array(twist, dtype=np.float32),
+        "limits": np.array(limits, dtype=np.float32),
+    }
+
+
+def people_rows(pedestrians: Floats) -> NDArray[np.float32]:
+    """(MOST_PEOPLE, 5) of people (P, 4) in the robot frame [m, m/s]: those who are nearest, and 1; then rows of 0."""
+    rows = np.zeros((MOST_PEOPLE, 5), np.float32)
+    nearest = np.argsort(np.hypot(pedestrians[:, 0], pedestrians[:, 1]), kind="stable")[:MOST_PEOPLE]
+    rows[: len(nearest), :4] = pedestrians[nearest]
+    rows[: len(nearest), 4] = 1.0
+    return rows
+
+
+def commands(actions: Any, limits: Floats) -> Floats:
+    """Velocity commands (..., 2) [m/s, rad/s] of actions (..., 2), cut off at ±1. limits (..., 4).
+
+    Raises InputError for actions of another shape and for NaN.
+    """
+    given = np.asarray(actions, dtype=np.float64)
+    shape = (*limits.shape[:-1], 2)
+    if given.shape != shape or np.isnan(given).any():
+        raise InputError(f"the action is {given.tolist()}: must be numbers in [-1, 1], of shape {shape}")
+    return np.asarray(np.clip(given, -1.0, 1.0) * limits[..., :2])
+
+
+Settings = Mapping[str, Any]
+
+
+@dataclass(slots=True)
+class Choices:
+    """The objects that an environment is made of. simulator: a class, called with `config` and a robot."""
+
+    map_set: MapSet
+    robot: Robot | DrawRobot
+    simulator: Any
+    config: Any
+    reward: Reward
+
+    def episodes(self) -> Episodes:
+        """The episodes to drive."""
+        return Episodes(self.map_set, self.robot)
+
+
+def choose(
+    map: str | MapSet,
+    robot: str | Robot | DrawRobot,
+    sim: str,
+    reward: Reward | Settings | None,
+    map_config: Settings | None,
+    sim_config: Settings | None,
+) -> Choices:
+    """The objects for these keywords. Raises InputError for an unknown name or key, or a wrong value.
+
+    map, robot, sim: names in `conf/map/`, `conf/robot/` and `conf/sim/`, or objects. map_config, sim_config: values
+    for some of the keys of a named one. reward: values for some of the fields of `Reward`.
+    """
+    chosen = load_robot(robot) if isinstance(robot, str) else robot
+    fixed = chosen if isinstance(chosen, Robot) else None
+    map_set = load_map_set(map, map_config, fixed) if isinstance(map, str) else map
+    if map_set is map and map_config:
+        raise InputError(
+            "map_config is given with a map set, not with a name: must be given to the map set itself"
+        )
+    simulator, config = load_simulator(sim, sim_config)
+    terms = reward if isinstance(reward, Reward) else _reward(reward or {})
+    return Choices(map_set, chosen, simulator, config, terms)
+
+
+def _reward(given: Settings) -> Reward:
+    known = [field.name for field in fields(Reward)]
+    for key in given:
+        if key not in known:
+            raise InputError(
+                f"reward.{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}"
+            )
+    return Reward(**given)
+
+
+TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
+
+
+class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
+    """(beams + 4,) float32: the scan clipped at `clip` [m], the target, and the last action.
+
+    beams: their number; each is the nearest return of a group of neighbouring beams of the lidar. None: all beams.
+    A target farther away than twice the clip is moved in to that distance. At the start the last action is 0.
+    Source: Daffan/ros_jackal, where the robot learns to drive in the BARN worlds.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], clip: float = 5.0, beams: int | None = None) -> None:
+        """Raises InputError unless `beams` divides those of the lidar."""
+        gym.utils.RecordConstructorArgs.__init__(self, clip=clip, beams=beams)
+        gym.Wrapper.__init__(self, env)
+        require("clip", clip, above=0.0)
+        scan = env.observation_space["scan"]  # type: ignore[index]
+        (have,) = scan.shape
+        self._clip, self._beams = clip, have if beams is None else beams
+        if self._beams < 1 or have % self._beams:
+            raise InputError(f"beams is {beams}: must divide the lidar's {have}")
+        self.observation_space = spaces.Box(-1.0, 1.0, (self._beams + 4,), np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """See the environment."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        return self._flat(observation, np.zeros(2)), info
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], Any, bool, bool, dict[str, Any]]:
+        """See the environment."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self._flat(observation, np.clip(action, -1.0, 1.0)), reward, terminated, truncated, info
+
+    def _flat(self, seen: Arrays, action: Any) -> NDArray[np.float32]:
+        return flattened(seen, np.asarray(action), self._beams, self._clip)
+
+
+def flattened(seen: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0) -> NDArray[np.float32]:
+    """The vectors (..., beams + 4) of `FlatObservation` for observations of one robot or of many.
+
+    action (..., 2): the last one, in [−1, 1]; beams: a divisor of the lidar's; clip [m].
+    """
+    scan, target = seen["scan"], seen["target"]
+    nearest = scan.reshape(*scan.shape[:-1], beams, -1).min(axis=-1)
+    away = np.hypot(target[..., :1], target[..., 1:])
+    parts = (
+        np.minimum(nearest, clip) / clip * 2.0 - 1.0,
+        target / np.maximum(TARGET_CLIPS * clip, away),
+        action,
+    )
+    return np.concatenate(parts, axis=-1).astype(np.float32)

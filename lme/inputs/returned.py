@@ -1,0 +1,183 @@
+"""Check what a guide, planner, filter, criterion, simulator or source of people returns, once, where lme takes it.
+
+Each of them may be a user's own. The message names its class or function by the dotted path, what is wrong, and how
+many values are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Set
+from typing import Any, cast
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Floats, Guidance, LaserScan, Observation, Twist
+
+_NO_NUMBER = (str, bytes, bool, np.bool_)
+_PLACES = "rows of (x, y) in the robot's frame [m]"
+_FLOAT = np.dtype(np.float64)
+_REAL = "fiub"  # kinds of NumPy's dtypes that hold real numbers
+
+
+class ReturnedError(InputError):
+    """A guide, planner, filter, criterion, simulator or source of people returned something that cannot be used."""
+
+
+def dotted_name(thing: Any) -> str:
+    """The dotted path of a function, or of the class of an object."""
+    named = thing if hasattr(thing, "__qualname__") else type(thing)
+    return f"{named.__module__}.{named.__qualname__}"
+
+
+def checked_command(command: object, planner: object) -> Twist:
+    """The command of a planner or filter. Raises ReturnedError unless it is a pair of finite numbers."""
+    v = omega = math.nan
+    if isinstance(command, tuple) or not isinstance(command, str | bytes | Mapping | Set):
+        try:
+            first, second = cast(Iterable[Any], command)  # or TypeError, ValueError
+            if not isinstance(first, _NO_NUMBER) and not isinstance(second, _NO_NUMBER):
+                v, omega = float(first), float(second)
+        except (TypeError, ValueError, OverflowError):
+            pass
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        raise ReturnedError(
+            f"{dotted_name(planner)}.plan returned {_shown(command)}: "
+            "must be (v [m/s], omega [rad/s]), both finite numbers"
+        )
+    return Twist(v, omega)
+
+
+def checked_guidance(guidance: object, guide: object) -> Guidance:
+    """The guidance of a guide, with arrays of floats. Raises ReturnedError unless planners can follow it."""
+    try:
+        return _guidance(guidance)
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(guide)}.guide returned {error}") from None
+
+
+def checked_values(values: object, number: int, criterion: object) -> Floats:
+    """The values of a criterion for `number` candidates. Raises ReturnedError unless each is a finite number."""
+    try:
+        return checked_array(values, (number,), "values", "a number for each candidate")
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(criterion)} returned {error}") from None
+
+
+def checked_people(observation: object, source: object) -> Observation:
+    """The observation of a source of people. Raises ReturnedError unless its pedestrians are (P, 4) finite numbers."""
+    try:
+        if not isinstance(observation, Observation):
+            raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
+        wanted = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
+        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", wanted)
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(source)}.seen returned {error}") from None
+    return observation if people is observation.pedestrians else observation._replace(pedestrians=people)
+
+
+def checked_observation(observation: object, state: Any, simulator: object) -> Observation:
+    """The observation of a simulator. Raises ReturnedError unless a navigator can use it and its state is finite.
+
+    state: the `lme.simulation.simulator.State` after it.
+    """
+    try:
+        where = (*state.pose, state.time)
+        checked_array(where, (4,), "a state", "a pose (x [m], y [m], yaw [rad]) and a time [s]")
+        return _observation(observation)
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(simulator)} returned {error}") from None
+
+
+def checked_array(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
+    """The value as an array of finite floats: itself if it is one.
+
+    shape: None for any number. what, wanted: what it is and what it must be, for the message of a ReturnedError.
+    """
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.flags.c_contiguous:
+        array: Floats = value
+    else:
+        array = _as_floats(value, shape, what, wanted)
+    given = array.shape
+    if given != shape and (
+        len(given) != len(shape) or any(n not in (None, m) for n, m in zip(shape, given, strict=True))
+    ):
+        raise ReturnedError(f"{what} of shape {given}: must be {wanted}, of shape {_shape(shape)}")
+    if given == (2,):
+        x, y = array.tolist()  # quicker than NumPy for two numbers
+        finite = math.isfinite(x) and math.isfinite(y)
+    else:
+        finite = bool(np.isfinite(array).all())
+    if not finite:
+        bad = int(np.count_nonzero(~np.isfinite(array)))
+        numbers = f"{bad} of {array.size} numbers are not finite"
+        raise ReturnedError(f"{what} of which {numbers}: must be {wanted}, all finite")
+    return array
+
+
+def _guidance(guidance: object) -> Guidance:
+    """Guidance with arrays of floats. Raises ReturnedError without its source."""
+    if not isinstance(guidance, Guidance):
+        raise ReturnedError(f"{_shown(guidance)}: must be an lme.Guidance")
+    subgoal, path, switched, blocked, points, way = guidance
+    for name, flag in (("switched", switched), ("blocked", blocked)):
+        if flag is not True and flag is not False and not isinstance(flag, np.bool_):
+            raise ReturnedError(f"{name}={_shown(flag)}: must be True or False")
+    checked = checked_array(subgoal, (2,), "a subgoal", "(x, y) in the robot's frame [m]")
+    if checked is not subgoal:
+        guidance = guidance._replace(subgoal=checked)
+    for name, places in (("path", path), ("points", points), ("way", way)):
+        if places is not None:
+            checked = checked_array(places, (None, 2), f"the {name}", _PLACES)
+            if checked is not places:
+                guidance = guidance._replace(**{name: checked})  # type: ignore[arg-type]
+    if guidance.path is not None and not len(guidance.path):
+        raise ReturnedError("a path without points: must have one, or be None")
+    return guidance
+
+
+def _observation(observation: object) -> Observation:
+    """An observation with a target of floats. Raises ReturnedError without its source."""
+    if not isinstance(observation, Observation):
+        raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
+    scan = observation.scan
+    if not isinstance(scan, LaserScan):
+        raise ReturnedError(f"the scan {_shown(scan)}: must be an lme.LaserScan")
+    ranges = np.asarray(scan.ranges)
+    if ranges.ndim != 1 or ranges.dtype.kind not in "fiu":
+        raise ReturnedError(f"a scan with ranges {_kind(ranges)}: must be (num_beams,) numbers [m]")
+    checked_array(scan[1:], (4,), "a scan with angles and limits", "finite numbers")
+    target = checked_array(observation.target, (2,), "a target", "(x, y) in the robot's frame [m]")
+    checked_array(observation.twist, (2,), "a twist", "(v [m/s], omega [rad/s])")
+    checked_array(observation.odometry, (3,), "an odometry", "(x [m], y [m], yaw [rad])")
+    return observation if target is observation.target else observation._replace(target=target)
+
+
+def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
+    """Real numbers of any other kind as floats. Strings that spell numbers are none."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in _REAL:
+        raise ReturnedError(
+            f"{what} {_shown(value)}: must be {wanted}, real numbers of shape {_shape(shape)}"
+        )
+    return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
+
+
+def _shape(shape: tuple[int | None, ...]) -> str:
+    return str(tuple("any" if n is None else n for n in shape)).replace("'any'", "N")
+
+
+def _kind(array: Any) -> str:
+    return f"of type {array.dtype} and shape {array.shape}"
+
+
+def _shown(value: object) -> str:
+    """A value for a message: what it is, and no more of it than fits into a line."""
+    if isinstance(value, np.ndarray) and value.size > 4:
+        return f"an array {_kind(value)}"
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

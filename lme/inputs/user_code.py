@@ -1,0 +1,98 @@
+"""Tell an error of a user's own code, such as a planner or a criterion, from one of lme, and say where it occurred."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import os
+import sys
+import sysconfig
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from lme.errors import InputError
+
+TRACEBACK = "LME_TRACEBACK"  # the environment variable that asks for tracebacks
+_PACKAGES = Path(__file__).resolve().parents[2]
+_OURS = (_PACKAGES / "lme", _PACKAGES / "runners")
+_INSTALLED = {"site-packages", "dist-packages"}
+
+
+def user_error(error: BaseException) -> str:
+    """`my_module.py:12: ZeroDivisionError: division by zero` if a user's own code raised the error, else empty.
+
+    It did if lme called it, as the traceback shows from where the error is caught. An InputError has its own message.
+    """
+    if isinstance(error, InputError):
+        return ""
+    text = " ".join(traceback.format_exception_only(error)[-1].split())
+    if isinstance(error, SyntaxError) and error.filename and _is_users(error.filename):
+        return f"{_short(error.filename)}:{error.lineno}: {text}"
+    frames = traceback.extract_tb(error.__traceback__)
+    inner = [i for i, frame in enumerate(frames) if _is_users(frame.filename)]
+    if not inner:
+        return ""
+    last = frames[inner[-1]]
+    after = [frame for frame in frames[inner[-1] :] if _is_ours(frame.filename)]
+    raised = f" (raised in {_short(after[-1].filename)}:{after[-1].lineno})" if after else ""
+    return f"{_short(last.filename)}:{last.lineno}: {text}{raised}"
+
+
+def explained(error: BaseException) -> str:
+    """`user_error` and how to see the traceback."""
+    line = user_error(error)
+    return f"{line} ({TRACEBACK}=1 shows the traceback)" if line else ""
+
+
+def show_traceback(error: BaseException) -> None:
+    """Print the traceback of an error that was explained in one line, if the environment asks for it.
+
+    An attribute `trace` of the error is the text to print, such as the traceback in another process.
+    """
+    if os.environ.get(TRACEBACK, "") not in ("", "0"):
+        trace = getattr(error, "trace", "") or "".join(traceback.format_exception(error))
+        print(trace, end="", file=sys.stderr)
+
+
+def import_module(name: str) -> ModuleType:
+    """Import a module that a config names.
+
+    Raises InputError if it is not there, or where the user's own code fails meanwhile, also by ending the program.
+    """
+    try:
+        return importlib.import_module(name)
+    except (Exception, SystemExit) as error:
+        line = user_error(error)
+        if not line and not isinstance(error, ImportError | SyntaxError):
+            raise
+        raise InputError(line or str(error)) from error
+
+
+@functools.cache
+def _library_folders() -> tuple[Path, ...]:
+    paths = sysconfig.get_paths()
+    return tuple(Path(paths[name]).resolve() for name in ("stdlib", "platstdlib"))
+
+
+@functools.cache
+def _is_users(filename: str) -> bool:
+    """Whether a file is neither lme's, nor Python's, nor of an installed package."""
+    if filename.startswith("<"):
+        return False
+    path = Path(filename).resolve()
+    if _is_ours(filename) or _INSTALLED & {*path.parts}:
+        return False
+    return not any(path.is_relative_to(folder) for folder in _library_folders())
+
+
+@functools.cache
+def _is_ours(filename: str) -> bool:
+    path = Path(filename).resolve()
+    return any(path.is_relative_to(folder) for folder in _OURS)
+
+
+def _short(filename: str) -> str:
+    """The path from the working folder, if the file lies in it."""
+    path = Path(filename).resolve()
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)

@@ -1,0 +1,164 @@
+"""Strict reading of hand-written YAML: each mistake is reported in one line that says where it is."""
+
+from __future__ import annotations
+
+import math
+import re
+import reprlib
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from lme.errors import InputError, nearest
+from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
+from lme.types import Floats
+
+_EXPONENT = re.compile(r"([-+]?\d+)(?:\.(\d*))?[eE]([-+]?)(\d+)")  # of a number with one
+
+
+def read_yaml(path: Path) -> object:
+    """The content of a YAML file.
+
+    Raises InputError if it cannot be read, is not valid, repeats a key, or is not a regular file of a bounded size.
+    """
+    try:
+        text = read_text(path, YAML_BYTES)
+        check_structure(text)
+        return yaml.load(text, Loader=_UniqueKeys)
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error
+    except InputError:
+        raise
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+class Entry:
+    """A mapping in a YAML file, read key by key.
+
+    place: the file and the position in it, for messages. Raises InputError for unknown or missing keys.
+    """
+
+    def __init__(
+        self, place: str, value: object, required: Sequence[str], optional: Sequence[str] = ()
+    ) -> None:
+        self.place = place
+        known = (*required, *optional)
+        if not isinstance(value, dict):
+            raise InputError(f"{place}: {_shorten(value)} must be a mapping with {', '.join(known)}")
+        for key in value:
+            if key not in known:
+                raise InputError(
+                    f"{place}: unknown key {_shorten(key)}: {nearest(str(key), known)}must be one of {', '.join(known)}"
+                )
+        missing = [key for key in required if key not in value]
+        if missing:
+            raise InputError(f"{place}: {missing[0]} is missing: must hold {', '.join(required)}")
+        self._value = value
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys that are given."""
+        return list(self._value)
+
+    def value(self, key: str, default: object = None) -> Any:
+        """The value of a key, unchecked."""
+        return self._value.get(key, default)
+
+    def entries(self, key: str) -> list[tuple[str, object]]:
+        """The items of a list, each with its place; none if the key is absent or empty."""
+        items = self._value.get(key) or []
+        if not isinstance(items, list):
+            raise self.mistake(key, "a list")
+        return [(f"{self.place}, {key}[{i}]", item) for i, item in enumerate(items)]
+
+    def number(self, key: str, default: float | None = None, above: float | None = None) -> float:
+        """One finite number, greater than `above` if that is given."""
+        number = _number(self._value.get(key, default))
+        if number is None or (above is not None and number <= above):
+            raise self.mistake(key, "a finite number" + ("" if above is None else f" greater than {above:g}"))
+        return number
+
+    def numbers(self, key: str, right: str, count: int, above: float | None = None) -> list[float]:
+        """`count` finite numbers, each greater than `above` if that is given. right: their names."""
+        numbers = _numbers(self._value.get(key), count)
+        if numbers is None or (above is not None and min(numbers) <= above):
+            suffix = "" if above is None else f", each greater than {above:g}"
+            raise self.mistake(key, f"[{right}], {count} finite numbers{suffix}")
+        return numbers
+
+    def points(self, key: str, at_least: int) -> Floats:
+        """(K, 2) points [x, y], K ≥ `at_least`, no two successive ones the same."""
+        given = self._value.get(key)
+        pairs = [_numbers(pair, 2) for pair in given] if isinstance(given, list) else []
+        if len(pairs) < at_least or None in pairs:
+            raise self.mistake(key, f"a list of at least {at_least} points [x, y] [m]")
+        points = np.array(pairs, dtype=np.float64)
+        if (points[1:] == points[:-1]).all(axis=1).any():
+            raise self.mistake(key, "points, no two successive ones the same")
+        return points
+
+    def mistake(self, key: str, right: str) -> InputError:
+        """The error for a wrong value. right: what it must be."""
+        value = self._value.get(key)
+        return InputError(f"{self.place}: {key} is {_shorten(value)}: must be {right}{_as_number(value)}")
+
+
+class _UniqueKeys(SafeLoader):  # type: ignore[misc]
+    """Refuses a repeated key. PyYAML silently keeps the last one, which would lose a part of a drawing."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.MarkedYAMLError(
+                        problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
+                    )
+                seen.add(key.value)
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _numbers(value: object, count: int) -> list[float] | None:
+    if not isinstance(value, list) or len(value) != count:
+        return None
+    numbers = [number for item in value if (number := _number(item)) is not None]
+    return numbers if len(numbers) == count else None
+
+
+def _as_number(value: object) -> str:
+    """How to write the first text of a value that looks like a number, such as 1e9: YAML 1.1 wants point and sign."""
+    if isinstance(value, list):
+        return next(filter(None, map(_as_number, value)), "")
+    match = _EXPONENT.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return ""
+    whole, fraction, sign, exponent = match.groups(default="")
+    number = f"{whole}.{fraction or '0'}e{sign or '+'}{exponent}"
+    return "" if number == value else f"; YAML reads {value} as a text: write {number}"
+
+
+def _shorten(value: object) -> str:
+    """A value, shortened to fit on one line."""
+    return "empty" if value is None else " ".join(reprlib.repr(value).split())
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

@@ -1,0 +1,208 @@
+"""A costmap in the odometry frame, like the one of ROS costmap_2d for a global planner.
+
+It has the obstacle layer and the inflation layer with their parameters and defaults: Lu, Hershberger & Smart 2014,
+"Layered costmaps for context-sensitive navigation", DOI 10.1109/IROS.2014.6942636, and wiki.ros.org/costmap_2d.
+Unknown space is free.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.geometry.frames import compose, to_robot
+from lme.grids.obstacle_grid import (
+    INSCRIBED,
+    Grid,
+    draw_discs,
+    draw_edges,
+    draw_polygon,
+    inflate,
+    lattice,
+    observe,
+)
+from lme.grids.outline import free_covered
+from lme.mapping.inflation import inflation_stamp
+from lme.mapping.map_clock import MapInput
+from lme.robots import Robot
+from lme.types import Bools, Floats, Ints, Pose
+from lme.worlds.world import World
+
+Cell = tuple[int, int]
+
+_MOST_CELLS = 20_000_000
+_WIDEST_STAMP = 200  # [cells] greatest radius of inflation
+
+
+@dataclass(slots=True)
+class CostmapConfig:
+    """Size of the grid, marking and clearing by scans, and inflation of obstacles."""
+
+    cell_size: float = 0.05  # [m]
+    margin: float = 20.0  # [m] around the box of start, goal and known obstacles; paths stay inside
+    obstacle_range: float = 2.5  # [m] hits up to here are marked
+    raytrace_range: float = 3.0  # [m] beams clear cells up to here
+    observation_persistence: float = 1.0  # [s] after a hit, a cell is not cleared for this time
+    inf_is_valid: bool = True  # a beam without a return clears cells
+    footprint_clearing: bool = False  # cells under the padded footprint are free
+    footprint_padding: float = 0.1  # [m] added to the footprint's inner radius
+    inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
+    cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
+    update_rate: float | None = None  # [Hz] of the map's own clock; None: with every observation
+
+    def __post_init__(self) -> None:
+        for key in ("cell_size", "obstacle_range", "raytrace_range"):
+            require(f"guide.costmap.{key}", getattr(self, key), above=0.0)
+        for key in (
+            "margin",
+            "observation_persistence",
+            "footprint_padding",
+            "inflation_radius",
+            "cost_scaling_factor",
+        ):
+            require(f"guide.costmap.{key}", getattr(self, key), at_least=0.0)
+        if self.update_rate is not None:
+            require("guide.costmap.update_rate", self.update_rate, above=0.0)
+
+
+class Costmap:
+    """Seen or known obstacles around a start at the origin.
+
+    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not. stamp: of `stamp`, the
+    costs around an occupied cell from the next scan or `refresh` on.
+    """
+
+    def __init__(self, config: CostmapConfig, robot: Robot, places: Floats) -> None:
+        """places: (N, 2) the goal, and whatever else must be on the grid [m]."""
+        self._config = config
+        self._lidar = robot.lidar.mount
+        rate = min(config.update_rate or robot.control_rate, robot.control_rate)
+        self._keep = round(config.observation_persistence * rate)  # [scans]
+        self._grid, size = _layout(config, places)
+        self.stamp = stamp(config, robot.footprint.r_min)
+        self._outline = robot.footprint.outline(config.footprint_padding)
+        own = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
+        self._around = config.obstacle_range + float(own) + config.cell_size  # [m] that a scan changes
+        self._hits = np.zeros(size, dtype=np.int32)
+        self.costs = np.zeros(size, dtype=np.uint8)
+        self._low = self._high = np.array(self.cell(np.zeros(2)))  # of the box around all obstacles so far
+        self._reach = 0  # [cells] of the widest stamp so far
+        self._scans = 0
+
+    def observe(self, taken: MapInput) -> None:
+        """Mark the cells that the scan hits and clear those it passes; see `lme.grids.obstacle_grid.observe`."""
+        scan, config = taken.scan, self._config
+        lidar = compose(taken.scan_pose, self._lidar)
+        self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._around, self._around)])
+        self._scans += 1
+        observe(
+            self._hits,
+            self.costs,
+            self._grid,
+            self.stamp,
+            self._scans,
+            self._keep,
+            lidar,
+            scan.ranges,
+            (scan.angle_min, scan.angle_increment),
+            (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),
+            config.inf_is_valid,
+        )
+        if config.footprint_clearing:
+            window = self.window([])
+            low = (self._grid[0] + window[0].start, self._grid[1] + window[1].start, self._grid[2])
+            free_covered(self._hits[window], self._outline, taken.pose, low)
+
+    def draw(self, world: World, start: Pose) -> None:
+        """Mark the cells of the world's obstacles; `start`: pose of the odometry frame in the world."""
+        circles = np.column_stack([to_robot(world.circles[:, :2], start), world.circles[:, 2]])
+        ends = to_robot(world.edges.reshape(-1, 2, 2), start)
+        draw_discs(self._hits, self._grid, circles)
+        draw_edges(self._hits, self._grid, ends.reshape(-1, 4))
+        for polygon in world.polygons:
+            draw_polygon(self._hits, self._grid, to_robot(polygon, start))
+        self._extend(np.argwhere(self._hits))
+
+    def refresh(self) -> None:
+        """Recompute the costs from the current obstacles."""
+        window = self.window([])
+        inflate(self._hits[window], self.stamp, self.costs[window])
+
+    def window(self, cells: Sequence[Cell]) -> tuple[slice, slice]:
+        """The part of the grid with these cells, all obstacles and their costs, and one free cell around these.
+
+        No cheapest path between the cells leaves it: drawn back to its edge, a path is no longer and costs no more.
+        """
+        self._reach = max(self._reach, int(np.abs(self.stamp[:, :2]).max()))
+        ends = np.array([self._low - self._reach - 1, self._high + self._reach + 1, *cells])
+        low, high = np.maximum(ends.min(axis=0), 0), np.minimum(ends.max(axis=0) + 1, self.costs.shape)
+        return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
+
+    def cell(self, point: Floats) -> Cell:
+        """Array index of the cell that contains a point (2,) [m], or of the nearest cell of the grid."""
+        low_i, low_j, cell_size = self._grid
+        i, j = lattice(point[0] / cell_size) - low_i, lattice(point[1] / cell_size) - low_j
+        return min(max(i, 0), self.costs.shape[0] - 1), min(max(j, 0), self.costs.shape[1] - 1)
+
+    def points(self, cells: Ints) -> Floats:
+        """Centres (..., 2) [m] of the cells (..., 2)."""
+        return np.asarray((cells + np.array(self._grid[:2])) * self._grid[2], dtype=np.float64)
+
+    def forbidden(self, points: Floats) -> Bools:
+        """Whether each of the points (K, 2) [m] lies in a forbidden cell: (K,). False outside the grid."""
+        index = np.rint(points / self._grid[2]).astype(np.int64) - np.array(self._grid[:2])
+        on_grid = ((index >= 0) & (index < self.costs.shape)).all(axis=1)
+        i, j = np.where(on_grid[:, None], index, 0).T
+        return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
+
+    def _extend(self, cells: Sequence[Cell] | Ints) -> None:
+        """Let the box around all obstacles hold these cells (N, 2)."""
+        ends = np.vstack([self._low, self._high, cells])
+        self._low, self._high = ends.min(axis=0), ends.max(axis=0)
+
+
+def stamp(config: CostmapConfig, r_min: float) -> Ints:
+    """Costs around one occupied cell, (K, 3) rows (di, dj, cost), for a footprint of inner radius r_min [m].
+
+    Cells are forbidden up to the padded inner radius. Raises InputError if the stamp is too wide.
+    """
+    inscribed = r_min + config.footprint_padding
+    reach = max(inscribed, config.inflation_radius)
+    if reach > _WIDEST_STAMP * config.cell_size:
+        key = "footprint_padding" if inscribed > config.inflation_radius else "inflation_radius"
+        raise InputError(
+            f"guide.costmap.{key} is {getattr(config, key):g}: obstacles would raise costs up to {reach:g} m: "
+            f"must be at most {_WIDEST_STAMP} cells, {_WIDEST_STAMP * config.cell_size:g} m"
+        )
+    return inflation_stamp(
+        config.cell_size, r_min, inscribed, config.inflation_radius, config.cost_scaling_factor
+    )
+
+
+def ends_of(world: World, start: Pose) -> Floats:
+    """(N, 2) points in the odometry frame between which all obstacles lie [m]; `start` as in `Costmap.draw`."""
+    middles, radii = to_robot(world.circles[:, :2], start), world.circles[:, 2:]
+    return np.vstack([to_robot(world.edges.reshape(-1, 2), start), middles - radii, middles + radii])
+
+
+def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int]]:
+    """The grid around the origin and the places (N, 2), and its shape (I, J)."""
+    ends = np.vstack([np.zeros(2), places])
+    below, above = (
+        np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))
+    )
+    size = [int(cells) + 1 for cells in below + above]
+    cells = size[0] * size[1]
+    if cells > _MOST_CELLS:
+        # A side has up to three cells more than its length has: the ends are rounded outwards.
+        least = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
+        raise InputError(
+            f"guide.costmap.cell_size is {config.cell_size:g}: the global map with a margin of {config.margin:g} m "
+            f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {least:g} m, or a smaller "
+            "guide.costmap.margin"
+        )
+    return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])

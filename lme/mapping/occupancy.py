@@ -1,0 +1,267 @@
+"""An occupancy grid of hits and misses, and the map that it gives for a robot that drove in it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lme.errors import InputError
+from lme.types import Bools, Floats, Ints, LaserScan, Pose
+
+
+@njit(cache=True, error_model="numpy")
+def trace_beams(hits, misses, ranges, angles, limits, clears_far, pose, resolution):
+    """Count the cells that the beams of a scan pass and hit.
+
+    hits, misses (rows, columns) int32: changed in place; they must hold every cell within limits[1] of the lidar.
+    ranges (num_beams,) float32 [m]; angles (first, increment) [rad] in the frame of `pose`; limits (nearest valid
+    range, farthest range that counts, range without a return) [m]; pose: x [cells], y [cells], yaw [rad].
+    A beam that ends beyond limits[1] passes everything up to there; one without a return does so if `clears_far`.
+    """
+    x0, y0 = pose[0], pose[1]
+    nearest, farthest, none = limits[0], limits[1], limits[2]
+    for i in range(len(ranges)):
+        length = float(ranges[i])
+        if not (length > 0.0 and length >= nearest):  # also for nan
+            continue
+        if length >= none and not clears_far:
+            continue
+        is_hit = length <= farthest and length < none
+        length = min(length, farthest) / resolution
+        bearing = pose[2] + angles[0] + i * angles[1]
+        x1, y1 = x0 + length * math.cos(bearing), y0 + length * math.sin(bearing)
+        row, column = _pass(misses, x0, y0, x1, y1)
+        if is_hit:
+            hits[row, column] += 1
+        else:
+            misses[row, column] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _pass(misses, x0, y0, x1, y1):
+    """Add 1 to every cell from (x0, y0) to just before the cell of (x1, y1); returns that cell's row and column.
+
+    Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
+    """
+    column, row = math.floor(x0), math.floor(y0)
+    end_column, end_row = math.floor(x1), math.floor(y1)
+    dx, dy = x1 - x0, y1 - y0
+    right, up = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
+    per_column = abs(1.0 / dx) if dx != 0.0 else np.inf
+    per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
+    next_column = abs(column + (dx > 0.0) - x0) * per_column if dx != 0.0 else np.inf
+    next_row = abs(row + (dy > 0.0) - y0) * per_row if dy != 0.0 else np.inf
+    for _ in range(abs(end_column - column) + abs(end_row - row)):
+        misses[row, column] += 1
+        # Rounding must not carry the ray past the row or the column in which it ends.
+        if row == end_row or (column != end_column and next_column < next_row):
+            column += right
+            next_column += per_column
+        else:
+            row += up
+            next_row += per_row
+    return end_row, end_column
+
+
+@njit(cache=True, error_model="numpy")
+def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
+    """(rows, columns) cells that at most `steps` steps between neighbours of a row or a column lead to.
+
+    seeds (S, 2): rows and columns to start from; they count even if they are not passable.
+    """
+    rows, columns = passable.shape
+    reached = np.zeros(passable.shape, np.bool_)
+    queue = np.empty((passable.size, 2), np.int32)
+    tail = 0
+    for k in range(len(seeds)):
+        row, column = seeds[k, 0], seeds[k, 1]
+        if not reached[row, column]:
+            reached[row, column] = True
+            queue[tail, 0], queue[tail, 1] = row, column
+            tail += 1
+    head = 0
+    for _ in range(steps):
+        ring = tail
+        while head < ring:
+            row, column = queue[head, 0], queue[head, 1]
+            head += 1
+            for down, right in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                r, c = row + down, column + right
+                if 0 <= r < rows and 0 <= c < columns and passable[r, c] and not reached[r, c]:
+                    reached[r, c] = True
+                    queue[tail, 0], queue[tail, 1] = r, c
+                    tail += 1
+    return reached
+
+
+@njit(cache=True, error_model="numpy")
+def densified(way: Floats, step: float, jump: float) -> Floats:
+    """(P, 2) points at most `step` apart on the lines between the points of a way (N, 2), except across a `jump`."""
+    count = 1
+    for k in range(1, len(way)):
+        count += _pieces(way, k, step, jump)
+    points = np.empty((count, 2))
+    points[0] = way[0]
+    at = 1
+    for k in range(1, len(way)):
+        pieces = _pieces(way, k, step, jump)
+        for i in range(1, pieces + 1):
+            points[at] = way[k - 1] + (way[k] - way[k - 1]) * (i / pieces)
+            at += 1
+    return points
+
+
+@njit(cache=True, error_model="numpy")
+def _pieces(way, k, step, jump):
+    length = math.hypot(way[k, 0] - way[k - 1, 0], way[k, 1] - way[k - 1, 1])
+    return 1 if length > jump else max(math.ceil(length / step), 1)
+
+
+FREE, OCCUPIED, UNKNOWN = 254, 0, 205  # as map_saver of ROS writes them
+MAX_CELLS = 60_000_000  # of the grid while scans are added: 387 × 387 m with cells of 5 cm
+MIN_HITS = 2  # of an occupied cell
+HIT_SHARE = 0.12  # of the beams that reach an occupied cell, at least, end in it
+JUMP_M = 2.0  # between two poses: the robot did not drive straight from one to the other
+
+_GROWTH_M = 20.0  # by which the grid grows at least, so that it is copied rarely
+_RIM_M = 0.25  # around the free space
+
+
+class GridMap(NamedTuple):
+    """Cells (rows, columns) uint8, FREE, OCCUPIED or UNKNOWN; row 0 at the bottom.
+
+    resolution: side of a cell [m]. origin: x, y of the lower left corner [m].
+    """
+
+    cells: NDArray[np.uint8]
+    resolution: float
+    origin: tuple[float, float]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height [m]."""
+        rows, columns = self.cells.shape
+        return columns * self.resolution, rows * self.resolution
+
+    @property
+    def free_area(self) -> float:
+        """Area of the free cells [m²]."""
+        return float((self.cells == FREE).sum()) * self.resolution**2
+
+
+class OccupancyGrid:
+    """Counts, for each cell, the beams that end in it and those that pass it. It grows with the scans."""
+
+    def __init__(self, resolution: float, max_range: float) -> None:
+        """resolution: side of a cell [m]. max_range [m]: only what is nearer to the lidar counts."""
+        self._resolution, self._max_range = resolution, max_range
+        self._corner = np.zeros(2, dtype=np.int64)  # column and row, from x = y = 0, of the lowest cell
+        self._hits = np.zeros((0, 0), dtype=np.int32)
+        self._misses = np.zeros((0, 0), dtype=np.int32)
+
+    def add(self, scan: LaserScan, lidar: Pose, clears_far: bool = True) -> None:
+        """Add a scan taken from the pose `lidar`, upright; its angle_increment may be negative.
+
+        A range above max_range clears the cells up to there; one of at least scan.range_max, which is without a
+        return, does so if `clears_far`. Ranges that are nan, ≤ 0 or below scan.range_min say nothing. Raises
+        InputError if the grid becomes too large.
+        """
+        self._cover(np.array([lidar.x, lidar.y]))
+        column, row = np.array([lidar.x, lidar.y]) / self._resolution - self._corner
+        none = float(np.float32(scan.range_max))
+        trace_beams(
+            self._hits,
+            self._misses,
+            np.ascontiguousarray(scan.ranges, dtype=np.float32),
+            (float(scan.angle_min), float(scan.angle_increment)),
+            (float(scan.range_min), min(self._max_range, none), none),
+            clears_far,
+            (float(column), float(row), float(lidar.yaw)),
+            self._resolution,
+        )
+
+    def finish(self, way: Floats, radius: float, reach: float) -> GridMap:
+        """The map for a robot of `radius` [m] that drove along `way` (N, 2) [m].
+
+        Occupied are the cells with enough hits. Free are those that the robot's disc swept, and those with a beam
+        where the disc can go in at most `reach` [m] from the way, counted along rows and columns. All others are
+        unknown: never seen, too narrow, or too far away.
+        """
+        self._cover(way.min(axis=0) - radius)
+        self._cover(way.max(axis=0) + radius)
+        columns, rows = self._way_cells(way).T
+        box = self._seen_box(rows, columns, math.ceil(radius / self._resolution))
+        rows, columns = rows - box[0].start, columns - box[1].start
+        hits, beams = self._hits[box], self._hits[box] + self._misses[box]
+        occupied = (hits >= MIN_HITS) & (hits >= HIT_SHARE * beams)
+        on_way = np.zeros(hits.shape, dtype=bool)
+        on_way[rows, columns] = True
+        swept = self._distance_to(on_way) <= radius
+        open_ = ((beams > 0) & ~occupied) | swept
+        roomy = self._distance_to(~np.pad(open_, 1))[1:-1, 1:-1] >= radius
+        seeds = np.column_stack((rows, columns))
+        reached = flooded(roomy, seeds, round(reach / self._resolution))
+        free = (open_ & (self._distance_to(reached) < radius)) | swept
+        cells = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
+        return self._cropped(cells, self._corner + np.array([box[1].start, box[0].start]))
+
+    def _cover(self, place: Floats) -> None:
+        """Grow the grid, if needed, to hold all cells within max_range of a place (2,) [m]."""
+        low = np.floor((place - self._max_range) / self._resolution).astype(np.int64) - 1
+        high = np.ceil((place + self._max_range) / self._resolution).astype(np.int64) + 1
+        first, last = self._corner, self._corner + self._hits.shape[::-1]
+        if not self._hits.size:
+            self._corner = first = last = low
+        elif (low >= first).all() and (high <= last).all():
+            return
+        more = math.ceil(_GROWTH_M / self._resolution)
+        before = np.where(low < first, np.maximum(first - low, more), 0)
+        after = np.where(high > last, np.maximum(high - last, more), 0)
+        self._check_size(last + after - (first - before))
+        widths = ((before[1], after[1]), (before[0], after[0]))
+        self._corner = first - before
+        self._hits, self._misses = np.pad(self._hits, widths), np.pad(self._misses, widths)
+
+    def _check_size(self, size: Ints) -> None:
+        cells = float(size[0]) * float(size[1])
+        if cells > MAX_CELLS:
+            width, height = size * self._resolution
+            raise InputError(
+                f"resolution is {self._resolution:g} m for a drive over {width:.0f} by {height:.0f} m: must give at "
+                f"most {MAX_CELLS} cells, so at least {self._resolution * math.sqrt(cells / MAX_CELLS):.2g} m"
+            )
+
+    def _way_cells(self, way: Floats) -> Ints:
+        """(P, 2) columns and rows of the cells on the way."""
+        points = densified(np.ascontiguousarray(way, dtype=np.float64), self._resolution / 2.0, JUMP_M)
+        return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
+
+    def _seen_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
+        """The rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
+        seen = (self._hits > 0) | (self._misses > 0)
+        seen[rows, columns] = True
+        along = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        low, high = (
+            (max(int(line[0]) - margin, 0) for line in along),
+            (int(line[-1]) + margin + 1 for line in along),
+        )
+        return slice(next(low), next(high)), slice(next(low), next(high))
+
+    def _distance_to(self, cells: Bools) -> Floats:
+        """(rows, columns) distance [m] from the middle of each cell to that of the nearest of `cells`."""
+        return np.asarray(ndimage.distance_transform_edt(~cells)) * self._resolution
+
+    def _cropped(self, cells: NDArray[np.uint8], corner: Ints) -> GridMap:
+        """The map with a rim around its free cells. corner: column and row of the first cell from x = y = 0."""
+        rim = math.ceil(_RIM_M / self._resolution)
+        padded = np.pad(cells, rim, constant_values=UNKNOWN)
+        rows, columns = np.nonzero(padded == FREE)
+        row, column = int(rows.min()) - rim, int(columns.min()) - rim
+        kept = padded[row : rows.max() + rim + 1, column : columns.max() + rim + 1]
+        x, y = (corner + np.array([column - rim, row - rim])) * self._resolution
+        return GridMap(kept, self._resolution, (round(float(x), 9), round(float(y), 9)))

@@ -1,0 +1,90 @@
+"""What a navigator knows of the motion that its commands have led to, and from where the next one ramps."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections import deque
+
+from lme.errors import InputError
+from lme.perception.dead_reckoning import DeadReckoning, Move
+from lme.ramp import reachable
+from lme.types import Feedback, Observation, Twist
+
+_STILL = Twist(0.0, 0.0)
+_HELD_FOR = 2.0  # [s]
+_ASKED_M, _ASKED_RAD = 0.1, 0.2  # less, commanded over that time, tells nothing
+_FOLLOWED = 0.2  # share of the commanded motion
+_MOVED_M = 0.02  # in a control period: no noise of the odometry
+
+
+class CommandFeedback:
+    """Tells planners the last command, and a twist that is the robot's, and keeps commands within the limits.
+
+    A robot that makes less than a fifth of the commanded motion over two seconds is held: lifted, blocked or stopped by
+    an emergency switch. Then commands ramp from its measured motion, so that it does not leap when it is let go.
+
+    A twist that is exactly zero from one pose to another is no measurement (FAST-LIO publishes such odometry): the
+    velocity between the poses takes its place.
+    """
+
+    def __init__(self, feedback: Feedback | str, dt: float | None) -> None:
+        """dt: control period [s]; None: not known, so acceleration is not limited and the motion is not watched."""
+        if feedback not in list(Feedback):
+            raise InputError(f"feedback is {feedback!r}: must be one of {', '.join(Feedback)}")
+        self._closed, self._dt = feedback == Feedback.CLOSED_LOOP, dt
+        self.reset()
+
+    def reset(self) -> None:
+        """Start a new episode, at rest."""
+        self._last, self._told = _STILL, False
+        if self._dt is not None:
+            self._reckoning = DeadReckoning(self._dt)
+            self._periods: deque[tuple[float, ...]] = deque(maxlen=max(round(_HELD_FOR / self._dt), 1))
+
+    def completed(self, observation: Observation) -> Observation:
+        """The observation with the last command, where it has none, and with what the motion says. Once per period."""
+        if observation.last_command is None:
+            observation = observation._replace(last_command=self._last)
+        move = None if self._dt is None else self._reckoning.move(observation)
+        held = False
+        if move is not None:
+            velocity = self._reckoning.velocity(move)
+            if move.reports_no_speed:
+                observation = observation._replace(twist=velocity)
+                self._tell(move)
+            held = self._is_held(observation.last_command or _STILL, velocity)
+        return observation._replace(closed_loop=True) if held or self._closed else observation
+
+    def limited(self, command: Twist, observation: Observation) -> Twist:
+        """The command, or the nearest that the limits allow. It is the last one from now on."""
+        limits = observation.limits
+        if self._dt is None:
+            self._last = limits.clamped(command)
+        else:
+            self._last = reachable(*command, observation.ramp_start, limits, self._dt)
+        return self._last
+
+    def _is_held(self, command: Twist, velocity: Twist) -> bool:
+        assert self._dt is not None
+        self._periods.append((*command, *velocity))
+        if len(self._periods) < (self._periods.maxlen or 0):
+            return False
+        sums = (self._dt * sum(column) for column in zip(*self._periods, strict=True))
+        asked_m, asked_rad, moved_m, moved_rad = sums
+        return _behind(asked_m, moved_m, _ASKED_M) or _behind(asked_rad, moved_rad, _ASKED_RAD)
+
+    def _tell(self, move: Move) -> None:
+        assert move.pose is not None
+        if not self._told and abs(move.pose.x) > _MOVED_M:
+            self._told = True
+            warnings.warn(
+                "the measured twist is always zero, although the robot moves: the velocity is that of the odometry's "
+                "poses",
+                stacklevel=4,
+            )
+
+
+def _behind(asked: float, done: float, least: float) -> bool:
+    """Whether less than a fifth of a motion that was asked for was done."""
+    return abs(asked) > least and math.copysign(1.0, asked) * done < _FOLLOWED * abs(asked)

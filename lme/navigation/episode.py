@@ -1,0 +1,270 @@
+"""Run one episode and record its outcome."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import perf_counter_ns
+from typing import Protocol
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.geometry.frames import to_world, wrap_angle
+from lme.geometry.motion import time_beyond, travelled
+from lme.inputs.returned import ReturnedError, checked_observation
+from lme.navigation.navigator import Navigator
+from lme.simulation.simulator import Changeable, Simulator, State
+from lme.types import Floats, Guidance, Observation, Outcome, Twist
+from lme.worlds.world import Task
+
+TRAJECTORY_COLUMNS = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "v_mps",
+    "omega_radps",
+    "subgoal_x_m",
+    "subgoal_y_m",
+    "switched",
+    "clearance_m",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """Result of one episode.
+
+    time: traversal time [s]; the clock starts when the robot has left the start by the task's clock distance.
+    path_length, min_clearance, final_distance: [m]. switches: subgoal switches. no_free_candidate: steps at which
+    the guide was blocked. trajectory: (T, 10), columns TRAJECTORY_COLUMNS in the world frame, one row per decision
+    and one for the end. decision_us: (steps,) computing time of each decision [µs].
+    """
+
+    outcome: Outcome
+    time: float
+    path_length: float
+    steps: int
+    switches: int
+    no_free_candidate: int
+    min_clearance: float
+    final_distance: float
+    trajectory: Floats
+    decision_us: Floats
+
+    @property
+    def speeds(self) -> Floats:
+        """(T,) executed speed ahead, a column of the trajectory [m/s]."""
+        return self.trajectory[:, TRAJECTORY_COLUMNS.index("v_mps")]
+
+    @property
+    def turn_rates(self) -> Floats:
+        """(T,) executed turn rate, a column of the trajectory [rad/s]."""
+        return self.trajectory[:, TRAJECTORY_COLUMNS.index("omega_radps")]
+
+
+class Observer(Protocol):
+    """Receives every step of a running episode. It must not change anything."""
+
+    def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
+        """Called after each decision and before its execution; `state`: the true state at the decision."""
+
+    def ended(self, observation: Observation, state: State) -> None:
+        """Called at the end of the episode, after the last step."""
+
+
+def run_episode(
+    task: Task,
+    navigator: Navigator,
+    simulator: Simulator,
+    rng: np.random.Generator,
+    observer: Observer | None = None,
+) -> Episode:
+    """Drive from the start until arrival, contact or time-out. `rng` is the only source of randomness."""
+    running = RunningEpisode(task, navigator, simulator, rng)
+    while running.outcome() is None:
+        command = running.decide()
+        if observer is not None:
+            assert navigator.observation is not None
+            assert navigator.guidance is not None
+            observer.decided(navigator.observation, navigator.guidance, command, simulator.state)
+        running.move(command)
+    if observer is not None:
+        observer.ended(running.observation, simulator.state)
+    return running.episode()
+
+
+class RunningEpisode:
+    """An episode that its caller drives: `decide`, then `move`, while there is no `outcome`.
+
+    observation: the newest. navigator, simulator: those that drive; nothing else may drive them meanwhile.
+    decision_us: computing time of the last decision [µs].
+    """
+
+    def __init__(
+        self, task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator
+    ) -> None:
+        navigator_rng, simulator_rng = rng.spawn(2)
+        self.navigator, self.simulator = navigator, simulator
+        navigator.reset(navigator_rng)
+        navigator.read_map(task.world, task.start)
+        observation = simulator.reset(task, simulator_rng)
+        self.decision_us = 0.0
+        self._log = _Log(task, simulator)
+        self._ships = type(simulator).__module__.startswith("lme.simulation.")
+        self.observation = self._checked(observation)
+
+    def outcome(self) -> Outcome | None:
+        """The outcome; None while the episode continues."""
+        return self._log.outcome()
+
+    def decide(self) -> Twist:
+        """The navigator's command for the newest observation."""
+        before = perf_counter_ns()
+        command = self.navigator.act(self.observation)
+        self.decision_us = (perf_counter_ns() - before) / 1000.0
+        assert self.navigator.guidance is not None
+        self._log.decided(self.navigator.guidance, self.decision_us)
+        return command
+
+    def change(self, task: Task) -> None:
+        """Go on among the obstacles of another task and to its goal; see `lme.simulation.simulator.Changeable`.
+
+        Call it before `decide`. A guide that was given the map keeps the map that it has. Raises InputError for a
+        simulator that cannot.
+        """
+        if not isinstance(self.simulator, Changeable):
+            name = type(self.simulator).__name__
+            raise InputError(
+                f"{name}: the world cannot change while the robot drives, since it has no `change`"
+            )
+        self.observation = self.simulator.change(task)
+        self._log.change(task)
+
+    def move(self, command: Twist) -> None:
+        """Drive for one control period."""
+        observation = self.simulator.step(command)
+        self._log.moved()
+        self.observation = self._checked(observation)
+
+    def _checked(self, observation: Observation) -> Observation:
+        """What a simulator returns; one of a user's own is checked. Raises InputError, which names the step."""
+        if self._ships:
+            return observation
+        try:
+            return checked_observation(observation, self.simulator.state, self.simulator)
+        except ReturnedError as error:
+            raise InputError(f"step {self._log.steps}: {error}") from error
+
+    def episode(self) -> Episode:
+        """The result. Call it at the end."""
+        outcome = self._log.outcome()
+        assert outcome is not None
+        return self._log.episode(outcome)
+
+
+class Progress:
+    """Path length, least clearance and time of a running episode, and how it ends.
+
+    path_length, min_clearance: [m] so far.
+    """
+
+    def __init__(self, task: Task, state: State) -> None:
+        """state: after the simulator's reset."""
+        self._task = task
+        self._start = np.array(task.start[:2])
+        self._clock_start = math.nan if task.clock_distance > 0.0 else 0.0
+        self.path_length = 0.0
+        self.min_clearance = state.clearance
+
+    def change(self, task: Task) -> None:
+        """Go by the rules of another task from now on."""
+        self._task = task
+
+    def moved(self, before: State, state: State) -> None:
+        """Record the motion of a control period."""
+        self.path_length += travelled(before.pose.x, before.pose.y, state.travel)
+        self.min_clearance = min(self.min_clearance, state.clearance)
+        if math.isnan(self._clock_start):
+            distance = self._task.clock_distance
+            self._clock_start = time_beyond(state.travel, self._start, distance, before.time, state.time)
+
+    def time(self, state: State) -> float:
+        """Time on the task's clock, at most the limit [s]."""
+        return min(self._elapsed(state), self._task.time_limit)
+
+    def outcome(self, state: State) -> Outcome | None:
+        """The outcome; None while the episode continues."""
+        if state.contact:
+            return Outcome.COLLISION
+        if state.arrived:
+            return Outcome.SUCCESS
+        return Outcome.TIMEOUT if self._elapsed(state) >= self._task.time_limit - 1e-9 else None
+
+    def _elapsed(self, state: State) -> float:
+        return state.time if math.isnan(self._clock_start) else state.time - self._clock_start
+
+
+class _Log:
+    """Accumulates the result while an episode runs."""
+
+    def __init__(self, task: Task, simulator: Simulator) -> None:
+        self._task = task
+        self._simulator = simulator
+        self._progress = Progress(task, simulator.state)
+        self._switches = 0
+        self._no_free_candidate = 0
+        self._rows: list[tuple[float, ...]] = []
+        self._decision_us: list[float] = []
+
+    @property
+    def steps(self) -> int:
+        """Decisions so far."""
+        return len(self._decision_us)
+
+    def outcome(self) -> Outcome | None:
+        """The outcome; None while the episode continues."""
+        return self._progress.outcome(self._simulator.state)
+
+    def change(self, task: Task) -> None:
+        """Go on with another task."""
+        self._task = task
+        self._progress.change(task)
+
+    def decided(self, guidance: Guidance, decision_us: float) -> None:
+        """Record a decision before its execution."""
+        self._before = self._simulator.state
+        self._rows.append(self._row(to_world(guidance.subgoal, self._before.pose), guidance.switched))
+        self._switches += guidance.switched
+        self._no_free_candidate += guidance.blocked
+        self._decision_us.append(decision_us)
+
+    def moved(self) -> None:
+        """Record the motion of the last period."""
+        self._progress.moved(self._before, self._simulator.state)
+
+    def episode(self, outcome: Outcome) -> Episode:
+        """The result at the end of the episode."""
+        state = self._simulator.state
+        self._rows.append(self._row(np.full(2, np.nan), False))
+        return Episode(
+            outcome=outcome,
+            time=self._progress.time(state),
+            path_length=self._progress.path_length,
+            steps=self.steps,
+            switches=self._switches,
+            no_free_candidate=self._no_free_candidate,
+            min_clearance=self._progress.min_clearance,
+            final_distance=math.dist(state.pose[:2], self._task.goal),
+            trajectory=np.array(self._rows),
+            decision_us=np.array(self._decision_us),
+        )
+
+    def _row(self, subgoal: Floats, switched: bool) -> tuple[float, ...]:
+        state = self._simulator.state
+        x, y, yaw = state.pose
+        subgoal_x, subgoal_y = subgoal.tolist()
+        return (
+            state.time, x, y, wrap_angle(yaw), *state.twist, subgoal_x, subgoal_y, float(switched), state.clearance,
+        )  # fmt: skip

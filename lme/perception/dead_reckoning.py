@@ -1,0 +1,82 @@
+"""How far the robot moved since the last observation, by the better of two sources: its twist and its odometry."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from lme.geometry.frames import relative
+from lme.types import Limits, Observation, Pose, Twist
+
+_SLACK = 1e-3  # [m, rad] and
+_SHARE = 0.02  # of the motion: what a twist that explains the poses may differ from them
+
+
+class Move(NamedTuple):
+    """The motion of one control period.
+
+    before, now: the twists at its ends. pose: of the base now in its frame of then, by odometry, where that is the
+    better source; None: the twists are.
+    """
+
+    before: Twist
+    now: Twist
+    pose: Pose | None
+
+    @property
+    def reports_no_speed(self) -> bool:
+        """Whether the twist is exactly zero at both ends of a motion that the poses show."""
+        return self.pose is not None and not (any(self.before) or any(self.now)) and any(self.pose)
+
+
+class DeadReckoning:
+    """Follows the base from observation to observation.
+
+    By twist, as the paper does (UpdatePos, §III.D), for as long as the twists explain the odometry: while a ramp from
+    one twist to the next leads from one pose to the next. From the first period in which it does not, by the poses: the
+    twist is always zero, sways with the gait, comes from wheels that slip or is itself the velocity between two poses,
+    which lags by half a period, or the period is another one than `dt`. An odometry that does not change while the
+    twist says that the robot moves counts as none.
+    """
+
+    def __init__(self, dt: float) -> None:
+        """dt: control period [s]."""
+        self._dt = dt
+        self.by_poses = False
+        self._before: tuple[Twist, Pose] | None = None
+
+    def move(self, observation: Observation) -> Move | None:
+        """The motion since the last observation; None at the first one."""
+        now, odometry = observation.twist, observation.odometry
+        if self._before is None:
+            self._before = now, odometry
+            return None
+        (before, former), self._before = self._before, (now, odometry)
+        if odometry == former and any(now):
+            return Move(before, now, None)
+        pose = relative(odometry, former)
+        self.by_poses = self.by_poses or not self._explained(pose, before, now, observation.limits)
+        return Move(before, now, pose if self.by_poses else None)
+
+    def velocity(self, move: Move) -> Twist:
+        """The mean velocity of a motion."""
+        if move.pose is None:
+            return Twist((move.before.v + move.now.v) / 2, (move.before.omega + move.now.omega) / 2)
+        return Twist(move.pose.x / self._dt, move.pose.yaw / self._dt)
+
+    def _explained(self, pose: Pose, before: Twist, now: Twist, limits: Limits) -> bool:
+        """Whether a drive that ramps from one twist to the next, and then holds it, moves the base like this."""
+        half_turn = pose.yaw / 2
+        chord = pose.x * math.cos(half_turn) + pose.y * math.sin(half_turn)
+        arc = chord if half_turn == 0.0 else chord * half_turn / math.sin(half_turn)
+        return _ramps(arc, before.v, now.v, limits.alpha_v, self._dt) and _ramps(
+            pose.yaw, before.omega, now.omega, limits.alpha_omega, self._dt
+        )
+
+
+def _ramps(moved: float, before: float, now: float, alpha: float, dt: float) -> bool:
+    """Whether a ramp from `before` to `now`, at `alpha` or more slowly, can move the robot by `moved` in `dt`."""
+    change = abs(now - before)
+    behind = math.copysign(1.0, now - before) * (now * dt - moved)
+    slack = _SHARE * abs(moved) + _SLACK
+    return change**2 / (2 * alpha) - slack <= behind <= change * dt / 2 + slack

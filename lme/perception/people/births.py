@@ -1,0 +1,215 @@
+"""Follows groups of points until there is evidence that they move; then they are tracks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.perception.people.clusters import FEWEST, LEGS_RADIUS, middle_of
+from lme.perception.people.registration import beam_towards, into, passed_through
+from lme.perception.people.table import (  # fmt: skip
+    ANCHORS,
+    BX,
+    BY,
+    CONFIRMED,
+    EVIDENCE,
+    HIDDEN,
+    MOST,
+    NAME,
+    PP,
+    SEEN,
+    R,
+    X,
+    Y,
+    begin,
+    correct,
+)
+
+_LEAST_SHARE = 0.25  # of points that show motion; less is none
+_QUIET = 0.01  # [m] noise of a range; with more of it, more evidence is needed
+_WAY = 12.0  # standard deviations of a range that a track must have come
+_LEAST_WAY = 0.06  # [m] that it must have come in any case
+
+
+@njit(cache=True, error_model="numpy")
+def match_groups(table, anchors, count, names, sight, group, groups, view, when, settings):
+    """Correct what is not confirmed yet by the nearest group of points, and begin a track for every other group."""
+    lidar, (noise, _, trusted, dt) = view[0], when
+    points, movers, old = sight.points, sight.movers, count
+    taken = np.zeros(old, np.bool_)
+    for g in range(groups):
+        own = np.flatnonzero(group == g)
+        if len(own) < FEWEST:
+            continue
+        found = middle_of(points, own, lidar, (0.0, 0.0, 0.0), noise, settings)
+        if _in_confirmed(table, old, found):
+            continue
+        best = _nearest(table, old, taken, found, dt, settings)
+        if best < 0:
+            if count < MOST:
+                begin(table[count], found, names)
+                _anchor(anchors[count], points, own)
+                movers[names % len(movers)] = False
+                sight.owner[own] = names
+                count, names = count + 1, names + 1
+            continue
+        taken[best] = True
+        row = table[best]
+        sight.owner[own] = int(row[NAME])
+        correct(row, found)
+        if trusted and 2 * sight.stands[own].sum() <= len(own):
+            moved = sight.moved[own].sum() / len(own)
+            if _judge(row, anchors[best], moved, found[3], view, when, settings):
+                row[CONFIRMED] = 1.0
+                movers[int(row[NAME]) % len(movers)] = True
+    for n in range(old):
+        if table[n, CONFIRMED] == 0.0 and not taken[n]:
+            table[n, EVIDENCE] *= 0.5
+    return count, names
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(table, count, taken, found, dt, settings):
+    """The nearest row that is not confirmed and still free, and may have come so far; −1: none."""
+    best, least = -1, math.inf
+    for n in range(count):
+        row = table[n]
+        if row[CONFIRMED] > 0.0 or taken[n]:
+            continue
+        away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+        reach = 0.1 + (settings.fastest * dt if row[SEEN] < 2.0 else 2.0 * math.sqrt(row[PP]) + 0.5 * dt)
+        if away < reach and away < least:
+            best, least = n, away
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _in_confirmed(table, count, found):
+    """Whether a group is a part of a track that was seen in this scan."""
+    for n in range(count):
+        row = table[n]
+        if row[CONFIRMED] > 0.0 and row[HIDDEN] == 0.0:
+            away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+            if away < max(row[R], 0.4 if row[R] < LEGS_RADIUS else 0.0):
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _anchor(anchor, points, own):
+    """Keep some of a group's points; NaN fills the rest."""
+    anchor[:] = np.nan
+    step = max(len(own) / ANCHORS, 1.0)
+    for k in range(min(len(own), ANCHORS)):
+        anchor[k] = points[own[int(k * step)]]
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(row, anchor, moved, variance, view, when, settings):
+    """Whether a track is where nothing was, or has left a place that is empty now, and has come some way.
+
+    moved: share of its points that have; variance: of its middle [m²].
+    """
+    old, (noise, margin, _, _) = anchor[: _filled(anchor)], when
+    left = (passed_through(old, view, margin) == 1).sum() / len(old)
+    row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
+    way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
+    enough = settings.evidence * max(noise / _QUIET, 1.0)
+    least = max(_WAY * noise, _LEAST_WAY) + 2.0 * math.sqrt(variance)
+    return row[EVIDENCE] >= enough and way >= least
+
+
+@njit(cache=True, error_model="numpy")
+def _filled(anchor):
+    count = 0
+    while count < len(anchor) and not math.isnan(anchor[count, 0]):
+        count += 1
+    return count
+
+
+_MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
+_FLICKER = 0.1  # share of standing points that were missed before; of a lidar that misses more, no return says nothing
+_FADING = 0.98  # share of the counts that is kept from scan to scan
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(points, hits, view, margin, votes):
+    """What an earlier scan says of each point (B, 2) with a hit (B,), added to `votes` (B, 2).
+
+    votes: scans that saw through its place, and that did if a beam without a return is free. view: of the earlier
+    scan, see `passed_through`.
+    """
+    lidar, sure, free, angles = view
+    cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
+    for i in range(len(points)):
+        if not hits[i]:
+            continue
+        x, y = into(points[i, 0], points[i, 1], lidar, cos, sin)
+        beam = beam_towards(x, y, angles, len(free))
+        if beam < 0:
+            continue
+        away = math.sqrt(x * x + y * y)
+        if sure[beam] > away + margin:
+            votes[i, 0] += 1
+        elif free[beam] > away + margin:
+            votes[i, 1] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def flickered(votes, stands, counts):
+    """Points that stand (B,), and how many of them a beam without a return missed before; `counts` before, fading."""
+    standing, missed = _FADING * counts[0], _FADING * counts[1]
+    for i in range(len(votes)):
+        if stands[i]:
+            standing += 1.0
+            missed += votes[i, 1] > 0
+    return standing, missed
+
+
+@njit(cache=True, error_model="numpy")
+def moved_points(votes, stands, counts):
+    """The points (B,) that have moved, by the votes of earlier scans; not where something stood before (B,).
+
+    counts: how many points stand, and were missed before, see `flickered`.
+    """
+    trusted = counts[1] <= _FLICKER * counts[0]
+    moved = np.zeros(len(votes), np.bool_)
+    for i in range(len(votes)):
+        moved[i] = (votes[i, 0] > 0 or (trusted and votes[i, 1] >= _MISSING_VOTES)) and not stands[i]
+    return moved
+
+
+CELLS = 512  # along a side
+_CELL = 0.1  # [m]
+
+
+@njit(cache=True, error_model="numpy")
+def remember(stood, points, hits, owner, movers, time):
+    """Note in `stood` (CELLS, CELLS) when something returned that is not known to move.
+
+    points (B, 2), hits (B,), owner (B,): of a scan taken at `time` [s], with the track of each point.
+    """
+    for i in range(len(points)):
+        if hits[i] and (owner[i] < 0 or not movers[owner[i] % len(movers)]):
+            column, row = _cell(points[i, 0]), _cell(points[i, 1])
+            stood[row % CELLS, column % CELLS] = time
+
+
+@njit(cache=True, error_model="numpy")
+def recall(stood, points, hits, since):
+    """Whether each point (B, 2) is where something stood after a time [s]: (B,)."""
+    stands = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        if hits[i]:
+            column, row = _cell(points[i, 0] - 0.5 * _CELL), _cell(points[i, 1] - 0.5 * _CELL)
+            for k in range(2):
+                for m in range(2):
+                    stands[i] |= stood[(row + k) % CELLS, (column + m) % CELLS] >= since
+    return stands
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _cell(x):
+    return math.floor(x / _CELL)

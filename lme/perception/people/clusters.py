@@ -1,0 +1,227 @@
+"""Runs of neighbouring scan points that may be somebody."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_LEG = 0.05  # [m] from the front of a leg to its middle
+LEGS_RADIUS = 0.35  # [m] a track with a lesser radius may be two legs
+UNKNOWN = 0.04  # [m²] variance of the radius of who is seen as legs
+_WIDEST_LEGS = 0.3  # [m] radius of a person seen as legs, at most
+_THIN = 0.2  # [m] what is narrower is a leg
+_AS_LEGS = 0.3  # share of the scans in which a track looked like legs; then it always does
+_KNOWN = 0.02  # [m] error of a radius that is known
+_FEWEST = 5  # points that show a circle
+_ITERATIONS = 6
+_MOST = 40  # points that a circle is fitted to
+_OTHERS = 0.05  # [m] points that are farther from the circle of a track are of something else
+_LEAST_RADIUS, _MOST_RADIUS = 0.05, 0.65  # [m]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def gap_at(away):
+    """The distance at which neighbouring points no longer belong together [m]; away: of the points [m]."""
+    return 0.1 + 0.02 * away
+
+
+@njit(cache=True, error_model="numpy")
+def middle_of(points, chosen, lidar, prior, noise, settings):
+    """Middle x, y [m], radius [m], and variances of the middle and of the radius [m²], of the chosen points.
+
+    points (B, 2), chosen (K,): indices in the order of the beams. prior: radius, its variance and the share of scans
+    with legs; radius 0: not known. Points that lie on a circle give its middle; others the mean of their runs, as of
+    two legs.
+    """
+    parts, extent, mean_x, mean_y = _runs(points, chosen, lidar)
+    wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN**2
+    if wide or (prior[2] < _AS_LEGS and parts == 1 and extent > _THIN and len(chosen) >= _FEWEST):
+        x, y, radius, rms, spread = _circle(points, chosen, lidar, (mean_x, mean_y), extent, prior, noise)
+        if rms < 0.02 + 2.0 * noise and radius <= _MOST_RADIUS:
+            return x, y, radius, settings.surface**2 + 4.0 * max(rms, 0.5 * noise) ** 2 / len(chosen), spread
+    dx, dy = mean_x - lidar[0], mean_y - lidar[1]
+    away = math.sqrt(dx * dx + dy * dy)
+    push = _LEG / max(away, _LEG)
+    variance = settings.legs**2 + noise**2 / len(chosen)
+    return (
+        mean_x + push * dx,
+        mean_y + push * dy,
+        min(max(0.5 * extent + _LEG, 0.15), _WIDEST_LEGS),
+        variance,
+        UNKNOWN,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _runs(points, chosen, lidar):
+    """Number of runs of points without a gap, the extent of all [m], and the mean of the runs' means."""
+    parts, x, y, sum_x, sum_y, count = 0, 0.0, 0.0, 0.0, 0.0, 0
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for n in range(len(chosen)):
+        px, py = points[chosen[n], 0], points[chosen[n], 1]
+        if n > 0:
+            qx, qy = points[chosen[n - 1], 0], points[chosen[n - 1], 1]
+            away = math.sqrt((px - lidar[0]) ** 2 + (py - lidar[1]) ** 2)
+            if math.sqrt((px - qx) ** 2 + (py - qy) ** 2) > gap_at(away):
+                x, y, parts = x + sum_x / count, y + sum_y / count, parts + 1
+                sum_x, sum_y, count = 0.0, 0.0, 0
+        sum_x, sum_y, count = sum_x + px, sum_y + py, count + 1
+        low_x, low_y, high_x, high_y = min(low_x, px), min(low_y, py), max(high_x, px), max(high_y, py)
+    x, y, parts = x + sum_x / count, y + sum_y / count, parts + 1
+    return parts, math.sqrt((high_x - low_x) ** 2 + (high_y - low_y) ** 2), x / parts, y / parts
+
+
+@njit(cache=True, error_model="numpy")
+def _circle(points, chosen, lidar, mean, extent, prior, noise):
+    """Middle, radius, root mean square of the residuals and variance of the radius, by Gauss-Newton."""
+    known, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
+    r = min(max(known, _LEAST_RADIUS), _MOST_RADIUS)
+    dx, dy = mean[0] - lidar[0], mean[1] - lidar[1]
+    away = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+    x, y = mean[0] + 0.7 * r * dx / away, mean[1] + 0.7 * r * dy / away
+    step = max(len(chosen) // _MOST, 1)
+    weight = max(noise, 0.005) ** 2
+    rms, spread = math.inf, variance
+    for _ in range(_ITERATIONS):
+        a = np.zeros((3, 3))
+        b0 = b1 = b2 = total = 0.0
+        count = 0.0
+        for n in range(0, len(chosen), step):
+            px, py = points[chosen[n], 0] - x, points[chosen[n], 1] - y
+            d = max(math.sqrt(px * px + py * py), 1e-6)
+            off, nx, ny = d - r, px / d, py / d
+            worth = 1.0 / (1.0 + (off / _OTHERS) ** 2) if prior[0] > 0.0 else 1.0
+            a[0, 0] += worth * nx * nx
+            a[0, 1] += worth * nx * ny
+            a[1, 1] += worth * ny * ny
+            a[0, 2] += worth * nx
+            a[1, 2] += worth * ny
+            b0, b1, b2 = b0 + worth * nx * off, b1 + worth * ny * off, b2 + worth * off
+            total += worth * off * off
+            count += worth
+        rms = math.sqrt(total / count)
+        pull = 2.0 * weight / variance
+        a22 = count + pull
+        b2 += pull * (known - r)
+        a00, a11 = a[0, 0] + 1e-3 * count, a[1, 1] + 1e-3 * count
+        # Eliminate the radius, then solve for the middle.
+        m00, m01 = a00 - a[0, 2] * a[0, 2] / a22, a[0, 1] - a[0, 2] * a[1, 2] / a22
+        m11 = a11 - a[1, 2] * a[1, 2] / a22
+        c0, c1 = b0 - a[0, 2] * b2 / a22, b1 - a[1, 2] * b2 / a22
+        det = m00 * m11 - m01 * m01
+        change_x, change_y = (m11 * c0 - m01 * c1) / det, (m00 * c1 - m01 * c0) / det
+        change_r = (b2 - a[0, 2] * change_x - a[1, 2] * change_y) / a22
+        longest = max(abs(change_x), abs(change_y), abs(change_r))
+        share = min(1.0, 0.3 / longest) if longest > 0.0 else 1.0
+        x, y = x + share * change_x, y + share * change_y
+        r = min(max(r + share * change_r, _LEAST_RADIUS), 2.0 * _MOST_RADIUS)
+        # Variance of the radius: the inverse's last entry, by the Schur complement.
+        inner = a00 * a11 - a[0, 1] ** 2
+        schur = a22 - (a11 * a[0, 2] ** 2 - 2.0 * a[0, 1] * a[0, 2] * a[1, 2] + a00 * a[1, 2] ** 2) / inner
+        spread = 2.0 * weight / max(schur, 1e-9)
+        if longest < 1e-4:
+            break
+    return x, y, r, rms, min(spread, variance)
+
+
+FEWEST = 2  # points of a run
+_LEG_WIDTH = 0.3  # [m] widest run that may be a leg
+
+
+@njit(cache=True, error_model="numpy")
+def runs_of(points, free_points, moved, lidar, settings):
+    """The group of each point, −1 for none, and the number of groups.
+
+    points (B, 2), moved (B,); free_points (B,): hits that belong to no track. A group is a run that is not wider than
+    a person, or the part of a wider one that has moved; two legs that have moved are one group.
+    """
+    count = len(points)
+    group = np.full(count, -1, np.int64)
+    found, start = 0, -1
+    first, last = np.empty(count, np.int64), np.empty(count, np.int64)
+    for i in range(count + 1):
+        ends = i == count or not free_points[i]
+        if start >= 0 and (ends or apart(points, i - 1, i, lidar)):
+            found = _add(points, moved, (start, i), first, last, found, settings)
+            start = -1
+        if not ends and start < 0:
+            start = i
+    groups = 0
+    for n in range(found):
+        joined = _leg_before(points, moved, first, last, n, group, settings)
+        own = joined if joined >= 0 else groups
+        groups += joined < 0
+        for i in range(first[n], last[n]):
+            group[i] = own
+    return group, groups
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def apart(points, i, j, lidar):
+    """Whether neighbouring points do not belong together."""
+    dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+    away = math.sqrt((points[j, 0] - lidar[0]) ** 2 + (points[j, 1] - lidar[1]) ** 2)
+    return math.sqrt(dx * dx + dy * dy) > gap_at(away)
+
+
+@njit(cache=True, error_model="numpy")
+def _add(points, moved, run, first, last, found, settings):
+    """Add a run of points, or its moved parts if it is too wide."""
+    start, end = run
+    if end - start < FEWEST:
+        return found
+    if _width(points, start, end) <= settings.widest:
+        first[found], last[found] = start, end
+        return found + 1
+    begun = -1
+    for i in range(start, end + 1):
+        goes_on = i < end and moved[i]
+        if goes_on and begun < 0:
+            begun = i
+        if not goes_on and begun >= 0:
+            if i - begun >= FEWEST and _width(points, begun, i) <= settings.widest:
+                first[found], last[found] = begun, i
+                found += 1
+            begun = -1
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _width(points, start, end):
+    """The diagonal of the box around points [m]."""
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for i in range(start, end):
+        low_x, high_x = min(low_x, points[i, 0]), max(high_x, points[i, 0])
+        low_y, high_y = min(low_y, points[i, 1]), max(high_y, points[i, 1])
+    return math.sqrt((high_x - low_x) ** 2 + (high_y - low_y) ** 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _leg_before(points, moved, first, last, n, group, settings):
+    """The group of an earlier leg beside this one; −1: this is not a leg, or it is alone."""
+    if not _is_leg(points, moved, first[n], last[n]):
+        return -1
+    x, y = _mean(points, first[n], last[n])
+    for m in range(n - 1, max(n - 5, -1), -1):
+        if _is_leg(points, moved, first[m], last[m]):
+            other_x, other_y = _mean(points, first[m], last[m])
+            if math.sqrt((x - other_x) ** 2 + (y - other_y) ** 2) < settings.joint:
+                return group[first[m]]
+    return -1
+
+
+@njit(cache=True, error_model="numpy")
+def _is_leg(points, moved, start, end):
+    return 2 * moved[start:end].sum() >= end - start and _width(points, start, end) <= _LEG_WIDTH
+
+
+@njit(cache=True, error_model="numpy")
+def _mean(points, start, end):
+    x = y = 0.0
+    for i in range(start, end):
+        x, y = x + points[i, 0], y + points[i, 1]
+    return x / (end - start), y / (end - start)

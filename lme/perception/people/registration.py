@@ -1,0 +1,230 @@
+"""Registration of a scan on an earlier one: point to line, with the odometry as a prior."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from lme.geometry.fan import bearing
+from lme.types import Bools, Floats, Ints
+
+_TAU = 2.0 * math.pi
+
+
+class NewestScan(NamedTuple):
+    """The newest scan, for kernels: a row per beam.
+
+    points (B, 2): in the tracker's frame; hits (B,): whether the beam returned; moved (B,): whether the place was
+    empty before; stands (B,): whether something stood there before; owner (B,): name of the track, −1 for none.
+    movers (N,): whether the track of a name, modulo N, has been confirmed.
+    """
+
+    points: Floats
+    hits: Bools
+    moved: Bools
+    stands: Bools
+    owner: Ints
+    movers: Bools
+
+
+@njit(cache=True, error_model="numpy")
+def unpacked(ranges, directions, limits, missing, guard_beams):
+    """What a scan shows: points (B, 2) in the lidar's frame, hits (B,), and free ranges (B,) and (B,) [m].
+
+    A free range is the least one of the beams up to `guard_beams` aside. A beam without a return is free up to
+    `missing` [m] in the second ones, and not at all in the first. A beam that failed (NaN) is never free.
+    directions (B, 2); limits: range_min, range_max [m].
+    """
+    count = len(ranges)
+    points, hits, reach = np.empty((count, 2)), np.zeros(count, np.bool_), np.empty(count)
+    for i in range(count):
+        seen = float(ranges[i])
+        hits[i] = limits[0] <= seen < limits[1]
+        reach[i] = seen if hits[i] else 0.0 if math.isnan(seen) else missing
+        points[i, 0], points[i, 1] = reach[i] * directions[i, 0], reach[i] * directions[i, 1]
+    sure, free = np.empty(count), np.empty(count)
+    for i in range(count):
+        least, all_hit = reach[i], True
+        for j in range(max(i - guard_beams, 0), min(i + guard_beams + 1, count)):
+            least, all_hit = min(least, reach[j]), all_hit and hits[j]
+        free[i] = least
+        sure[i] = least if all_hit else 0.0
+    return points, hits, sure, free
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def beam_towards(x, y, angles, count):
+    """The beam nearest to a place in the lidar's frame; −1 outside the field of view. angles: first, step [rad]."""
+    turn = (bearing(x, y) - angles[0] + 0.5 * angles[1]) / _TAU
+    beam = int((turn - math.floor(turn)) * _TAU / angles[1])
+    return beam if beam < count else -1
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def into(x, y, pose, cos, sin):
+    """A place of the parent frame in the frame at `pose`; cos, sin: of its yaw."""
+    dx, dy = x - pose[0], y - pose[1]
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@njit(cache=True, error_model="numpy")
+def passed_through(places, view, margin):
+    """Whether a scan saw through each place (P, 2) [m]: 1 yes, −1 no, 0 not known, for it lies behind something.
+
+    view: the scan's pose in the frame of the places, its free ranges (B,) and (B,), see `unpacked`, and the beams'
+    first angle and step [rad]. Yes: the beam ends `margin` [m] behind the place. No: it ends near it.
+    """
+    lidar, sure, free, angles = view
+    said = np.zeros(len(places), np.int8)
+    cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
+    for i in range(len(places)):
+        x, y = into(places[i, 0], places[i, 1], lidar, cos, sin)
+        beam = beam_towards(x, y, angles, len(free))
+        if beam < 0:
+            continue
+        away = math.sqrt(x * x + y * y)
+        if sure[beam] > away + margin:
+            said[i] = 1
+        elif abs(free[beam] - away) <= 2.0 * margin:
+            said[i] = -1
+    return said
+
+
+_CHORD = 0.2  # [m] over which a normal is measured; noise tilts shorter ones
+_LEAST_CHORD = 0.1  # [m] of a small thing
+_FARTHEST = 10  # beams to either side
+_GAP = 0.3  # [m] between beams that hit the same surface
+_MATCHED = (0.25, 0.2, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
+_TRIED = 2.5  # standard deviations of the yaw by odometry that are searched
+_AMISS = 0.3  # [m] a range that differs more is of another surface
+_SAMPLES = 480  # points that are used
+_CORRELATED = 4.0  # neighbouring points err alike
+
+
+@njit(cache=True, error_model="numpy")
+def normals(points, hits):
+    """Unit normals (B, 2) of the surfaces that a scan shows; NaN where there is no surface."""
+    count = len(points)
+    out = np.full((count, 2), np.nan)
+    for i in range(count):
+        if not hits[i]:
+            continue
+        low = high = i
+        chord = dx = dy = 0.0
+        for _ in range(_FARTHEST):
+            if low > 0 and _joined(points, hits, low, low - 1):
+                low -= 1
+            if high < count - 1 and _joined(points, hits, high, high + 1):
+                high += 1
+            dx, dy = points[high, 0] - points[low, 0], points[high, 1] - points[low, 1]
+            chord = math.sqrt(dx * dx + dy * dy)
+            if chord >= _CHORD and low < i < high:
+                break
+        if chord >= _LEAST_CHORD and low < i < high:
+            out[i, 0], out[i, 1] = -dy / chord, dx / chord
+    return out
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _joined(points, hits, i, j):
+    return hits[j] and abs(points[i, 0] - points[j, 0]) + abs(points[i, 1] - points[j, 1]) < _GAP
+
+
+@njit(cache=True, error_model="numpy")
+def register(points, used, reference, facing, angles, guess, spread, noise):
+    """The lidar's motion (x, y, yaw) since the reference scan, and the mean distance of points to lines [m].
+
+    points (B, 2), used (B,): of the new scan; reference (B, 2), facing (B, 2): points and normals of the earlier one.
+    guess: motion by odometry; spread: its standard deviations [m, m, rad]; noise: of a range [m]. The distance is
+    NaN if fewer than 20 points match; the guess is returned then.
+    """
+    step, error = max(len(points) // _SAMPLES, 1), math.nan
+    x, y = guess[0], guess[1]
+    yaw = start = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
+    for most in _MATCHED:
+        scale = max(2.0 * noise, 0.01, 0.5 * (most - 0.1))
+        a, b = np.zeros((3, 3)), np.zeros(3)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        matched, total = 0, 0.0
+        for i in range(0, len(points), step):
+            if not used[i]:
+                continue
+            turned_x = cos * points[i, 0] - sin * points[i, 1]
+            turned_y = sin * points[i, 0] + cos * points[i, 1]
+            px, py = turned_x + x, turned_y + y
+            beam = beam_towards(px, py, angles, len(reference))
+            if beam < 0 or math.isnan(facing[beam, 0]):
+                continue
+            nx, ny = facing[beam, 0], facing[beam, 1]
+            ex, ey = px - reference[beam, 0], py - reference[beam, 1]
+            off = nx * ex + ny * ey
+            if abs(off) > most or ex * ex + ey * ey > 4.0 * most * most:
+                continue
+            lever = ny * turned_x - nx * turned_y
+            weight = 1.0 / (1.0 + (off / scale) ** 2)
+            _add(a, b, (nx, ny, lever), off, weight)
+            matched += 1
+            total += abs(off)
+        if matched < 20:
+            return guess[0], guess[1], start, math.nan
+        error = total / matched
+        variance = _CORRELATED * scale * scale
+        for k, (value, first) in enumerate(((x, guess[0]), (y, guess[1]), (yaw, guess[2]))):
+            prior = variance / (spread[k] * spread[k])
+            a[k, k] += prior
+            b[k] -= prior * (value - first)
+        change = _solved(a, b)
+        x, y, yaw = x + change[0], y + change[1], yaw + change[2]
+    return x, y, yaw, error
+
+
+@njit(cache=True, error_model="numpy")
+def _coarse_turn(points, used, reference, angles, guess, spread, step):
+    """The turn beyond the guess, in whole beams, at which ranges agree best [rad]."""
+    count = len(reference)
+    most = min(int(_TRIED * spread / angles[1]), count // 8)
+    if most < 1:
+        return 0.0
+    costs = _AMISS * (np.arange(-most, most + 1) * angles[1] / spread) ** 2
+    ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
+    cos, sin = math.cos(guess[2]), math.sin(guess[2])
+    for i in range(0, len(points), step):
+        if not used[i]:
+            continue
+        px = cos * points[i, 0] - sin * points[i, 1] + guess[0]
+        py = sin * points[i, 0] + cos * points[i, 1] + guess[1]
+        beam = beam_towards(px, py, angles, count)
+        if beam < most or beam >= count - most:
+            continue
+        away = math.sqrt(px * px + py * py)
+        for k in range(2 * most + 1):
+            costs[k] += min(abs(ranges[beam + k - most] - away), _AMISS)
+    best = most
+    for k in range(2 * most + 1):
+        best = k if costs[k] < costs[best] else best
+    return (best - most) * angles[1]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add(a, b, row, off, weight):
+    for k in range(3):
+        b[k] -= weight * row[k] * off
+        for m in range(3):
+            a[k, m] += weight * row[k] * row[m]
+
+
+@njit(cache=True, error_model="numpy")
+def _solved(a, b):
+    """x with a x = b, for a positive definite matrix (3, 3)."""
+    m00, m01, m02, m11, m12, m22 = a[0, 0], a[0, 1], a[0, 2], a[1, 1], a[1, 2], a[2, 2]
+    c00, c01, c02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
+    c11, c12, c22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
+    det = m00 * c00 + m01 * c01 + m02 * c02
+    return (
+        (c00 * b[0] + c01 * b[1] + c02 * b[2]) / det,
+        (c01 * b[0] + c11 * b[1] + c12 * b[2]) / det,
+        (c02 * b[0] + c12 * b[1] + c22 * b[2]) / det,
+    )

@@ -1,0 +1,99 @@
+"""Where `Observation.pedestrians` comes from: what the simulator knows, the tracker, or nobody."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import StrEnum, auto
+from time import perf_counter_ns
+from typing import Protocol
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.perception.people.config import PeopleConfig
+from lme.perception.people.tracks import Tracks
+from lme.robots import Robot
+from lme.types import Observation
+
+
+class People(StrEnum):
+    """Who is in `Observation.pedestrians`. The small letters are the names in a config.
+
+    truth: whom the simulator puts there. tracked: whom the tracker finds in the scans. none: nobody.
+    """
+
+    truth = auto()
+    tracked = auto()
+    none = auto()
+
+
+class PeopleSource(Protocol):
+    """Puts people into observations. tracks: of the last one, if it tracks. spent_us: computing time [µs]."""
+
+    tracks: Tracks | None
+    spent_us: float
+
+    def reset(self) -> None:
+        """Start a new episode."""
+
+    def seen(self, observation: Observation, time: float | None) -> Observation:
+        """The observation with these people. time: of the scan [s]; None: one control period after the last one."""
+
+
+class Nobody:
+    """Leaves everybody out."""
+
+    tracks: Tracks | None = None
+    spent_us = 0.0
+
+    def reset(self) -> None:
+        """Keeps nothing."""
+
+    def seen(self, observation: Observation, time: float | None) -> Observation:
+        """The observation without people."""
+        return observation._replace(pedestrians=observation.pedestrians[:0])
+
+
+class TrackedPeople:
+    """Finds people in the scans."""
+
+    def __init__(self, robot: Robot, config: PeopleConfig | None = None) -> None:
+        from lme.perception.people.tracker import (
+            PeopleTracker,  # compiles, which takes seconds the first time
+        )
+
+        self._tracker = PeopleTracker(config or PeopleConfig(), robot.lidar.mount)
+        self._dt = robot.dt
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        self._tracker.reset()
+        self._time = math.nan
+        self.tracks: Tracks | None = None
+        self.spent_us = 0.0
+
+    def seen(self, observation: Observation, time: float | None) -> Observation:
+        """The observation with the tracks. A scan that is not newer than the last one changes nothing."""
+        began = perf_counter_ns()
+        dt = self._dt if time is None or math.isnan(self._time) else time - self._time
+        self._time = self._time + dt if time is None else time
+        self.tracks = self._tracker.update(observation.scan, observation.odometry, dt)
+        self.spent_us = (perf_counter_ns() - began) / 1000.0
+        return observation._replace(pedestrians=np.ascontiguousarray(self.tracks.pedestrians))
+
+
+def people_source(choice: str, robot: Robot) -> PeopleSource | None:
+    """The source of a config's `people`; None: observations keep the people whom they have.
+
+    Raises InputError for another choice.
+    """
+    made: dict[str, Callable[[], PeopleSource | None]] = {
+        "truth": lambda: None,
+        "tracked": lambda: TrackedPeople(robot),
+        "none": Nobody,
+    }
+    if choice not in made:
+        raise InputError(f"people is {choice!r}: must be one of {', '.join(made)}")
+    return made[choice]()

@@ -1,0 +1,217 @@
+"""A tracker of people: from scans and odometry to places and velocities, without a network or a map.
+
+What a beam of an earlier scan passed through and is occupied now has moved, and so has what stood where a beam passes
+now. Compact runs of points are followed from the first scan in which they appear, so that their velocity is known as
+soon as there is evidence that they move. A track takes the points near its circle, hence people who pass each other
+or a wall stay apart. Every scan is registered on the one before, for a small error of the yaw moves everything far
+away. Tracks and earlier scans are kept in a frame that the registered motion adds up to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.geometry.frames import compose, relative, to_robot
+from lme.geometry.points import beam_directions
+from lme.perception.people.births import CELLS, flickered, moved_points, recall, remember, weigh
+from lme.perception.people.config import PeopleConfig
+from lme.perception.people.matching import advance, in_sight
+from lme.perception.people.registration import NewestScan, normals, register, unpacked
+from lme.perception.people.table import (  # fmt: skip
+    AGE,
+    ANCHORS,
+    COLUMNS,
+    CONFIRMED,
+    HIDDEN,
+    MOST,
+    NAME,
+    PP,
+    PV,
+    VV,
+    VX,
+    VY,
+    R,
+    X,
+    Y,
+    predict,
+)
+from lme.perception.people.tracks import Tracks
+from lme.types import Bools, Floats, Ints, LaserScan, Pose
+
+_View = tuple[tuple[float, ...], Floats, Floats, tuple[float, float]]
+
+_NOISES = 5.0  # standard deviations of a range that are not motion
+_LAGS = (0.1, 0.2, 0.4, 0.8, 1.6)  # [s] ages of the scans that a scan is compared with
+_OLD = 0.6  # [s] until it is known who moves in a scan
+_MEMORY = 5.0  # [s] what stood so long ago stands
+_KEY_AGE = 0.4  # [s] after which another scan becomes the one on which scans are registered
+_NAMES = 4096  # tracks of which it is known whether they moved
+_TRAVEL_ERROR, _TURN_ERROR = 0.1, 0.1  # shares of the odometry's motion: standard deviations of its errors
+_YAW_ERROR = 0.3  # [rad/m] error of the yaw per distance, of wheels that slip
+_STILL_ERROR = (0.002, 0.003)  # [m], [rad] besides
+_SETTLING = 0.05  # share of a new scan in the estimate of the noise
+_SUSPECT = (2.5, 0.01)  # times the noise, and [m]: a scan that fits worse shows nobody new
+_LONGEST_STEP = 1.0  # [s] after a longer gap the tracker begins anew
+_SHOWN = 1.5  # periods for which a track that was not seen is still shown
+
+
+class _Seen(NamedTuple):
+    """A scan that is remembered.
+
+    time [s]; lidar: its pose in the tracker's frame; base: by odometry; placed (B, 2): the points in the tracker's
+    frame; owner (B,): see `NewestScan`; for the others see `unpacked`.
+    """
+
+    time: float
+    lidar: Pose
+    base: Pose
+    points: Floats
+    placed: Floats
+    hits: Bools
+    sure: Floats
+    free: Floats
+    owner: Ints
+
+
+class PeopleTracker:
+    """Follows people through one episode. mount: pose of the lidar in the base frame."""
+
+    Config = PeopleConfig
+
+    def __init__(self, config: PeopleConfig, mount: Pose) -> None:
+        self._config, self._settings, self._mount = config, config.settings, mount
+        self._geometry: tuple[float, ...] = ()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._table, self._anchors = np.zeros((MOST, COLUMNS)), np.full((MOST, ANCHORS, 2), np.nan)
+        self._count = self._names = 0
+        self._movers = np.zeros(_NAMES, np.bool_)
+        self._stood = np.full((CELLS, CELLS), -math.inf, np.float32)
+        self._kept = -1.0  # time of the newest scan in it [s]
+        self._key: tuple[_Seen, Floats] | None = (
+            None  # the scan on which scans are registered, and its normals
+        )
+        self._seen: deque[_Seen] = deque()
+        self._time = 0.0
+        self._noise = 0.01  # [m] of a range, estimated from the registration
+        self._flicker = (0.0, 0.0)  # see `flickered`
+
+    def update(self, scan: LaserScan, odometry: Pose, dt: float) -> Tracks:
+        """The people in sight. odometry: of the base when the scan was taken; dt: since the scan before [s].
+
+        The same scan again (dt=0) gives the same tracks.
+        """
+        if self._seen and dt <= 0.0:
+            return self._tracks(0.0)
+        if dt > _LONGEST_STEP or (*scan[1:], len(scan.ranges)) != self._geometry:
+            self.reset()
+            self._prepare(scan)
+        self._time += dt
+        limits = (float(scan.range_min), float(scan.range_max))
+        points, hits, sure, free = unpacked(
+            scan.ranges, self._directions, limits, min(self._config.missing, limits[1]), self._guard
+        )
+        lidar = self._registered(points, hits, odometry)
+        nobody = np.full(len(hits), -1, np.int64)
+        seen = _Seen(self._time, lidar, odometry, points, _placed(points, lidar), hits, sure, free, nobody)
+        self._advance(seen, dt)
+        self._remember(seen)
+        return self._tracks(dt)
+
+    def _prepare(self, scan: LaserScan) -> None:
+        """Take over the geometry of a scan."""
+        self._geometry = (*scan[1:], len(scan.ranges))
+        self._angles = (float(scan.angle_min), float(scan.angle_increment))
+        self._directions = beam_directions(*self._angles, len(scan.ranges))
+        self._guard = max(round(self._config.guard / self._angles[1]), 1)
+
+    def _registered(self, points: Floats, hits: Bools, odometry: Pose) -> Pose:
+        """The lidar's pose in the tracker's frame."""
+        self._trusted = True
+        if self._key is None:
+            return self._mount
+        last, (key, facing) = self._seen[-1], self._key
+        moved = relative(compose(odometry, self._mount), compose(last.base, self._mount))
+        guess = relative(compose(last.lidar, moved), key.lidar)
+        way, turn = math.hypot(moved.x, moved.y), abs(moved.yaw)
+        along = _STILL_ERROR[0] + _TRAVEL_ERROR * way
+        spread = (along, along, _STILL_ERROR[1] + _YAW_ERROR * way + _TURN_ERROR * turn)
+        *motion, error = register(
+            points, hits, key.points, facing, self._angles, (*guess,), spread, self._noise
+        )
+        self._trusted = math.isfinite(error) and error < _SUSPECT[0] * self._noise + _SUSPECT[1]
+        if math.isfinite(error):
+            self._noise += _SETTLING * (min(error, 0.05) - self._noise)
+        return compose(key.lidar, Pose(*motion))
+
+    def _advance(self, seen: _Seen, dt: float) -> None:
+        """Bring the tracks up to a scan."""
+        margin = max(self._config.margin, _NOISES * self._noise)
+        votes = np.zeros((len(seen.placed), 2), np.int8)
+        for past in self._compared():
+            weigh(seen.placed, seen.hits, self._view(past), margin, votes)
+        stands = recall(self._stood, seen.placed, seen.hits, self._time - _MEMORY)
+        self._flicker = flickered(votes, stands, self._flicker)
+        moved = moved_points(votes, stands, self._flicker)
+        sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
+        predict(self._table, self._count, dt, self._config.acceleration)
+        when = (self._noise, margin, self._trusted, max(dt, 1e-3))
+        tracks = self._table, self._anchors, self._count, self._names
+        self._count, self._names = advance(*tracks, sight, self._view(seen), when, self._settings)
+
+    def _view(self, seen: _Seen) -> _View:
+        return (*seen.lidar,), seen.sure, seen.free, self._angles
+
+    def _compared(self) -> list[_Seen]:
+        """Earlier scans of about the ages `_LAGS`, each once."""
+        chosen = {seen.time: seen for seen in map(self._nearest, _LAGS)} if self._seen else {}
+        return list(chosen.values())
+
+    def _nearest(self, lag: float) -> _Seen:
+        """The earlier scan whose age is nearest to `lag` [s]."""
+        return min(self._seen, key=lambda seen: abs(self._time - seen.time - lag))
+
+    def _remember(self, seen: _Seen) -> None:
+        """Keep the scan; by now it is known who moved in one that is `_OLD`."""
+        self._seen.append(seen)
+        for past in self._seen:
+            if self._kept < past.time <= self._time - _OLD:
+                remember(self._stood, past.placed, past.hits, past.owner, self._movers, past.time)
+                self._kept = past.time
+        while self._time - self._seen[0].time > _LAGS[-1] + 0.1:
+            self._seen.popleft()
+        if self._key is None or self._time - self._key[0].time > _KEY_AGE - 0.01:
+            moving = (seen.owner >= 0) & self._movers[seen.owner % len(self._movers)]
+            self._key = seen, normals(seen.points, seen.hits & ~moving)
+
+    def _tracks(self, dt: float) -> Tracks:
+        rows = self._table[: self._count]
+        shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _SHOWN * dt)
+        newest = self._seen[-1]
+        rows = rows[shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
+        base = compose(self._seen[-1].lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
+        turn = Pose(0.0, 0.0, base.yaw)
+        covariance = np.zeros((len(rows), 4, 4))
+        for k in (0, 1):
+            covariance[:, k, k], covariance[:, k + 2, k + 2] = rows[:, PP], rows[:, VV]
+            covariance[:, k, k + 2] = covariance[:, k + 2, k] = rows[:, PV]
+        return Tracks(
+            rows[:, NAME].astype(np.int64),
+            np.hstack([to_robot(rows[:, [X, Y]], base), to_robot(rows[:, [VX, VY]], turn)]),
+            rows[:, R].copy(),
+            rows[:, AGE].copy(),
+            covariance,
+        )
+
+
+def _placed(points: Floats, lidar: Pose) -> Floats:
+    """Points (B, 2) of the lidar's frame in the tracker's."""
+    cos, sin = math.cos(lidar.yaw), math.sin(lidar.yaw)
+    placed: Floats = points @ np.array([[cos, sin], [-sin, cos]]) + [lidar.x, lidar.y]
+    return placed

@@ -1,0 +1,348 @@
+"""Errors of a timed elastic band, weighted and squared, and the normal equations of their least squares.
+
+Variable 4 i + c is x, y, yaw of pose i (c = 0, 1, 2) or the time difference after it (c = 3). A motion between two
+poses depends on seven neighbouring variables, an acceleration on eleven: the matrix has ten bands below its diagonal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats
+
+_PASSES = 100  # of `resized`, at most, as in teb_local_planner
+
+
+@njit(cache=True, error_model="numpy")
+def along(
+    path: Floats, start: tuple[float, float, float], yaw: float, v_max: float, omega_max: float
+) -> tuple[Floats, Floats]:
+    """A band from `start` along the path (P, 2), P ≥ 1, to its end with heading `yaw`, as fast as the limits allow.
+
+    A pose at each point of the path, which heads for the next one, and one half-way if P = 1.
+    """
+    line = path if len(path) > 1 else np.vstack((0.5 * (path + np.array([[start[0], start[1]]])), path))
+    count = len(line) + 1
+    poses = np.empty((count, 3))
+    poses[0] = start
+    for k in range(1, count):
+        poses[k, :2] = line[k - 1]
+        poses[k, 2] = yaw
+        if k < count - 1:
+            poses[k, 2] = math.atan2(line[k, 1] - line[k - 1, 1], line[k, 0] - line[k - 1, 0])
+    times = np.empty(count - 1)
+    for k in range(count - 1):
+        way = math.hypot(poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1])
+        turn = abs(wrapped(poses[k + 1, 2] - poses[k, 2]))
+        times[k] = max(way / v_max, turn / omega_max, 1e-3)
+    return poses, times
+
+
+@njit(cache=True, error_model="numpy")
+def resized(
+    poses: Floats, times: Floats, wanted: float, hysteresis: float, fewest: int, most: int
+) -> tuple[Floats, Floats]:
+    """The band with time differences near `wanted` [s]: samples are added and removed where they are off.
+
+    hysteresis [s]: the greatest difference. `fewest` and `most`: limits of the number of time differences.
+    """
+    size = max(most, len(times)) + 1
+    p, t = np.empty((size, 3)), np.empty(size)
+    count = len(times)
+    p[: count + 1], t[:count] = poses, times
+    for _ in range(_PASSES):
+        modified, i = False, 0
+        while i < count:
+            if t[i] > wanted + hysteresis and count < most:
+                if t[i] > 2.0 * wanted:
+                    count = _split(p, t, count, i)
+                    modified = True
+                    continue  # looks at the first half again
+                if i < count - 1:
+                    t[i + 1] += t[i] - wanted
+                t[i] = wanted
+            elif t[i] < wanted - hysteresis and count > fewest:
+                modified = True
+                count = _merge(p, t, count, i)
+                if i < count:
+                    continue
+            i += 1
+        if not modified:
+            break
+    return p[: count + 1].copy(), t[:count].copy()
+
+
+@njit(cache=True, error_model="numpy")
+def _split(p, t, count, i):
+    """Add a pose half-way between poses i and i + 1; the new number of time differences."""
+    for k in range(count, i, -1):
+        p[k + 1], t[k] = p[k], t[k - 1]
+    p[i + 1, :2] = 0.5 * (p[i, :2] + p[i + 2, :2])
+    p[i + 1, 2] = wrapped(p[i, 2] + 0.5 * wrapped(p[i + 2, 2] - p[i, 2]))
+    t[i] *= 0.5
+    t[i + 1] = t[i]
+    return count + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _merge(p, t, count, i):
+    """Remove the pose after difference i, or before it if that is the last one; the new number of differences."""
+    gone = i if i < count - 1 else i - 1
+    t[gone + 1] += t[gone]
+    for k in range(gone, count - 1):
+        t[k] = t[k + 1]
+    for k in range(gone + 1, count):
+        p[k] = p[k + 1]
+    return count - 1
+
+
+@njit(cache=True, error_model="numpy")
+def near_obstacles(
+    poses: Floats, points: Floats, box: tuple[float, float, float], always: float, never: float
+) -> Floats:
+    """Which points (M, 2) [m] count at which poses: (K, 3) [index of the pose, x, y].
+
+    At each pose but the first and the last: all points nearer than `always` to the footprint `box`, and of the
+    others up to `never` the nearest on its left and on its right [m].
+    """
+    out = np.empty((len(poses) * (len(points) + 2), 3))
+    reach = never + math.hypot(box[0], box[1]) + box[2]
+    count = 0
+    for i in range(1, len(poses) - 1):
+        left, right, on_left, on_right = np.inf, np.inf, -1, -1
+        for k in range(len(points)):
+            dx, dy = points[k, 0] - poses[i, 0], points[k, 1] - poses[i, 1]
+            if dx * dx + dy * dy > reach * reach:
+                continue
+            distance = clearance(poses[i], points[k, 0], points[k, 1], box)[0]
+            if distance < always:
+                count = _list(out, count, i, points[k])
+            elif distance <= never:
+                if math.cos(poses[i, 2]) * dy - math.sin(poses[i, 2]) * dx > 0.0:
+                    if distance < left:
+                        left, on_left = distance, k
+                elif distance < right:
+                    right, on_right = distance, k
+        if on_left >= 0:
+            count = _list(out, count, i, points[on_left])
+        if on_right >= 0:
+            count = _list(out, count, i, points[on_right])
+    return out[:count].copy()
+
+
+@njit(cache=True, error_model="numpy")
+def _list(out, count, i, point):
+    """Write a row; the new number of rows."""
+    out[count, 0], out[count, 1], out[count, 2] = i, point[0], point[1]
+    return count + 1
+
+
+@njit(cache=True, error_model="numpy")
+def clearance(pose: Floats, x: float, y: float, box: tuple[float, float, float]) -> tuple[float, Floats]:
+    """Signed distance [m] of a point from the footprint at a pose (3,), and its gradient by the pose (3,).
+
+    box (half_length, half_width, rounding) [m]. Inside it is minus the way out of the box's nearest side.
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = x - pose[0], y - pose[1]
+    px, py = cos * dx + sin * dy, cos * dy - sin * dx
+    beyond_x, beyond_y = abs(px) - box[0], abs(py) - box[1]
+    side_x, side_y = math.copysign(1.0, px), math.copysign(1.0, py)
+    if beyond_x > 0.0 and beyond_y > 0.0:
+        distance = math.hypot(beyond_x, beyond_y)
+        gx, gy = side_x * beyond_x / distance, side_y * beyond_y / distance
+    elif beyond_x > beyond_y:
+        distance, gx, gy = beyond_x, side_x, 0.0
+    else:
+        distance, gx, gy = beyond_y, 0.0, side_y
+    gradient = np.array([sin * gy - cos * gx, -sin * gx - cos * gy, gx * py - gy * px])
+    return distance - box[2], gradient
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def wrapped(angle):
+    """The angle in [−π, π), which mirrors everywhere but at −π [rad]."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+BANDS = 11  # with the diagonal
+STEEPNESS = 100.0  # [1/m] of the change of sign of a speed when the robot drives backwards
+_TURNS = 3  # first motions that a wanted direction of turns concerns
+_TINY = 1e-12  # [m] a shorter way has no direction
+
+Bounds = tuple[float, float, float, float, float, float, float]
+Weights = tuple[float, float, float, float, float, float, float, float, float, float]
+
+
+@njit(cache=True, error_model="numpy")
+def normal_equations(
+    poses: Floats,
+    times: Floats,
+    twist: tuple[float, float],
+    near: Floats,
+    via: Floats,
+    turn: float,
+    box: tuple[float, float, float],
+    bounds: Bounds,
+    weights: Weights,
+) -> tuple[float, Floats, Floats]:
+    """Sum of the squared errors of a band, its Gauss–Newton matrix (11, 4 N) and its steepest descent (4 N,).
+
+    poses (N, 3), N ≥ 3, times (N − 1,); twist: (v, ω) before the band, which ends at rest. near (K, 3) and via (V, 3):
+    [index of a pose, x, y] of obstacles and of points to pass. turn: 1 left, -1 right, 0 any. box: the footprint.
+    bounds: (fastest backwards, fastest [m/s], turn rate [rad/s], accelerations [m/s², rad/s²], clearance [m],
+    epsilon), limits are tightened by epsilon. weights: of (time, velocity, turn rate, acceleration, angular
+    acceleration, nonholonomic motion, driving backwards, obstacles, points to pass, turns the other way).
+    Row d, column j of the matrix is element (j + d, j), as in scipy.linalg.solveh_banded. Both ends are fixed.
+    """
+    matrix, descent = np.zeros((BANDS, 4 * len(poses))), np.zeros(4 * len(poses))
+    speeds, rates, by_speed, by_rate = _motions(poses, times)
+    forwards, sideways = (-bounds[0], bounds[1], bounds[6]), (-bounds[2], bounds[2], bounds[6])
+    by_time = np.array([0.0, 0.0, 0.0, 1.0])
+    total = 0.0
+    for i in range(len(times)):
+        total += _add(matrix, descent, 4 * i, by_time, times[i], weights[0])
+        total += _limit(matrix, descent, 4 * i, by_speed[i], speeds[i], forwards, weights[1])
+        total += _limit(matrix, descent, 4 * i, by_rate[i], rates[i], sideways, weights[2])
+        total += _steering(matrix, descent, i, poses, weights[5:7])
+        if turn != 0.0 and i < _TURNS:
+            total += _turn(matrix, descent, i, poses, turn, weights[9])
+    limits = (bounds[3], bounds[6])
+    total += _accelerations(matrix, descent, times, speeds, by_speed, twist[0], limits, weights[3])
+    limits = (bounds[4], bounds[6])
+    total += _accelerations(matrix, descent, times, rates, by_rate, twist[1], limits, weights[4])
+    for k in range(len(near)):
+        i = int(near[k, 0])
+        distance, row = clearance(poses[i], near[k, 1], near[k, 2], box)
+        missing = bounds[5] + bounds[6] - distance
+        if missing > 0.0:
+            total += _add(matrix, descent, 4 * i, -row, missing, weights[7])
+    for k in range(len(via)):
+        total += _via(matrix, descent, int(via[k, 0]), poses, via[k], weights[8])
+    _fix(matrix, descent)
+    return total, matrix, descent
+
+
+@njit(cache=True, error_model="numpy")
+def _motions(poses, times):
+    """Speeds and turn rates (M,) between the poses, and their derivatives (M, 7) by the variables from pose i on."""
+    count = len(times)
+    speeds, rates = np.empty(count), np.empty(count)
+    by_speed, by_rate = np.zeros((count, 7)), np.zeros((count, 7))
+    for i in range(count):
+        dx, dy, t = poses[i + 1, 0] - poses[i, 0], poses[i + 1, 1] - poses[i, 1], times[i]
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        ahead = STEEPNESS * (cos * dx + sin * dy)
+        sign, slope = ahead / (1.0 + abs(ahead)), STEEPNESS / (1.0 + abs(ahead)) ** 2
+        way = math.hypot(dx, dy)
+        ux, uy = (dx / way, dy / way) if way > _TINY else (0.0, 0.0)
+        speeds[i], rates[i] = sign * way / t, wrapped(poses[i + 1, 2] - poses[i, 2]) / t
+        gx, gy = (sign * ux + way * slope * cos) / t, (sign * uy + way * slope * sin) / t
+        by_speed[i, 0], by_speed[i, 1], by_speed[i, 4], by_speed[i, 5] = -gx, -gy, gx, gy
+        by_speed[i, 2] = way * slope * (cos * dy - sin * dx) / t
+        by_speed[i, 3] = -speeds[i] / t
+        by_rate[i, 2], by_rate[i, 6], by_rate[i, 3] = -1.0 / t, 1.0 / t, -rates[i] / t
+    return speeds, rates, by_speed, by_rate
+
+
+@njit(cache=True, error_model="numpy")
+def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, weight):
+    """Accelerations from `before` over the speeds to rest. limits: (the greatest one, epsilon)."""
+    last = len(times) - 1
+    interval = (-limits[0], limits[0], limits[1])
+    start = by_speed[0] / times[0]
+    value = (speeds[0] - before) / times[0]
+    start[3] -= value / times[0]
+    total = _limit(matrix, descent, 0, start, value, interval, weight)
+    for i in range(last):
+        row, span = np.zeros(11), 0.5 * (times[i] + times[i + 1])
+        value = (speeds[i + 1] - speeds[i]) / span
+        row[:7] -= by_speed[i] / span
+        row[4:] += by_speed[i + 1] / span
+        row[3] -= 0.5 * value / span
+        row[7] -= 0.5 * value / span
+        total += _limit(matrix, descent, 4 * i, row, value, interval, weight)
+    end = -by_speed[last] / times[last]
+    value = -speeds[last] / times[last]
+    end[3] -= value / times[last]
+    return total + _limit(matrix, descent, 4 * last, end, value, interval, weight)
+
+
+@njit(cache=True, error_model="numpy")
+def _steering(matrix, descent, i, poses, weights):
+    """Both headings lie on one arc, and the motion is not backwards. weights: of both."""
+    dx, dy = poses[i + 1, 0] - poses[i, 0], poses[i + 1, 1] - poses[i, 1]
+    cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+    cos_after, sin_after = math.cos(poses[i + 1, 2]), math.sin(poses[i + 1, 2])
+    row = np.zeros(7)
+    row[0], row[1] = sin + sin_after, -cos - cos_after
+    row[4], row[5] = -row[0], -row[1]
+    row[2], row[6] = -sin * dy - cos * dx, -sin_after * dy - cos_after * dx
+    aside = (cos + cos_after) * dy - (sin + sin_after) * dx
+    total = _add(matrix, descent, 4 * i, row, aside, weights[0])
+    ahead = cos * dx + sin * dy
+    if ahead < 0.0:
+        row = np.zeros(7)
+        row[0], row[1], row[2], row[4], row[5] = cos, sin, sin * dx - cos * dy, -cos, -sin
+        total += _add(matrix, descent, 4 * i, row, -ahead, weights[1])
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _turn(matrix, descent, i, poses, turn, weight):
+    """A motion does not turn against the wanted direction."""
+    wrong = -turn * wrapped(poses[i + 1, 2] - poses[i, 2])
+    if wrong <= 0.0:
+        return 0.0
+    row = np.zeros(7)
+    row[2], row[6] = turn, -turn
+    return _add(matrix, descent, 4 * i, row, wrong, weight)
+
+
+@njit(cache=True, error_model="numpy")
+def _via(matrix, descent, i, poses, point, weight):
+    """Distance of pose i from a point [index, x, y]."""
+    dx, dy = poses[i, 0] - point[1], poses[i, 1] - point[2]
+    away = math.hypot(dx, dy)
+    row = np.zeros(2)
+    if away > _TINY:
+        row[0], row[1] = dx / away, dy / away
+    return _add(matrix, descent, 4 * i, row, away, weight)
+
+
+@njit(cache=True, error_model="numpy")
+def _limit(matrix, descent, first, row, value, interval, weight):
+    """Error of a value with derivatives `row` beyond an interval (low, high, epsilon), tightened by epsilon."""
+    low, high = value - interval[0] - interval[2], value - interval[1] + interval[2]
+    if low < 0.0:
+        return _add(matrix, descent, first, -row, -low, weight)
+    return _add(matrix, descent, first, row, high, weight) if high > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _add(matrix, descent, first, row, error, weight):
+    """Add an error and its derivatives `row` by the variables from `first` on; the weighted square."""
+    for a in range(len(row)):
+        if row[a] != 0.0:
+            scaled = weight * row[a]
+            descent[first + a] -= scaled * error
+            for b in range(a + 1):
+                matrix[a - b, first + b] += scaled * row[b]
+    return weight * error * error
+
+
+@njit(cache=True, error_model="numpy")
+def _fix(matrix, descent):
+    """Keep the first and the last pose, and the time difference that does not exist."""
+    size = len(descent)
+    for k in range(size):
+        if k < 3 or k >= size - 4:
+            descent[k] = 0.0
+            for d in range(BANDS):
+                matrix[d, k] = 0.0
+                if k - d >= 0:
+                    matrix[d, k - d] = 0.0
+            matrix[0, k] = 1.0

@@ -1,1 +1,0 @@
-"""Tracks people and other movers from scans and odometry alone."""

@@ -1,5 +1,0 @@
-"""Simulator of a robot that slips: wheels that slide on the floor, and odometry that drifts."""
-
-from lme.sim.skid.simulator import SkidSimulator
-
-__all__ = ["SkidSimulator"]

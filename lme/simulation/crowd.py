@@ -1,0 +1,221 @@
+"""Motion of pedestrians and doors: the poses of all movers of a world over time.
+
+Scripted and recorded movers keep to their paths; people walk as `lme.simulation.walkers` says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from lme.simulation.walkers.walkers import HASTE, Walkers
+from lme.types import Floats, Pose
+from lme.worlds.movers import REPEATS, Mover
+from lme.worlds.world import World
+
+_BACK_AND_FORTH = REPEATS.index("back_and_forth")
+_CYCLE = REPEATS.index("cycle")
+
+
+class Crowd:
+    """All movers of a world. Each is at the start of its path until `advance` is called.
+
+    poses: (M, 3) of the movers, in the world. present: (M,) whether they are there; only recorded ones come and go.
+    circles: (C, 3) discs that are there; edges: (E, 4) sides of polygons, both as in `World` and in the order of the
+    movers. top_speed: the greatest speed of any point of a mover [m/s]. velocities: (M, 2) of the movers' origins in
+    the last step, in the world [m/s].
+    """
+
+    def __init__(
+        self, movers: Sequence[Mover], world: World | None = None, robot_radius: float = 0.0
+    ) -> None:
+        """world: whose walls people walk around. robot_radius: of the disc that they take the robot for [m]."""
+        self._movers = tuple(movers)
+        self._discs = np.array(
+            [i for i, mover in enumerate(movers) if mover.radius is not None], dtype=np.int64
+        )
+        self._pack_paths(movers)
+        self._pack_outlines(movers)
+        self.top_speed = max(map(_top_speed, movers), default=0.0)
+        self._time = 0.0
+        self._progress = np.zeros(len(movers))
+        self._begun = np.zeros(len(movers), dtype=np.bool_)
+        self.poses = np.array([mover.path[0] for mover in movers]).reshape(-1, 3)
+        self.velocities = np.zeros((len(movers), 2))
+        spans = [(0.0, math.inf) if mover.times is None else mover.times[[0, -1]] for mover in movers]
+        self._spans = np.array(spans).reshape(-1, 2)
+        self._come_and_go = any(mover.times is not None for mover in movers)
+        self.present = np.ones(len(movers), dtype=np.bool_)
+        self._every_circle = np.empty((len(self._discs), 3))
+        self._every_circle[:, 2] = [movers[i].radius for i in self._discs]
+        self.edges = np.empty((len(self._owner), 4))
+        walkers = [i for i, mover in enumerate(movers) if mover.walks]
+        self._walkers = Walkers(movers, walkers, world or World(), robot_radius) if walkers else None
+        self._place()
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """The discs (C, 3) and their velocities (C, 2), in the order of `circles` [m, m/s]."""
+        return self.circles, self.disc_velocities
+
+    @property
+    def disc_velocities(self) -> Floats:
+        """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
+        return self._there(self.velocities[self._discs])
+
+    def advance(self, robot: Pose, dt: float) -> None:
+        """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
+        if not len(self):
+            return
+        if self._walkers is not None:
+            self._walkers.decide(self, robot, dt)
+        state = (self._progress, self._begun, self.poses, self.velocities)
+        _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
+        if self._walkers is not None:
+            self._walkers.walk(self.poses, self.velocities, dt)
+        self._time += dt
+        self._place()
+
+    def go_on(self, former: Crowd) -> None:
+        """Take the time of another crowd, and from it where the movers are that it has too, the same objects."""
+        self._time = former._time
+        places = {mover: i for i, mover in enumerate(former._movers)}
+        kept = [(i, places[mover]) for i, mover in enumerate(self._movers) if mover in places]
+        for now, then in kept:
+            self._progress[now], self._begun[now] = former._progress[then], former._begun[then]
+            self.poses[now], self.velocities[now] = former.poses[then], former.velocities[then]
+        if self._walkers is not None and former._walkers is not None:
+            self._walkers.go_on(former._walkers, dict(kept))
+        self._place()
+
+    def _pack_paths(self, movers: Sequence[Mover]) -> None:
+        """Store waypoints (W, 4) [x, y, yaw, arrival time] of all movers and their rules (M, 6)."""
+        timed = [_timed(mover) for mover in movers]
+        self._waypoints = np.vstack([np.empty((0, 4)), *timed])
+        self._first = np.cumsum([0, *map(len, timed)])
+        self._rules = np.array([_rules(mover) for mover in movers]).reshape(-1, 6)
+
+    def _pack_outlines(self, movers: Sequence[Mover]) -> None:
+        """Store the sides (E, 4) of all polygons in their movers' frames, and the movers' indices (E,)."""
+        outlines = [(i, mover.outline) for i, mover in enumerate(movers) if mover.outline is not None]
+        sides = [np.hstack([outline, np.roll(outline, -1, axis=0)]) for _, outline in outlines]
+        self._sides = np.vstack([np.empty((0, 4)), *sides])
+        self._owner = np.repeat([i for i, _ in outlines], [len(side) for side in sides]).astype(np.int64)
+
+    def _place(self) -> None:
+        """Move the shapes to the current poses."""
+        self._every_circle[:, :2] = self.poses[self._discs, :2]
+        if self._come_and_go:
+            self.present = (self._spans[:, 0] <= self._time) & (self._time <= self._spans[:, 1])
+        self.circles = self._there(self._every_circle)
+        _turn_sides(self._sides, self._owner, self.poses, self.edges)
+
+    def _there(self, rows: Floats) -> Floats:
+        """The rows, one for each disc, of those that are there."""
+        return rows[self.present[self._discs]] if self._come_and_go else rows
+
+
+def _timed(mover: Mover) -> Floats:
+    """(P, 4) waypoints with their arrival times; a cycle ends at its first waypoint."""
+    if mover.times is not None:
+        return np.column_stack([mover.path, mover.times - mover.times[0]])
+    path = np.vstack([mover.path, mover.path[:1]]) if mover.repeat == "cycle" else mover.path
+    legs = np.diff(path, axis=0)
+    times = np.maximum(np.hypot(legs[:, 0], legs[:, 1]) / mover.speed, np.abs(legs[:, 2]) / mover.turn_rate)
+    return np.column_stack([path, np.concatenate([[0.0], np.cumsum(times)])])
+
+
+def _top_speed(mover: Mover) -> float:
+    """The greatest speed of any of its points [m/s]."""
+    if mover.walks:
+        return HASTE * mover.speed
+    if mover.times is not None:
+        return float((np.hypot(*np.diff(mover.path[:, :2], axis=0).T) / np.diff(mover.times)).max())
+    turns = np.ptp(mover.path[:, 2]) > 0.0
+    return mover.speed + (mover.turn_rate * mover.reach if turns else 0.0)
+
+
+def _rules(mover: Mover) -> tuple[float, ...]:
+    """start_after, starts_within, trigger x and y (NaN: the mover's own position), waits_within, repeat."""
+    if mover.walks:
+        return (math.inf, -1.0, math.nan, math.nan, -1.0, 0.0)  # `Walkers` moves them
+    starts = math.inf if mover.starts_within is None else mover.starts_within
+    waits = -1.0 if mover.waits_within is None else mover.waits_within
+    trigger = mover.trigger or (math.nan, math.nan)
+    start_after = mover.start_after if mover.times is None else float(mover.times[0])
+    return (start_after, starts, *trigger, waits, REPEATS.index(mover.repeat))
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(rules, first, waypoints, state, x, y, time, dt):
+    """Advance every mover by one step, with the robot at (x, y).
+
+    Updates progress (M,), begun (M,), poses (M, 3) and velocities (M, 2).
+    """
+    progress, begun, poses, velocities = state
+    for i in range(len(rules)):
+        start_after, starts_within, trigger_x, trigger_y, waits_within, repeat = rules[i]
+        path = waypoints[first[i] : first[i + 1]]
+        passed = dt
+        if not begun[i]:
+            near_x = poses[i, 0] if math.isnan(trigger_x) else trigger_x
+            near_y = poses[i, 1] if math.isnan(trigger_y) else trigger_y
+            passed = min(dt, time + dt - start_after)
+            begun[i] = passed > 0.0 and math.hypot(x - near_x, y - near_y) <= starts_within
+        if not begun[i]:
+            continue
+        dx, dy = x - poses[i, 0], y - poses[i, 1]
+        if math.hypot(dx, dy) > waits_within or not _is_ahead(path, progress[i], repeat, dx, dy):
+            progress[i] += passed
+        leg, part, _ = _leg(path, progress[i], repeat)
+        last = min(leg + 1, len(path) - 1)
+        before_x, before_y = poses[i, 0], poses[i, 1]
+        for axis in range(3):
+            poses[i, axis] = path[leg, axis] + part * (path[last, axis] - path[leg, axis])
+        velocities[i, 0], velocities[i, 1] = (poses[i, 0] - before_x) / dt, (poses[i, 1] - before_y) / dt
+
+
+@njit(cache=True, error_model="numpy")
+def _is_ahead(path, progress, repeat, dx, dy):
+    """Whether the point (dx, dy) from the mover lies ahead of it; every point does while it turns on the spot."""
+    leg, _, sign = _leg(path, progress, repeat)
+    last = min(leg + 1, len(path) - 1)
+    along_x, along_y = path[last, 0] - path[leg, 0], path[last, 1] - path[leg, 1]
+    return sign * (along_x * dx + along_y * dy) >= 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _leg(path, progress, repeat):
+    """Leg of the path after `progress` seconds of motion, share of the leg done, and direction (±1) along the path."""
+    run = path[-1, 3]
+    sign = 1.0
+    if run > 0.0 and repeat == _CYCLE:
+        progress = progress % run
+    elif run > 0.0 and repeat == _BACK_AND_FORTH:
+        progress = progress % (2.0 * run)
+        if progress >= run:
+            progress, sign = 2.0 * run - progress, -1.0
+    leg = 0
+    while leg < len(path) - 2 and progress >= path[leg + 1, 3]:
+        leg += 1
+    last = min(leg + 1, len(path) - 1)
+    length = path[last, 3] - path[leg, 3]
+    part = min((progress - path[leg, 3]) / length, 1.0) if length > 0.0 else 1.0
+    return leg, part, sign
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_sides(sides, owner, poses, edges):
+    """Transform sides (E, 4) from their movers' frames to the world, into `edges` (E, 4)."""
+    for i in range(len(sides)):
+        x, y, yaw = poses[owner[i]]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        for end in (0, 2):
+            edges[i, end] = x + cos * sides[i, end] - sin * sides[i, end + 1]
+            edges[i, end + 1] = y + sin * sides[i, end] + cos * sides[i, end + 1]

@@ -1,0 +1,114 @@
+"""A walking gait: velocity that overshoots the command, a measured twist that ripples, and a lidar that tilts.
+
+The model is fitted to a Unitree Go2 that walks in MuJoCo; `conf/sim/walking.yaml` has its values and their source.
+
+A tilt acts on a planar lidar alone, whose beams then meet the floor. The cloud of a 3D lidar (`robot.lidar.cloud`) is
+levelled by the estimated attitude, as in lidar-inertial odometry, so its points stay where they were hit and the floor
+stays below the heights that make the scan. What the tilt leaves there, a few millimetres by which the sensor moves, is
+less than the lidar's own noise, so the scan of a cloud does not change.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import Robot
+from lme.simulation.disturbances import Disturbances
+from lme.types import Floats, Twist
+
+STANDING = 0.02  # [m/s, rad/s] a robot that is slower stands still: nothing ripples or tilts
+ROLL_SHARE = 0.5  # [-] of the pitch's standard deviation: 1.3° of 2.3° for the Go2 at 0.66 m/s
+
+
+def is_walking(twist: Twist) -> bool:
+    """Whether the legs move."""
+    return max(abs(twist.v), abs(twist.omega)) > STANDING
+
+
+def damping_ratio(overshoot: float) -> float:
+    """Damping ratio [-] at which a step of the command is overshot by this share; 1, critical, for 0."""
+    if overshoot == 0.0:
+        return 1.0
+    return -math.log(overshoot) / math.hypot(math.pi, math.log(overshoot))
+
+
+class GaitResponse:
+    """Second-order response of v and ω, each called y here, to a command u: y'' = f² (u − y) − 2 ζ f y'.
+
+    A step is exact for a command that is constant within it, so steps of any length are stable.
+    """
+
+    def __init__(self, natural_frequency: float, overshoots: tuple[float, float]) -> None:
+        """natural_frequency: f [rad/s]. overshoots: of a step in v and in ω [-], which give ζ (`damping_ratio`)."""
+        self.twist = Twist(0.0, 0.0)
+        self._frequency = natural_frequency
+        self._dampings = [damping_ratio(overshoot) for overshoot in overshoots]
+        self._rates = [0.0, 0.0]  # y'/f of v and of ω
+
+    def follow(self, command: tuple[float, float], dt: float) -> tuple[float, float]:
+        """Distance [m] and turn [rad] of the next `dt` [s] under a command v [m/s], ω [rad/s]."""
+        moved, reached = [0.0, 0.0], [0.0, 0.0]
+        for axis in range(2):
+            state = (self.twist[axis], self._rates[axis], command[axis])
+            transition = _transition(self._frequency, self._dampings[axis], dt)
+            moved[axis], reached[axis], self._rates[axis] = (transition @ state).tolist()
+        self.twist = Twist(*reached)
+        return moved[0], moved[1]
+
+
+def response_of(config: Disturbances) -> GaitResponse | None:
+    """The response of a robot at rest; None if its wheels follow the command directly."""
+    if config.natural_frequency == 0.0:
+        return None
+    return GaitResponse(config.natural_frequency, (config.overshoot_v, config.overshoot_omega))
+
+
+@lru_cache(maxsize=64)
+def _transition(frequency: float, damping: float, dt: float) -> Floats:
+    """(3, 3) from (y, y'/f, u) to the integral of y over dt, and y and y'/f after it: a matrix exponential."""
+    from scipy.linalg import expm
+
+    rates = np.zeros((4, 4))  # of (integral, y, y'/f, u)
+    rates[0, 1] = 1.0
+    rates[1, 2] = frequency
+    rates[2, 1:] = -frequency, -2.0 * damping * frequency, frequency
+    transition: Floats = expm(rates * dt)[:3, 1:]
+    return transition
+
+
+def rippled(twist: Twist, ripple_v: float, ripple_omega: float, rng: np.random.Generator) -> Twist:
+    """The measured twist with white noise of these standard deviations [m/s, rad/s].
+
+    The body sways with every stride, and the twist with it; the sway is a centimetre or two and a degree, so the pose
+    is left as it is. White noise is a simplification: at 8 Hz successive twists of the Go2 correlate by −.35 to .26,
+    and a faster control loop would see a smoother ripple.
+    """
+    v, omega = rng.normal((twist.v, twist.omega), (ripple_v, ripple_omega)).tolist()
+    return Twist(v, omega)
+
+
+def floor_ranges(bearings: Floats, height: float, tilt: float, rng: np.random.Generator) -> Floats:
+    """Ranges (B,) [m] at which the beams of a tilted planar lidar meet the floor; inf for beams that rise.
+
+    bearings (B,) in the base frame [rad]; height of the lidar above the floor [m]. Pitch is drawn with the standard
+    deviation `tilt` [rad] and roll with `ROLL_SHARE` of it. A beam dips by pitch·cos(bearing) + roll·sin(bearing), and
+    meets the floor at height / sin(dip). Ranges to upright obstacles, which change by 1 % at 9°, are left as they are.
+    """
+    pitch, roll = rng.normal(0.0, (tilt, ROLL_SHARE * tilt))
+    dips = pitch * np.cos(bearings) + roll * np.sin(bearings)
+    ranges = np.full(len(bearings), math.inf)
+    np.divide(height, np.sin(dips), out=ranges, where=dips > 0.0)
+    return ranges
+
+
+def check_height(tilt: float, robot: Robot) -> None:
+    """Raise InputError for a planar lidar that tilts at an unknown height."""
+    if tilt > 0.0 and robot.lidar.cloud is None and robot.lidar.height is None:
+        raise InputError(
+            f"sim.tilt is {tilt:g}, but robot.lidar.height is null in robot {robot.name}: must be the height of the "
+            "planar lidar above the floor [m], where tilted beams end; or set sim.tilt to 0"
+        )

@@ -1,0 +1,194 @@
+"""Ray casting in 3D against upright obstacles of finite height, the ground and a ceiling.
+
+A ray can only hit obstacles in its horizontal direction. Obstacles are therefore listed by the buckets of bearing
+that they cover, and each ray is tested exactly against its bucket's list.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.geometry.fan import bearing
+from lme.types import Floats
+
+BUCKETS = 720  # of equal angles from bearing 0
+_FLAT = 1e-12  # a ray with a smaller horizontal component is vertical
+
+
+@njit(cache=True, error_model="numpy")
+def cast_rays(
+    origin: Floats,
+    directions: Floats,
+    circles: Floats,
+    edges: Floats,
+    solids: Floats,
+    planes: tuple[float, float],
+    range_max: float,
+) -> Floats:
+    """Distance along each ray to the first hit, inf if there is none within range_max: (N,) [m].
+
+    origin (3,); directions (N, 3) unit vectors; circles (C, 5) solid [x, y, r, bottom, top]; edges (E, 6) thin
+    upright walls [x0, y0, x1, y1, bottom, top]; solids (P, 4) [first edge, edge after the last, bottom, top]:
+    polygons with a lid at the top and at the bottom; planes (ground, ceiling): heights of infinite planes, −inf and
+    inf for none. From inside a disc the distance is 0; from inside a polygon a ray hits the wall.
+    """
+    starts, items = by_bearing(origin, circles, edges, range_max)
+    x, y, z = origin[0], origin[1], origin[2]
+    out = np.empty(len(directions))
+    for k in range(len(directions)):
+        ray = (directions[k, 0], directions[k, 1], directions[k, 2])
+        best = min(_to_height(z, ray[2], planes[0]), _to_height(z, ray[2], planes[1]))
+        bucket = _bucket(ray[0], ray[1])
+        for j in range(starts[bucket], starts[bucket + 1]):
+            i = items[j]
+            if i < len(circles):
+                centre = (circles[i, 0] - x, circles[i, 1] - y, circles[i, 2])
+                best = min(best, to_circle(ray, centre, circles[i, 3] - z, circles[i, 4] - z))
+            else:
+                i -= len(circles)
+                ends = (edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y)
+                best = min(best, to_edge(ray, ends, edges[i, 4] - z, edges[i, 5] - z))
+        out[k] = _to_lids(origin, ray, edges, solids, best)
+        if out[k] > range_max:
+            out[k] = np.inf
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _bucket(x, y):
+    """Index of the bucket that holds the direction (x, y), or of its neighbour; 0 for a vertical ray."""
+    if x == 0.0 and y == 0.0:
+        return 0
+    return min(int(bearing(x, y) * (BUCKETS / (2.0 * math.pi))), BUCKETS - 1)
+
+
+@njit(cache=True, error_model="numpy")
+def by_bearing(origin, circles, edges, range_max):
+    """`starts` and `items`: bucket b holds items[starts[b]:starts[b + 1]]. Item i < C is a circle, else edge i − C."""
+    count = len(circles) + len(edges)
+    first, number = np.empty(count, np.int64), np.empty(count, np.int64)
+    starts = np.zeros(BUCKETS + 1, np.int64)
+    for i in range(count):
+        if i < len(circles):
+            x, y = circles[i, 0] - origin[0], circles[i, 1] - origin[1]
+            first[i], number[i] = _circle_buckets(x, y, circles[i, 2], range_max)
+        else:
+            e = i - len(circles)
+            ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+            first[i], number[i] = _edge_buckets(
+                ax - origin[0], ay - origin[1], bx - origin[0], by - origin[1]
+            )
+        for j in range(number[i]):
+            starts[(first[i] + j) % BUCKETS + 1] += 1
+    starts = np.cumsum(starts)
+    items, filled = np.empty(starts[-1], np.int64), starts.copy()
+    for i in range(count):
+        for j in range(number[i]):
+            bucket = (first[i] + j) % BUCKETS
+            items[filled[bucket]] = i
+            filled[bucket] += 1
+    return starts, items
+
+
+@njit(cache=True, error_model="numpy")
+def _circle_buckets(x, y, r, range_max):
+    """First bucket and number of the buckets that a disc around (x, y) may cover."""
+    distance = math.hypot(x, y)
+    if distance - r > range_max:
+        return 0, 0
+    if distance <= r:
+        return 0, BUCKETS
+    middle, half = math.atan2(y, x), math.asin(r / distance)
+    low, high = middle - half, middle + half
+    return _span(math.cos(low), math.sin(low), math.cos(high), math.sin(high))
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_buckets(ax, ay, bx, by):
+    """First bucket and number of the buckets that an edge may cover; all if the origin is on it or almost."""
+    cross, dot = ax * by - ay * bx, ax * bx + ay * by
+    if abs(cross) <= -1e-6 * dot or (ax == 0.0 and ay == 0.0) or (bx == 0.0 and by == 0.0):
+        return 0, BUCKETS
+    return _span(ax, ay, bx, by) if cross >= 0.0 else _span(bx, by, ax, ay)
+
+
+@njit(cache=True, error_model="numpy")
+def _span(ax, ay, bx, by):
+    """Buckets counter-clockwise from direction a to direction b, and one more at either end for rounding."""
+    low, high = _bucket(ax, ay), _bucket(bx, by)
+    return (low - 1) % BUCKETS, min((high - low) % BUCKETS + 3, BUCKETS)
+
+
+@njit(cache=True, error_model="numpy")
+def _to_height(z, rise, height):
+    """Distance along a ray from height z to another height; inf if the ray does not reach it."""
+    gap = height - z
+    return gap / rise if gap * rise > 0.0 else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def to_circle(ray, centre, bottom, top):
+    """Distance along a ray from the origin to an upright cylinder with lids: 0 inside, inf if the ray misses.
+
+    The cylinder is the intersection of an infinite cylinder and the space between two heights.
+    """
+    dx, dy, rise = ray
+    x, y, r = centre
+    flat = dx * dx + dy * dy
+    if flat < _FLAT * _FLAT:
+        if x * x + y * y > r * r:
+            return np.inf
+        enter, leave = -np.inf, np.inf
+    else:
+        across = x * dy - y * dx
+        depth = r * r * flat - across * across
+        if depth < 0.0:
+            return np.inf
+        along, half = (x * dx + y * dy) / flat, math.sqrt(depth) / flat
+        enter, leave = along - half, along + half
+    if rise == 0.0:
+        return max(enter, 0.0) if bottom <= 0.0 <= top and leave >= max(enter, 0.0) else np.inf
+    low, high = bottom / rise, top / rise
+    enter, leave = max(enter, min(low, high), 0.0), min(leave, max(low, high))
+    return enter if enter <= leave else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def to_edge(ray, ends, bottom, top):
+    """Distance along a ray from the origin to an upright wall; inf if the ray misses it or runs along it.
+
+    A hit depends on the sides of the wall's ends, as in the planar kernel, so that no ray passes a shared corner.
+    """
+    dx, dy, rise = ray
+    ax, ay, bx, by = ends
+    across_start, across_end = ax * dy - ay * dx, bx * dy - by * dx
+    if (across_start > 0.0) == (across_end > 0.0):
+        return np.inf
+    distance = (ax * by - ay * bx) / (across_start - across_end)
+    hit = distance >= 0.0 and bottom <= distance * rise <= top
+    return distance if hit else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _to_lids(origin, ray, edges, solids, nearer):
+    """Distance along a ray to the nearest lid that it hits from outside, at most `nearer`."""
+    for p in range(len(solids)):
+        height = solids[p, 3] if ray[2] < 0.0 else solids[p, 2]
+        distance = _to_height(origin[2], ray[2], height)
+        if distance < nearer:
+            x, y = origin[0] + distance * ray[0], origin[1] + distance * ray[1]
+            if _inside(x, y, edges, int(solids[p, 0]), int(solids[p, 1])):
+                nearer = distance
+    return nearer
+
+
+@njit(cache=True, error_model="numpy")
+def _inside(x, y, edges, first, last):
+    """Whether a point lies in the polygon of edges first…last−1, by the even–odd rule."""
+    odd = False
+    for i in range(first, last):
+        x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
+            odd = not odd
+    return odd

@@ -1,0 +1,180 @@
+"""A simulated Livox Mid-360: point clouds of a solid-state 3D lidar in a world with heights.
+
+A cloud is taken at one instant; the robot's motion distorts a real one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lme.errors import InputError, require
+from lme.geometry.frames import compose
+from lme.grids.edge_grid import NO_EDGES, EdgeGrid
+from lme.perception.point_cloud import rigid_transform
+from lme.robots import Lidar
+from lme.simulation.mid360.cloud_scan import beam_noise, beam_pattern, cloud_scan
+from lme.simulation.mid360.raycast3d import cast_rays
+from lme.types import Floats, Pose
+from lme.worlds.world import World
+
+Cloud = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class ExtrudedWorld:
+    """A world with upright obstacles of given heights, a ground and a ceiling.
+
+    circles (C, 2), segments (S, 2), polygons (P, 2): [bottom, top] of each obstacle of the world, or one such
+    pair for all of a kind [m]; top may be inf. ground, ceiling: their heights [m], −inf and inf for none.
+    Movers are left out; add them to the circles and polygons of the world if the lidar should see them.
+    Raises InputError for heights of another shape, NaN, or a bottom above its top.
+    """
+
+    world: World
+    circles: ArrayLike = (0.0, math.inf)
+    segments: ArrayLike = (0.0, math.inf)
+    polygons: ArrayLike = (0.0, math.inf)
+    ground: float = 0.0
+    ceiling: float = math.inf
+
+    def __post_init__(self) -> None:
+        for kind in ("circles", "segments", "polygons"):
+            heights = _heights(kind, getattr(self, kind), len(getattr(self.world, kind)))
+            object.__setattr__(self, kind, heights)
+        if not self.ground < self.ceiling:
+            raise InputError(f"ceiling is {self.ceiling:g} m: must be above the ground, {self.ground:g} m")
+
+    def obstacles(self) -> tuple[Floats, Floats, Floats]:
+        """Circles (C, 5), edges (E, 6) and solids (P, 4) for `lme.simulation.mid360.raycast3d.cast_rays`."""
+        world, sides = self.world, [len(polygon) for polygon in self.world.polygons]
+        polygons = np.asarray(self.polygons)
+        last = len(world.segments) + np.cumsum(sides, dtype=np.int64)
+        edge_heights = np.vstack([np.asarray(self.segments), np.repeat(polygons, sides, axis=0)])
+        circles = np.hstack([world.circles, np.asarray(self.circles)])
+        return (
+            circles,
+            np.hstack([world.edges, edge_heights]),
+            np.column_stack([last - sides, last, polygons]),
+        )
+
+
+@dataclass(slots=True)
+class Mid360Config:
+    """Properties of the sensor and its mount. Source: Livox Mid-360 User Manual, v1.0 (2023)."""
+
+    mount: list[float]  # x, y, z [m], roll, pitch, yaw [rad] in the base frame, whose origin is on the ground
+    point_rate: float = 200_000.0  # [points/s]
+    elevation_min: float = math.radians(-7.0)  # [rad]
+    elevation_max: float = math.radians(52.0)  # [rad]
+    range_min: float = 0.1  # [m] blind zone
+    range_max: float = 40.0  # [m] at 10 % reflectivity; 70 m at 80 %
+    noise_std: float = 0.02  # [m] along the beam, 1 σ at 10 m
+
+    def __post_init__(self) -> None:
+        rigid_transform(self.mount)
+        require("mid360.point_rate", self.point_rate, above=0.0)
+        require("mid360.elevation_min", self.elevation_min, at_least=-math.pi / 2)
+        require("mid360.elevation_max", self.elevation_max, above=self.elevation_min, at_most=math.pi / 2)
+        require("mid360.range_min", self.range_min, at_least=0.0)
+        require("mid360.range_max", self.range_max, above=self.range_min)
+        require("mid360.noise_std", self.noise_std, at_least=0.0)
+
+
+class Mid360:
+    """A lidar whose scan pattern never repeats and covers the field of view ever more densely.
+
+    ASSUMED: Livox does not publish the pattern; this one fills azimuth and elevation evenly. The noise at
+    every range is the manual's value for 10 m. It belongs to the beam, so `cloud` and `scan` see the same.
+    """
+
+    Config = Mid360Config
+
+    def __init__(self, config: Mid360Config) -> None:
+        self._config = config
+        self._mount = rigid_transform(config.mount)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start the pattern at a random beam, with other noise."""
+        self._phase = tuple(rng.random(2).tolist())
+        self._seed = int(rng.integers(2**63))
+        self._fired = 0
+
+    def cloud(self, extruded: ExtrudedWorld, pose: Pose, duration: float) -> Cloud:
+        """Returns of the next `duration` [s] of the pattern: (N, 3) [m] in the sensor's frame.
+
+        pose: of the base in the world. A beam that hits nothing, or hits within the blind zone, gives no point.
+        """
+        config = self._config
+        first, number = self._fire(duration)
+        beams = beam_pattern(first, number, self._phase, (config.elevation_min, config.elevation_max))
+        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
+        circles, edges, solids = extruded.obstacles()
+        planes = (float(extruded.ground), float(extruded.ceiling))
+        distances = cast_rays(
+            np.ascontiguousarray(sensor[:3, 3]),
+            np.ascontiguousarray(beams @ sensor[:3, :3].T),
+            circles,
+            edges,
+            solids,
+            planes,
+            config.range_max,
+        )
+        distances += config.noise_std * beam_noise(first, number, self._seed)
+        seen = (distances >= config.range_min) & (distances < math.inf)
+        return (beams[seen] * distances[seen, None]).astype(np.float32)
+
+    def scan(
+        self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats, grid: EdgeGrid = NO_EDGES
+    ) -> NDArray[np.float32]:
+        """The projection of the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
+
+        The result is that of `cloud`, of `lme.perception.projection.to_scan` and of obstacles circles (C, 3) and
+        edges (E, 4), and those of a grid, that reach from the ground beyond the highest points that count. Inf means
+        no return.
+        """
+        config, cloud = self._config, lidar.cloud
+        assert cloud is not None
+        elevations = (config.elevation_min, config.elevation_max)
+        ranges: NDArray[np.float32] = cloud_scan(
+            compose(pose, lidar.mount),
+            (*self._fire(cloud.duration), *self._phase),
+            (self._seed, config.noise_std),
+            (cloud.height, *elevations, config.range_min, config.range_max),
+            (cloud.min_height, cloud.max_height),
+            (lidar.range_min, lidar.range_max),
+            lidar.num_beams,
+            circles,
+            edges,
+            (grid.frame, grid.starts, grid.edges),
+        )
+        return ranges
+
+    def _fire(self, duration: float) -> tuple[int, int]:
+        """The first of the pattern's beams in the next `duration` [s], and their number."""
+        first, number = self._fired, round(self._config.point_rate * duration)
+        self._fired += number
+        return first, number
+
+
+def mid360_of(lidar: Lidar) -> Mid360:
+    """The sensor whose cloud makes the scans of a lidar with a `cloud`."""
+    assert lidar.cloud is not None
+    mount = [lidar.x, lidar.y, lidar.cloud.height, 0.0, 0.0, lidar.yaw]
+    return Mid360(Mid360Config(mount=mount, noise_std=lidar.noise_std))
+
+
+def _heights(kind: str, given: ArrayLike, count: int) -> Floats:
+    """(count, 2) bottoms and tops [m]."""
+    heights = np.asarray(given, dtype=np.float64)
+    if heights.shape == (2,):
+        heights = np.tile(heights, (count, 1))
+    if heights.shape != (count, 2) or not (heights[:, 0] <= heights[:, 1]).all():
+        raise InputError(
+            f"heights of {kind} are {heights.tolist()}: must be one pair [bottom, top] [m] or {count} of them, "
+            "no bottom above its top"
+        )
+    return heights

@@ -1,0 +1,193 @@
+"""The interface of every simulator, and the robot's sensors, which all simulators share."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.geometry.frames import compose, relative
+from lme.geometry.noise import add_noise
+from lme.perception.raycast import cast, cast_grid
+from lme.perception.resampling import resampled, tidied
+from lme.ramp import reachable
+from lme.robots import Robot
+from lme.simulation.crowd import Crowd
+from lme.simulation.disturbances import (
+    Disturbances,
+    Measured,
+    Odometry,
+    PastMotion,
+    TargetEstimate,
+    lose_beams,
+)
+from lme.simulation.gait import floor_ranges, is_walking, rippled
+from lme.simulation.mid360 import mid360_of
+from lme.simulation.tracker import tracked
+from lme.types import Floats, LaserScan, Observation, Pose, Twist
+from lme.worlds.world import Task
+
+
+class State(NamedTuple):
+    """The true state after a reset or a step.
+
+    time: since reset [s]. travel: (K, 3) poses passed in the last period; the last one is `pose`.
+    clearance: least distance from footprint to obstacle over the period [m]; 0 in contact.
+    """
+
+    pose: Pose
+    twist: Twist
+    time: float
+    travel: Floats
+    clearance: float
+    contact: bool
+    arrived: bool
+
+
+class Simulator(Protocol):
+    """A robot in a world. `state` is the true state, which no guide or planner sees."""
+
+    state: State
+
+    @property
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
+
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """Discs that move and are there: circles (P, 3) and velocities (P, 2), in the world [m, m/s]."""
+
+    def reset(self, task: Task, rng: np.random.Generator) -> Observation:
+        """Put the robot at the task's start, at rest."""
+
+    def step(self, command: Twist) -> Observation:
+        """Drive for one control period, or until contact or arrival, whichever comes first."""
+
+
+@runtime_checkable
+class Changeable(Protocol):
+    """A simulator whose world can change while the robot drives. Ours all are."""
+
+    def change(self, task: Task) -> Observation:
+        """Go on among the obstacles of another task and to its goal, from where the robot is; its start is not used.
+
+        Movers that the last task had too, the same objects, go on where they are.
+        """
+
+
+def forward_enough(command: Twist, robot: Robot) -> Twist:
+    """The command, but for a robot that backs up no faster than v_min."""
+    return command if robot.v_min is None else Twist(max(command.v, robot.v_min), command.omega)
+
+
+class Sensors:
+    """Lidar, wheel encoders and localisation of a robot, with the configured disturbances."""
+
+    def __init__(self, robot: Robot, config: Disturbances, task: Task, rng: np.random.Generator) -> None:
+        """`rng` gives the lidar's own noise; the disturbances draw from streams spawned from it."""
+        self._robot = robot
+        self._limits = robot.limits
+        self._config = config
+        self._rng = rng
+        self._scan_rng, goal_rng = rng.spawn(2)
+        odometry_rng, self._ripple_rng, self._tilt_rng = goal_rng.spawn(3)
+        self._odometry = Odometry(config.odometry_error, odometry_rng)
+        self._past = PastMotion(config.odometry_age)
+        self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
+        self._look_in(task)
+        self.last_command = Twist(0.0, 0.0)
+        self._fired, self._mount = robot.lidar.native, robot.lidar.mount
+        self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
+        if self._mid360:
+            self._mid360.reset(rng)
+
+    def sent(self, command: Twist) -> None:
+        """Note the command of a period, as far as the robot's limits allow it after the last one."""
+        self.last_command = reachable(*command, self.last_command, self._limits, self._robot.dt)
+
+    def change(self, task: Task) -> None:
+        """Look among the obstacles of another task from now on, for its goal."""
+        self._look_in(task)
+        self._target.aim(np.asarray(task.goal, dtype=np.float64))
+
+    def observe(
+        self,
+        state: State,
+        twist: Twist,
+        odometry: Pose,
+        circles: Floats,
+        edges: Floats,
+        crowd: Crowd | None = None,
+        scan_pose: Pose | None = None,
+    ) -> Observation:
+        """The observation; twist, odometry: by exact encoders; circles (C, 3), edges (E, 4): the obstacles now,
+        static ones first.
+
+        crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the current pose.
+        """
+        scan_pose = scan_pose or state.pose
+        config, walking = self._config, is_walking(twist)
+        scan = self._scan(scan_pose, circles, edges, config.tilt if walking else 0.0)
+        if walking and (config.ripple_v or config.ripple_omega):
+            twist = rippled(twist, config.ripple_v, config.ripple_omega, self._ripple_rng)
+        now = Measured(state.pose, *self._odometry.measured(twist, odometry))
+        then = self._past.at(state.time, now)
+        target = self._target.seen_from(then.pose, then.odometry, state.time)
+        scanned_at = compose(now.odometry, relative(scan_pose, now.pose))
+        seen = Observation(
+            scan,
+            target,
+            then.twist,
+            self._limits,
+            then.odometry,
+            scan_pose=scanned_at,
+            last_command=self.last_command,
+        )
+        if crowd is None or not len(crowd):
+            return seen
+        lidar = compose(scan_pose, self._mount)
+        return seen._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
+
+    def _look_in(self, task: Task) -> None:
+        self._grid, self._lattice = task.world.grid, task.world.lattice
+        self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
+
+    def _scan(self, pose: Pose, circles: Floats, edges: Floats, tilt: float) -> LaserScan:
+        """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a levelled cloud.
+
+        tilt: standard deviation of the pitch [rad], which a levelled cloud does not have.
+        """
+        lidar, fired, config = self._robot.lidar, self._fired, self._config
+        others = edges[self._in_grid :]
+        if self._mid360:
+            ranges, own_noise = self._mid360.scan(lidar, pose, circles, others, self._grid), 0.0
+        else:
+            angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
+            ranges = self._cast(compose(pose, self._mount), angles, circles, others)
+            if tilt > 0.0:
+                assert lidar.height is not None
+                beams = np.arange(fired.num_beams, dtype=np.float64)
+                bearings = self._mount.yaw + fired.angle_min + fired.angle_increment * beams
+                floor = floor_ranges(bearings, lidar.height, tilt, self._tilt_rng)
+                ranges = np.minimum(ranges, floor, dtype=np.float32)
+            own_noise = lidar.noise_std
+        for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
+            if std > 0.0:
+                noise = rng.standard_normal(fired.num_beams, dtype=np.float32)
+                add_noise(ranges, noise, std, lidar.range_max)
+        if config.scan_dropout > 0.0:
+            lose_beams(ranges, config.scan_dropout, lidar.range_max, self._scan_rng)
+        scan = LaserScan(ranges, fired.angle_min, fired.angle_increment, lidar.range_min, lidar.range_max)
+        return scan if fired is lidar else resampled(tidied(scan), self._mount, lidar)
+
+    def _cast(
+        self, lidar: Pose, angles: tuple[float, float, int], circles: Floats, edges: Floats
+    ) -> NDArray[np.float32]:
+        range_max = self._robot.lidar.range_max
+        if not self._in_grid:
+            return cast(lidar, angles, range_max, circles, edges)
+        ranges = cast_grid(lidar, angles, range_max, self._grid, self._lattice)
+        if len(circles) or len(edges):
+            ranges = np.minimum(ranges, cast(lidar, angles, range_max, circles, edges))
+        return ranges

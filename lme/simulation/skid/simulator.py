@@ -1,0 +1,175 @@
+"""Simulator of a robot that slips: wheels that slide on the floor, and odometry that drifts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.geometry.frames import relative
+from lme.inputs.plausibility import check_fields
+from lme.robots import Robot
+from lme.simulation.crowd import Crowd
+from lme.simulation.disturbances import Delay, Disturbances, slip_factors
+from lme.simulation.events import until_event
+from lme.simulation.gait import check_height, response_of
+from lme.simulation.simulator import Sensors, State, forward_enough
+from lme.simulation.skid.bases import Base, RespondingBase, SlidingBase
+from lme.simulation.skid.kernels import AXES
+from lme.types import Floats, Observation, Pose, Twist
+from lme.worlds.world import Task
+
+MAX_SUBSTEP = 0.01  # [s] resolution of latency, gait and movers
+ODOMETRY_RATE = 50.0  # [Hz] of Jackal's odometry filter
+
+
+@dataclass(slots=True)
+class SkidConfig(Disturbances):
+    """Directions of friction, errors of the sensors and resolution of the contact check."""
+
+    friction: str = "world"  # what the two directions of friction are fixed to: "wheel", "world" or "body"
+    yaw_noise: float = 0.005  # [rad] standard deviation of the measured yaw
+    scan_rate: float | None = 50.0  # [Hz] of the lidar; None: a scan with every control step
+    check_time: float = 0.005  # [s] between two contact checks
+    goal_rate: float | None = 0.0  # [Hz] rate of goal fixes; 0: one, at the start; None: one with every scan
+
+    def __post_init__(self) -> None:
+        Disturbances.__post_init__(self)
+        if self.friction not in AXES:
+            raise InputError(f"sim.friction is {self.friction!r}: must be one of {', '.join(AXES)}")
+        require("sim.yaw_noise", self.yaw_noise, at_least=0.0)
+        require("sim.check_time", self.check_time, above=0.0)
+        if self.scan_rate is not None:
+            require("sim.scan_rate", self.scan_rate, above=0.0)
+        check_fields("sim", self)
+
+
+class SkidSimulator:
+    """A base that slips among static and moving obstacles; any contact of the robot's hull ends the episode."""
+
+    Config = SkidConfig
+
+    def __init__(self, config: SkidConfig, robot: Robot) -> None:
+        _check(robot)
+        check_height(config.tilt, robot)
+        self._robot = robot
+        self._config = config
+
+    @property
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
+        circles, edges = self._static
+        if not len(self._crowd):
+            return circles, edges
+        return np.vstack([circles, self._crowd.circles]), np.vstack([edges, self._crowd.edges])
+
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """See `lme.simulation.simulator.Simulator.people`."""
+        return self._crowd.people
+
+    def reset(self, task: Task, rng: np.random.Generator) -> Observation:
+        """Put the robot at the task's start, at rest."""
+        config = self._config
+        self._start = Pose(*map(float, task.start))
+        self._enter(task)
+        self._delay = Delay(config.latency)
+        self._sensors = Sensors(self._robot, config, task, rng)
+        self._slip_rng, self._yaw_rng, phase_rng = rng.spawn(3)
+        self._scan_phase = phase_rng.uniform() / config.scan_rate if config.scan_rate else 0.0
+        self._base, self._yaw_error = self._make_base(), 0.0
+        self.state = self._state(np.array([self._start]), 0.0, 0.0)
+        return self._observe()
+
+    def step(self, command: Twist) -> Observation:
+        """Drive for one control period, or until contact or arrival, whichever comes first."""
+        factors = slip_factors(self._config.slip, self._slip_rng)
+        self._sensors.sent(command)
+        begin, duration = self.state.time, self._robot.dt / self._pieces
+        self._delay.send(forward_enough(command, self._robot), begin)
+        states: list[State] = []
+        for k in range(self._pieces):
+            states.append(self._drive(begin + k * duration, duration, factors))
+            if states[-1].contact or states[-1].arrived:
+                break
+        travel = np.vstack([state.travel for state in states])
+        self.state = states[-1]._replace(travel=travel, clearance=min(state.clearance for state in states))
+        return self._observe()
+
+    def change(self, task: Task) -> Observation:
+        """See `lme.simulation.simulator.Changeable`."""
+        former = self._crowd
+        self._enter(task)
+        self._crowd.go_on(former)
+        self._sensors.change(task)
+        self.state = self._state(np.array([self.state.pose]), self.state.time, 0.0)
+        return self._observe()
+
+    def _enter(self, task: Task) -> None:
+        """Take the obstacles, movers and goal of a task."""
+        self._task = task
+        self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
+        self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        self._pieces = 1
+        if len(self._crowd) or self._config.latency or self._config.natural_frequency:
+            self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
+
+    def _drive(self, time: float, duration: float, factors: tuple[float, float]) -> State:
+        """Drive for a piece of a period, with the command that is active in its middle."""
+        config, base = self._config, self._base
+        count = math.ceil(duration / config.check_time - 1e-9)
+        errors = self._yaw_rng.normal(0.0, config.yaw_noise, math.ceil(duration * ODOMETRY_RATE - 1e-9))
+        self._crowd.advance(base.pose, duration)
+        poses = base.drive(self._delay.at(time + duration / 2), duration, count, factors, errors)
+        self._yaw_error = float(errors[-1])
+        return self._state(poses, time, duration)
+
+    def _state(self, poses: Floats, time: float, duration: float) -> State:
+        """The state at contact, at arrival or after the last of the poses, which took `duration` [s] from `time`."""
+        box = self._robot.hull.box
+        travel, clearance, contact, arrived = until_event(poses, self._task, box, *self.obstacles)
+        end = time + duration * len(travel) / len(poses)
+        return State(Pose(*travel[-1].tolist()), self._base.twist, end, travel, clearance, contact, arrived)
+
+    def _make_base(self) -> Base:
+        robot, config = self._robot, self._config
+        lag, gait = config.lag, response_of(config)
+        if robot.response is not None:
+            return RespondingBase(robot.response, robot.footprint, self._start, lag, gait)
+        assert robot.drivetrain is not None
+        return SlidingBase(robot.drivetrain, self._start, AXES.index(config.friction), lag, gait)
+
+    def _observe(self) -> Observation:
+        base, pose = self._base, self.state.pose
+        measured = Pose(float(base.reckoned[0]), float(base.reckoned[1]), pose.yaw + self._yaw_error)
+        odometry = relative(measured, self._start)
+        return self._sensors.observe(
+            self.state, base.measured, odometry, *self.obstacles, self._crowd, self._scan_pose()
+        )
+
+    def _scan_pose(self) -> Pose:
+        """Where the newest scan was taken, to the nearest pose of the last period."""
+        travel, rate = self.state.travel, self._config.scan_rate
+        if rate is None:
+            return self.state.pose
+        age = (self.state.time + self._scan_phase) % (1.0 / rate)
+        back = round(age / self._config.check_time)
+        return Pose(*travel[max(len(travel) - 1 - back, 0)].tolist())
+
+
+def _check(robot: Robot) -> None:
+    """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
+    drivetrain = robot.drivetrain
+    if drivetrain is None and robot.response is None:
+        raise InputError(
+            f"robot.drivetrain is null in robot {robot.name}: sim=skid needs mass, inertia, track, wheel_radius, "
+            "friction and controller there, as conf/robot/jackal_gazebo.yaml has them, or a robot.response"
+        )
+    if drivetrain is not None and robot.dt > drivetrain.controller.timeout:
+        timeout = drivetrain.controller.timeout
+        raise InputError(
+            f"robot.control_rate is {robot.control_rate:g} Hz: must be at least {1 / timeout:g}, since the wheels stop "
+            f"after {timeout:g} s without a command (robot.drivetrain.controller.timeout)"
+        )

@@ -1,0 +1,180 @@
+"""Motion in short substeps, as delay, lag, gait, slip, movers and rigid bodies need it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from lme.geometry.collision import sweep
+from lme.geometry.frames import compose
+from lme.robots import Footprint, Robot
+from lme.simulation.crowd import Crowd
+from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
+from lme.simulation.events import nearby
+from lme.simulation.gait import GaitResponse, response_of
+from lme.simulation.simulator import State
+from lme.types import Floats, Limits, Pose, Twist
+from lme.worlds.world import Task
+
+
+class Body(Protocol):
+    """The robot's body, which the wheels move. It owns its pose."""
+
+    pose: Pose
+    twist: Twist  # over ground
+
+    def move(self, motion: tuple[float, float], dt: float) -> None:
+        """Roll by a distance [m] and a turn [rad] within `dt` [s]. The movers have already moved for dt."""
+
+    def touches(self, clearance: float) -> bool:
+        """Whether the body is in contact; `clearance`: distance from the footprint to the obstacles [m]."""
+
+
+class Wheels:
+    """Two driven wheels that follow commands within the limits, with encoders.
+
+    ramped: where the ramps are. twist: of the tread; the same unless there is a response. odometry: pose of the base
+    by the encoders, in the frame of the start.
+    """
+
+    def __init__(self, lag: float = 0.0, response: GaitResponse | None = None) -> None:
+        """lag: time constant with which the velocities approach the command, within the limits [s].
+
+        response: of legs in the wheels' place, which follow the ramps.
+        """
+        self._lag = lag
+        self._response = response
+        self.ramped = self.twist = Twist(0.0, 0.0)
+        self.odometry = Pose(0.0, 0.0, 0.0)
+
+    def turn(self, command: Twist, limits: Limits, dt: float) -> tuple[float, float]:
+        """Distance [m] and turn [rad] of the tread in `dt` [s]. Each velocity ramps at its own limit."""
+        v_goal = min(max(command.v, -limits.v_max), limits.v_max)
+        omega_goal = min(max(command.omega, -limits.omega_max), limits.omega_max)
+        if self._lag:
+            left = math.exp(-dt / self._lag)
+            v_goal += left * (self.ramped.v - v_goal)
+            omega_goal += left * (self.ramped.omega - omega_goal)
+        v, distance = _ramp(self.ramped.v, v_goal, limits.alpha_v, dt)
+        omega, angle = _ramp(self.ramped.omega, omega_goal, limits.alpha_omega, dt)
+        self.ramped = self.twist = Twist(v, omega)
+        if self._response:
+            distance, angle = self._response.follow((distance / dt, angle / dt), dt)
+            self.twist = self._response.twist
+        self.odometry = rolled(self.odometry, (distance, angle))
+        return distance, angle
+
+
+class Substepper:
+    """Moves robot and movers through one episode, substep by substep."""
+
+    def __init__(
+        self,
+        task: Task,
+        robot: Robot,
+        config: Disturbances,
+        rng: np.random.Generator,
+        crowd: Crowd,
+        body: Body,
+    ) -> None:
+        self.crowd = crowd
+        self.wheels = Wheels(config.lag, response_of(config))
+        self._body = body
+        self._robot = robot
+        self._track = track(robot.footprint)
+        self._enter(task)
+        self._delay = Delay(config.latency)
+        self._slip, self._rng = config.slip, rng
+        self._time = 0.0
+
+    @property
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) at their current poses."""
+        circles, edges = self._static
+        if not len(self.crowd):
+            return circles, edges
+        return np.vstack([circles, self.crowd.circles]), np.vstack([edges, self.crowd.edges])
+
+    def start(self) -> State:
+        """The state before the next command."""
+        clearance, contact, arrived = self._check()
+        travel = np.array([self._body.pose])
+        return State(self._body.pose, self._body.twist, self._time, travel, clearance, contact, arrived)
+
+    def change(self, task: Task, crowd: Crowd, body: Body | None = None) -> None:
+        """Go on among the obstacles and movers of another task. body: in place of the former; None: the same."""
+        self._enter(task)
+        self.crowd = crowd
+        self._body = body or self._body
+
+    def join(self, state: State, odometry: Pose) -> None:
+        """Go on from a state that was reached without substeps."""
+        self._time = state.time
+        self.wheels.ramped = self.wheels.twist = state.twist
+        self.wheels.odometry = odometry
+
+    def _enter(self, task: Task) -> None:
+        self._world = task.world
+        self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
+        self._goal, self._tolerance = np.asarray(task.goal, dtype=np.float64), task.goal_tolerance
+
+    def period(self, command: Twist, substeps: int, limits: Callable[[Twist, Twist], Limits]) -> State:
+        """Simulate one control period in equal substeps, or until the first contact or arrival.
+
+        A delayed command takes effect in the first substep whose middle is at or past its time.
+        limits: function of a command and of where the ramps are when the command takes effect.
+        """
+        dt, least, travel = self._robot.dt / substeps, math.inf, np.empty((substeps, 3))
+        factors = slip_factors(self._slip, self._rng)
+        self._delay.send(command, self._time)
+        previous: Twist | None = None
+        for k in range(substeps):
+            active = self._delay.at(self._time + (k + 0.5) * dt)
+            if active is not previous:
+                previous, allowed = active, limits(active, self.wheels.ramped)
+            self.crowd.advance(self._body.pose, dt)
+            self._body.move(slipped(self.wheels.turn(active, allowed, dt), factors, self._track), dt)
+            travel[k] = self._body.pose
+            clearance, contact, arrived = self._check()
+            least = min(least, clearance)
+            if contact or arrived:
+                break
+        self._time += dt * (k + 1)
+        pose, twist = self._body.pose, self._body.twist
+        return State(pose, twist, self._time, travel[: k + 1], least, contact, arrived)
+
+    def _check(self) -> tuple[float, bool, bool]:
+        """Clearance [m], contact, arrival. Contact on arrival counts as contact only."""
+        pose, box = self._body.pose, self._robot.hull.box
+        here = np.array([pose])
+        circles, edges = self._static
+        clearance, _ = sweep(here, box, circles, nearby(self._world, here, box, edges))
+        if len(self.crowd):
+            clearance = min(clearance, sweep(here, box, self.crowd.circles, self.crowd.edges)[0])
+        if self._body.touches(clearance):
+            return 0.0, True, False
+        away = math.hypot(pose.x - self._goal[0], pose.y - self._goal[1])
+        return clearance, False, away <= self._tolerance
+
+
+def track(footprint: Footprint) -> float:
+    """Distance between the wheels [m]. ASSUMED: the wheels are at the sides of the footprint."""
+    _, half_width, rounding = footprint.box
+    return 2 * (half_width + rounding)
+
+
+def rolled(pose: Pose, motion: tuple[float, float]) -> Pose:
+    """The pose after a turn [rad] and a distance [m] along the turn's middle heading."""
+    distance, angle = motion
+    return compose(pose, Pose(distance * math.cos(angle / 2), distance * math.sin(angle / 2), angle))
+
+
+def _ramp(start: float, goal: float, rate: float, dt: float) -> tuple[float, float]:
+    """Value after `dt` of a quantity that ramps from start to goal at `rate` per second, and its integral."""
+    change = goal - start
+    ramp_time = min(abs(change) / rate, dt)
+    end = goal if ramp_time < dt else start + math.copysign(rate * dt, change)
+    return end, (start + end) / 2 * ramp_time + end * (dt - ramp_time)

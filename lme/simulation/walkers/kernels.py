@@ -1,0 +1,257 @@
+"""Two models of walking: ORCA, and the social force of Moussaïd et al.
+
+Both take people's places (P, 2) [m] and velocities (P, 2) [m/s], wanted velocities (P, 2) [m/s], traits (P, 5) of
+radius [m], wanted and greatest speed [m/s], whether they see the robot, and when they start [s]; others (1 + O, 5) of
+x, y, vx, vy, radius: the robot and other moving discs; circles (C, 3) and edges (E, 4), which stand; dt [s] to the next
+decision. They return the new velocities (P, 2) [m/s].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.geometry.orca import before_point, beside_disc, best_velocity
+from lme.types import Floats
+from lme.worlds.movers import REPEATS
+
+_RADIUS, _SPEED, _FASTEST, _SEES_ROBOT, _STARTS = range(5)  # of the traits
+_LEG, _SIGN, _STUCK = range(
+    3
+)  # of a plan: the next waypoint, the direction along the path, seconds without progress
+_BACK_AND_FORTH, _CYCLE = REPEATS.index("back_and_forth"), REPEATS.index("cycle")
+
+_REACHED = 0.3  # [m] from a waypoint
+_ARRIVAL = 1.0  # [s] within which a person comes to rest at the last waypoint
+_PATIENCE = 5.0  # [s] ASSUMED: who cannot go on for so long turns round
+_CRAWL = 0.1  # [m/s] slower is no progress
+
+_HORIZON = 3.0  # [s] ASSUMED: people foresee so far whom they would meet
+_APART = 0.1  # [m] ASSUMED: people leave this between bodies; without it ORCA lets them pass in contact
+_WALL_HORIZON = 0.5  # [s] ASSUMED: they come near walls at most by their clearance in this time
+_NEIGHBOURS = 10.0  # [m] further people do not count
+
+_RELAXATION = 0.54  # [s] Moussaïd et al. 2009, as all that follow
+_STRENGTH, _GAMMA, _N, _N_TURN, _LAMBDA = 4.5, 0.35, 2.0, 3.0, 2.0  # A [m/s²], γ, n, n′, λ
+_WALL_STRENGTH, _WALL_REACH = 3.0, 0.1  # a [m/s²], b [m]
+
+
+@njit(cache=True, error_model="numpy")
+def next_waypoints(
+    places: Floats,
+    velocities: Floats,
+    traits: Floats,
+    way: Floats,
+    first: Floats,
+    repeats: Floats,
+    plans: Floats,
+    time: float,
+    elapsed: float,
+) -> Floats:
+    """Wanted velocities (P, 2) [m/s]; moves on in the plans (P, 3).
+
+    way (W, 2): the waypoints of all people; those of person i begin at first[i]. elapsed: since the last call [s].
+    Who cannot get on for `_PATIENCE` turns round, so that two people in a narrow way do not stand there for ever.
+    """
+    wanted = np.zeros_like(places)
+    for i in range(len(places)):
+        path, plan = way[first[i] : first[i + 1]], plans[i]
+        if time < traits[i, _STARTS]:
+            continue
+        is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
+        last = _is_last(plan, len(path), repeats[i])
+        away = _away(places[i], path[int(plan[_LEG])])
+        plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (last and away < _REACHED) else 0.0
+        if plan[_STUCK] > _PATIENCE and len(path) > 1:
+            plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
+            _advance(plan, len(path), repeats[i])
+        for _ in range(len(path)):
+            if _is_last(plan, len(path), repeats[i]) or _away(places[i], path[int(plan[_LEG])]) > _REACHED:
+                break
+            _advance(plan, len(path), repeats[i])
+        target = path[int(plan[_LEG])]
+        away = _away(places[i], target)
+        speed = traits[i, _SPEED]
+        if _is_last(plan, len(path), repeats[i]):
+            speed = min(speed, away / _ARRIVAL)
+        if away > 0.0:
+            wanted[i, 0] = speed * (target[0] - places[i, 0]) / away
+            wanted[i, 1] = speed * (target[1] - places[i, 1]) / away
+    return wanted
+
+
+@njit(cache=True, error_model="numpy")
+def _is_last(plan, count, repeat):
+    """Whether the person stays at the next waypoint."""
+    return count == 1 or (repeat != _BACK_AND_FORTH and repeat != _CYCLE and plan[_LEG] == count - 1)
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(plan, count, repeat):
+    """Choose the waypoint after the next one."""
+    leg = plan[_LEG] + plan[_SIGN]
+    if repeat == _CYCLE:
+        leg = leg % count
+    elif leg < 0.0 or leg >= count:
+        plan[_SIGN] = -plan[_SIGN]
+        leg = min(max(leg + 2.0 * plan[_SIGN], 0.0), count - 1.0)
+    plan[_LEG] = leg
+
+
+@njit(cache=True, error_model="numpy")
+def _away(place, target):
+    return math.hypot(target[0] - place[0], target[1] - place[1])
+
+
+@njit(cache=True, error_model="numpy")
+def orca(
+    places: Floats,
+    velocities: Floats,
+    wanted: Floats,
+    traits: Floats,
+    others: Floats,
+    circles: Floats,
+    edges: Floats,
+    dt: float,
+) -> Floats:
+    """Optimal reciprocal collision avoidance (van den Berg et al. 2011): each does half of every evasion."""
+    chosen = np.empty_like(velocities)
+    people, count = len(places), len(others)
+    lines = np.empty((len(circles) + len(edges) + people + count, 4))
+    for i in range(people):
+        radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
+        hard = _walls(places[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
+        used = hard
+        for j in range(people):
+            relative = places[j] - places[i]
+            if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
+                reach = radius + traits[j, _RADIUS] + _APART
+                beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[used])
+                used += 1
+        for j in range(count):
+            relative = others[j, :2] - places[i]
+            if (j > 0 or traits[i, _SEES_ROBOT] > 0.0) and math.hypot(
+                relative[0], relative[1]
+            ) <= _NEIGHBOURS:
+                reach = radius + others[j, 4] + _APART
+                beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[used])
+                used += 1
+        vx, vy = best_velocity(lines[:used], hard, fastest, (wanted[i, 0], wanted[i, 1]))
+        chosen[i, 0], chosen[i, 1] = vx, vy
+    return chosen
+
+
+@njit(cache=True, error_model="numpy")
+def social_force(
+    places: Floats,
+    velocities: Floats,
+    wanted: Floats,
+    traits: Floats,
+    others: Floats,
+    circles: Floats,
+    edges: Floats,
+    dt: float,
+) -> Floats:
+    """The social force model (Helbing & Molnár 1995, DOI 10.1103/PhysRevE.51.4282), with the interaction that Moussaïd
+    et al. measured (2009, DOI 10.1098/rspb.2009.0405). Walls are never entered, whatever the forces.
+    """
+    chosen = np.empty_like(velocities)
+    people = len(places)
+    lines = np.empty((len(circles) + len(edges), 4))
+    for i in range(people):
+        fx = (wanted[i, 0] - velocities[i, 0]) / _RELAXATION
+        fy = (wanted[i, 1] - velocities[i, 1]) / _RELAXATION
+        for j in range(people):
+            if j != i:
+                push_x, push_y = _interaction(places[j] - places[i], velocities[i] - velocities[j])
+                fx, fy = fx + push_x, fy + push_y
+        for j in range(len(others)):
+            if j > 0 or traits[i, _SEES_ROBOT] > 0.0:
+                push_x, push_y = _interaction(others[j, :2] - places[i], velocities[i] - others[j, 2:4])
+                fx, fy = fx + push_x, fy + push_y
+        radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
+        x, y = _nearest_wall(places[i], circles, edges)
+        away = math.hypot(x, y)
+        if 0.0 < away < math.inf:
+            push = _WALL_STRENGTH * math.exp(-(away - radius) / _WALL_REACH)
+            fx, fy = fx - push * x / away, fy - push * y / away
+        hard = _walls(places[i], radius, fastest, circles, edges, dt, lines)
+        after = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
+        vx, vy = best_velocity(lines[:hard], hard, fastest, after)
+        chosen[i, 0], chosen[i, 1] = vx, vy
+    return chosen
+
+
+@njit(cache=True, error_model="numpy")
+def _interaction(relative, velocity):
+    """Acceleration (x, y) [m/s²] by a person at `relative` [m], relative to whom we walk with `velocity` [m/s]."""
+    distance = math.hypot(relative[0], relative[1])
+    if distance == 0.0 or distance > _NEIGHBOURS:
+        return 0.0, 0.0
+    ex, ey = relative[0] / distance, relative[1] / distance
+    along_x, along_y = _LAMBDA * velocity[0] + ex, _LAMBDA * velocity[1] + ey
+    length = math.hypot(along_x, along_y)
+    if length == 0.0:
+        return 0.0, 0.0
+    tx, ty = along_x / length, along_y / length
+    theta = math.atan2(
+        tx * ey - ty * ex, tx * ex + ty * ey
+    )  # from the direction of interaction to the person
+    reach = _GAMMA * length
+    slow = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)
+    aside = _STRENGTH * math.exp(-distance / reach - (_N * reach * theta) ** 2)
+    side = 1.0 if theta >= 0.0 else -1.0  # away from the person; straight ahead, to the right
+    return -slow * tx + side * aside * ty, -slow * ty - side * aside * tx
+
+
+@njit(cache=True, error_model="numpy")
+def _walls(place, radius, fastest, circles, edges, horizon, lines):
+    """Write a half-plane for everything that stands in reach; returns their number."""
+    count, reach = 0, radius + fastest * horizon
+    for k in range(len(circles)):
+        x, y = _to_circle(place, circles[k])
+        if math.hypot(x, y) <= reach:
+            before_point(x, y, radius, horizon, lines[count])
+            count += 1
+    for k in range(len(edges)):
+        x, y = _to_edge(place, edges[k])
+        if math.hypot(x, y) <= reach:
+            before_point(x, y, radius, horizon, lines[count])
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_wall(place, circles, edges):
+    """The nearest point of all that stands, from a place: (x, y) [m], infinite if there is none."""
+    best_x, best_y = math.inf, math.inf
+    for k in range(len(circles)):
+        x, y = _to_circle(place, circles[k])
+        if math.hypot(x, y) < math.hypot(best_x, best_y):
+            best_x, best_y = x, y
+    for k in range(len(edges)):
+        x, y = _to_edge(place, edges[k])
+        if math.hypot(x, y) < math.hypot(best_x, best_y):
+            best_x, best_y = x, y
+    return best_x, best_y
+
+
+@njit(cache=True, error_model="numpy")
+def _to_circle(place, circle):
+    """The nearest point of a disc, from a place outside it: (x, y) [m]."""
+    dx, dy = circle[0] - place[0], circle[1] - place[1]
+    distance = math.hypot(dx, dy)
+    share = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
+    return share * dx, share * dy
+
+
+@njit(cache=True, error_model="numpy")
+def _to_edge(place, edge):
+    """The nearest point of a segment, from a place: (x, y) [m]."""
+    ax, ay = edge[2] - edge[0], edge[3] - edge[1]
+    square = ax * ax + ay * ay
+    part = ((place[0] - edge[0]) * ax + (place[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
+    part = min(max(part, 0.0), 1.0)
+    return edge[0] + part * ax - place[0], edge[1] + part * ay - place[1]

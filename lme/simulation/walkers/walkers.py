@@ -1,0 +1,112 @@
+"""The people of a world: where each wants to go, and how a model of walking turns that into a velocity.
+
+Nothing here is random: who the people are and where they go is drawn with the world.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lme.simulation.walkers.kernels import next_waypoints, orca, social_force
+from lme.types import Floats, Pose
+from lme.worlds.movers import ORCA, REPEATS, Mover
+from lme.worlds.world import World
+
+if TYPE_CHECKING:
+    from lme.simulation.crowd import Crowd
+
+PERIOD = 0.1  # [s] between two decisions of a person
+HASTE = 1.3  # greatest speed of a person, relative to the wanted one (Helbing & Molnár 1995)
+
+
+class Walkers:
+    """The people among the movers of a world. Each stands at the start of its path until `walk` is called."""
+
+    def __init__(
+        self, movers: Sequence[Mover], chosen: Sequence[int], world: World, robot_radius: float
+    ) -> None:
+        """chosen: the indices of the people. robot_radius: of the disc that they take the robot for [m]."""
+        self._chosen = np.array(chosen, dtype=np.int64)
+        people = [movers[i] for i in chosen]
+        self._others = np.array(
+            [i for i, mover in enumerate(movers) if mover.radius is not None and not mover.walks],
+            dtype=np.int64,
+        )
+        self._other_radii = np.array([movers[i].radius for i in self._others])
+        self._by_orca = np.array([mover.motion == ORCA for mover in people])
+        self._traits = np.array(
+            [
+                (mover.radius, mover.speed, HASTE * mover.speed, mover.sees_robot, mover.start_after)
+                for mover in people
+            ]
+        )
+        self._way = np.vstack([mover.path[:, :2] for mover in people])
+        self._first = np.cumsum([0, *(len(mover.path) for mover in people)])
+        self._repeats = np.array([REPEATS.index(mover.repeat) for mover in people])
+        self._plan = np.column_stack([np.zeros(len(people)), np.ones(len(people)), np.zeros(len(people))])
+        self._circles = np.ascontiguousarray(world.circles, dtype=np.float64)
+        self._edges = world.edges
+        self._robot_radius = robot_radius
+        self._velocities = np.zeros((len(people), 2))
+        self._robot: Pose | None = None
+        self._time, self._decided = 0.0, -math.inf
+
+    def go_on(self, former: Walkers, kept: Mapping[int, int]) -> None:
+        """Take the time of others, and from them the plans of people whom they have too.
+
+        kept: the indices of the movers that stay, now and then.
+        """
+        self._time, self._decided, self._robot = former._time, former._decided, former._robot
+        rows = {int(i): row for row, i in enumerate(former._chosen)}
+        for row, i in enumerate(self._chosen.tolist()):
+            if i in kept:
+                self._plan[row] = former._plan[rows[kept[i]]]
+                self._velocities[row] = former._velocities[rows[kept[i]]]
+
+    def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
+        """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""
+        before, self._robot = self._robot, robot
+        if self._time - self._decided < PERIOD - 1e-9:
+            return
+        elapsed = min(self._time - self._decided, self._time)
+        self._decided = self._time
+        here = crowd.poses[self._chosen, :2]
+        state = (here, self._velocities)
+        wanted = next_waypoints(
+            here,
+            self._velocities,
+            self._traits,
+            self._way,
+            self._first,
+            self._repeats,
+            self._plan,
+            self._time,
+            elapsed,
+        )
+        others = self._moving(crowd, robot, before or robot, dt)
+        edges = np.vstack([self._edges, crowd.edges]) if len(crowd.edges) else self._edges
+        given = (*state, wanted, self._traits, others, self._circles, edges, PERIOD)
+        if self._by_orca.all():
+            self._velocities = orca(*given)
+        elif not self._by_orca.any():
+            self._velocities = social_force(*given)
+        else:
+            self._velocities = np.where(self._by_orca[:, None], orca(*given), social_force(*given))
+
+    def walk(self, poses: Floats, velocities: Floats, dt: float) -> None:
+        """Move the people in the poses (M, 3) of all movers by `dt` [s]; velocities (M, 2) become theirs."""
+        poses[self._chosen, :2] += dt * self._velocities
+        velocities[self._chosen] = self._velocities
+        self._time += dt
+
+    def _moving(self, crowd: Crowd, robot: Pose, before: Pose, dt: float) -> Floats:
+        """(1 + O, 5) x, y, vx, vy, radius of the robot, which is the first, and of the other discs that move."""
+        velocity = ((robot.x - before.x) / dt, (robot.y - before.y) / dt)
+        there = crowd.present[self._others]
+        places, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
+        discs = np.column_stack([places, speeds, self._other_radii])[there]
+        return np.vstack([[robot.x, robot.y, *velocity, self._robot_radius], discs])

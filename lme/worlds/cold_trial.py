@@ -1,0 +1,355 @@
+"""The cold trial as a map set: a robot, disturbances and a task for every number, fixed by the seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.robots import Footprint, Lidar, Robot
+from lme.worlds.barn import Barn
+from lme.worlds.barn.map_set import FIRST_FRESH, BarnConfig
+from lme.worlds.building import Buildings, BuildingsConfig
+from lme.worlds.check import check_task
+from lme.worlds.dynabarn import DIFFICULTIES, Dynabarn, DynabarnConfig
+from lme.worlds.floor_plan import FloorPlan
+from lme.worlds.indoor import Indoor, IndoorConfig
+from lme.worlds.indoor.map_set import KINDS
+from lme.worlds.rules import LEAST_TIME, MOST_WORLDS, TIME_FACTOR, check_chosen, fair_limit
+from lme.worlds.sampling import FreeSpace
+from lme.worlds.traps import Traps, TrapsConfig
+from lme.worlds.world import DrawnTask, Task
+
+BUILDINGS, STAND_IN = "buildings", "floor_plans"  # real maps; generated ones, where none are given
+STATIC, DYNABARN = "static", "dynabarn"
+
+_GRID_M = 0.05  # between the points at which a BARN world's passages are checked
+_APART_M = 8.0  # least distance from start to goal in a building, as in conf/map/building.yaml
+# Around a BARN world: the walls of its start area, its grid, and the open space at the goal
+_BARN_OUTLINE = np.array([[-4.5, 0.0], [0.0, 0.0], [0.0, 14.0], [-4.5, 14.0]])
+
+
+class Place(NamedTuple):
+    """What decides a world besides the family.
+
+    seed: of the world. choice: of a kind or a building. radius: [m] of the disc that must have a path. margin: [m] by
+    which start and goal have more free space around them. paths: ROS maps of buildings.
+    """
+
+    seed: int
+    choice: int
+    radius: float
+    margin: float
+    paths: tuple[str, ...]
+
+
+def _barn(place: Place) -> Task:
+    """A fresh world; its passages have the width that they have, so a footprint may not fit: then InputError."""
+    number = FIRST_FRESH + place.choice
+    task = Barn(BarnConfig(subset="fresh", fresh_seed=place.seed, worlds=[number])).task(number)
+    space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, place.radius, place.margin)
+    length = space.checked_length(f"map barn, world {number}", task.start, task.goal)
+    return replace(task, shortest_path_length=length)
+
+
+def _indoor(place: Place) -> Task:
+    """A generated building of any kind."""
+    kind = list(KINDS)[place.choice % len(KINDS)]
+    config = IndoorConfig(kind=kind, building_seed=place.seed, radius=place.radius, margin=place.margin)
+    return Indoor(config).task(0)
+
+
+def _floor_plan(place: Place) -> Task:
+    """A generated floor plan, with start and goal as far apart as in a real building."""
+    config = IndoorConfig(
+        kind="floor_plan",
+        building_seed=place.seed,
+        min_distance=_APART_M,
+        radius=place.radius,
+        margin=place.margin,
+    )
+    return Indoor(config).task(0)
+
+
+def _building(place: Place) -> Task:
+    """One of the real buildings, with a start and a goal of its own."""
+    config = BuildingsConfig(
+        paths=list(place.paths),
+        configurations=1,
+        sample_seed=place.seed,
+        min_distance=_APART_M,
+        radius=place.radius,
+        margin=place.margin,
+    )
+    maps = Buildings(config)
+    return maps.task(place.choice % len(maps.numbers))
+
+
+def _traps(place: Place) -> Task:
+    """A random trap."""
+    return Traps(TrapsConfig(kind="mixed", starts=1, start_seed=place.seed, radius=place.radius)).task(0)
+
+
+def _dynabarn(place: Place) -> Task:
+    """Moving cylinders, at any difficulty; the arena is wide enough for all footprints."""
+    difficulty = list(DIFFICULTIES)[place.choice % len(DIFFICULTIES)]
+    return Dynabarn(DynabarnConfig(difficulty=difficulty, motion_seed=place.seed)).task(0)
+
+
+_MAKERS: dict[str, Callable[[Place], Task]] = {
+    "barn": _barn,
+    "indoor": _indoor,
+    BUILDINGS: _building,
+    STAND_IN: _floor_plan,
+    "traps": _traps,
+    DYNABARN: _dynabarn,
+}
+
+
+def families(subset: str, paths: Sequence[str] | None) -> tuple[str, ...]:
+    """The names of the subset's families. Generated floor plans stand for buildings if there are no maps."""
+    if subset == DYNABARN:
+        return (DYNABARN,)
+    return ("barn", "indoor", BUILDINGS if paths else STAND_IN, "traps")
+
+
+def task_in(family: str, place: Place) -> Task:
+    """The task of a family. Raises InputError if the world has no path for a disc of the place's radius."""
+    return _MAKERS[family](place)
+
+
+def check_paths(paths: Sequence[str]) -> None:
+    """Raise InputError for a path of a building that does not exist."""
+    Buildings(BuildingsConfig(paths=list(paths), configurations=1))
+
+
+DISTURBANCES = ("latency", "slip", "scan_noise")  # keys of every simulator
+
+_MAY_BE_ZERO = (*DISTURBANCES, "blind_arc", "range_min")
+
+
+@dataclass(slots=True)
+class TrialRanges:
+    """[lowest, highest] of each value, drawn anew for every episode. The names of the robot's limits are `Robot`'s."""
+
+    size: list[float] = field(default_factory=lambda: [0.2, 0.8])  # [m] diameter, or length and width
+    v_max: list[float] = field(default_factory=lambda: [0.3, 2.0])  # [m/s]
+    omega_max: list[float] = field(default_factory=lambda: [0.8, 4.0])  # [rad/s]
+    alpha_v: list[float] = field(default_factory=lambda: [0.5, 5.0])  # [m/s²]
+    alpha_omega: list[float] = field(default_factory=lambda: [1.0, 10.0])  # [rad/s²]
+    control_rate: list[float] = field(default_factory=lambda: [5.0, 20.0])  # [Hz]
+    num_beams: list[float] = field(default_factory=lambda: [180.0, 1080.0])  # of the lidar
+    range_min: list[float] = field(default_factory=lambda: [0.02, 0.1])  # [m]
+    range_max: list[float] = field(default_factory=lambda: [5.0, 30.0])  # [m]
+    mount: list[float] = field(
+        default_factory=lambda: [-0.5, 0.5]
+    )  # of half the length, and of half the width
+    blind_arc: list[float] = field(default_factory=lambda: [0.0, math.pi])  # [rad] behind the lidar
+    latency: list[float] = field(default_factory=lambda: [0.0, 0.2])  # [s] from a command to its effect
+    slip: list[float] = field(
+        default_factory=lambda: [0.0, 0.05]
+    )  # of each wheel's speed, standard deviation
+    scan_noise: list[float] = field(default_factory=lambda: [0.0, 0.02])  # [m] standard deviation
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            self._check(each.name, getattr(self, each.name))
+        require("map.ranges.num_beams[0]", self.num_beams[0], above=1)
+        require("map.ranges.blind_arc[1]", self.blind_arc[1], at_most=1.9 * math.pi)
+        require("map.ranges.range_max[0]", self.range_max[0], above=self.range_min[1])
+
+    def _check(self, key: str, bounds: list[float]) -> None:
+        if len(bounds) != 2 or not bounds[0] <= bounds[1]:
+            raise InputError(f"map.ranges.{key} is {list(bounds)}: must be [lowest, highest]")
+        low, high = f"map.ranges.{key}[0]", f"map.ranges.{key}[1]"
+        if key == "mount":  # inside the footprint
+            require(low, bounds[0], at_least=-1.0)
+            require(high, bounds[1], at_most=1.0)
+        elif key in _MAY_BE_ZERO:
+            require(low, bounds[0], at_least=0.0)
+        else:
+            require(low, bounds[0], above=0.0)
+        require(high, bounds[1])
+
+
+def drawn_disturbances(ranges: TrialRanges, rng: np.random.Generator) -> dict[str, float]:
+    """A value for each key of the simulator in DISTURBANCES."""
+    return {key: float(rng.uniform(*getattr(ranges, key))) for key in DISTURBANCES}
+
+
+def drawn_robot(name: str, ranges: TrialRanges, rng: np.random.Generator) -> Robot:
+    """A disc or a rectangle, as often, whose length is not less than its width, with limits and a lidar."""
+
+    def draw(key: str) -> float:
+        return float(rng.uniform(*getattr(ranges, key)))
+
+    width, length = sorted((draw("size"), draw("size")))
+    disc = rng.random() < 0.5
+    footprint = Footprint(radius=length / 2) if disc else Footprint(length=length, width=width)
+    return Robot(
+        name=name,
+        footprint=footprint,
+        v_max=draw("v_max"),
+        omega_max=draw("omega_max"),
+        alpha_v=draw("alpha_v"),
+        alpha_omega=draw("alpha_omega"),
+        control_rate=draw("control_rate"),
+        lidar=Lidar(
+            num_beams=round(draw("num_beams")),
+            fov=2 * math.pi - draw("blind_arc"),
+            range_min=draw("range_min"),
+            range_max=draw("range_max"),
+            x=draw("mount") * length / 2,
+            y=draw("mount") * (length if disc else width) / 2,
+        ),
+    )
+
+
+def columns_of(robot: Robot, disturbances: dict[str, float]) -> dict[str, float | str]:
+    """What was drawn, by the name that it has in the records after `world_`."""
+    shape, lidar = robot.footprint, robot.lidar
+    disc = shape.radius is not None
+    low, high = shape.outline().min(axis=0), shape.outline().max(axis=0)
+    length, width = (high - low).tolist()
+    return {
+        "footprint": "disc" if disc else "rectangle",
+        "length_m": length,
+        "width_m": width,
+        "v_max": robot.v_max,
+        "omega_max": robot.omega_max,
+        "alpha_v": robot.alpha_v,
+        "alpha_omega": robot.alpha_omega,
+        "control_rate_hz": robot.control_rate,
+        "num_beams": float(lidar.num_beams),
+        "range_min_m": lidar.range_min,
+        "range_max_m": lidar.range_max,
+        "blind_arc_rad": 2 * math.pi - lidar.fov,
+        "lidar_x_m": lidar.x,
+        "lidar_y_m": lidar.y,
+        "latency_s": disturbances["latency"],
+        "slip": disturbances["slip"],
+        "scan_noise_m": disturbances["scan_noise"],
+    }
+
+
+NAME = "cold_trial"
+ROBOT = "drawn"  # the name of every robot
+ATTEMPTS = 100  # robots drawn for a world, before it counts as too narrow for the ranges
+
+
+@dataclass(slots=True)
+class ColdTrialConfig:
+    """Keys of `conf/map/_cold_trial.yaml`."""
+
+    subset: str = STATIC  # static | dynabarn
+    trial_seed: int = 0  # seed of everything that is drawn
+    count: int = 500  # numbers 0, 1, …
+    worlds: list[int] | None = None  # numbers to drive instead of all
+    paths: list[str] | None = (
+        None  # ROS maps of buildings (.yaml), or folders of them; None: generated floor plans
+    )
+    passage_margin: float = 0.05  # [m] by which a path is wider on each side than the footprint's inner disc
+    start_margin: float = 0.05  # [m] free around the footprint's outer disc at start and goal
+    time_factor: float = TIME_FACTOR  # time limit, as a multiple of the time for the shortest path at v_max
+    least_time: float = LEAST_TIME  # [s] shortest time limit
+    ranges: TrialRanges = field(default_factory=TrialRanges)
+
+    def __post_init__(self) -> None:
+        if self.subset not in (STATIC, DYNABARN):
+            raise InputError(f"map.subset is {self.subset!r}: must be {STATIC} or {DYNABARN}")
+        require("map.trial_seed", self.trial_seed, at_least=0)
+        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
+        require("map.passage_margin", self.passage_margin, at_least=0.0)
+        require("map.start_margin", self.start_margin, at_least=0.0)
+        require("map.time_factor", self.time_factor, at_least=1.0)
+        require("map.least_time", self.least_time, above=0.0)
+        chosen = self.worlds
+        if chosen is not None and not (chosen and set(chosen) <= set(range(self.count))):
+            raise InputError(
+                f"map.worlds is {list(chosen)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
+            )
+        if self.paths is not None:
+            check_paths(self.paths)
+
+
+class ColdTrial:
+    """Episodes by number. Number k does not depend on which others are chosen, nor on the system.
+
+    The families take turns, so that any run of numbers has as many of each.
+    """
+
+    Config = ColdTrialConfig
+
+    def __init__(self, config: ColdTrialConfig) -> None:
+        self.config = config
+        self._families = families(config.subset, config.paths)
+        self._numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
+        self._kept: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
+
+    @property
+    def name(self) -> str:
+        """What the records call this map."""
+        return NAME
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the chosen episodes."""
+        return self._numbers
+
+    def task(self, number: int) -> Task:
+        """The task of episode `number`, for its own robot. Raises InputError as `drawn` does."""
+        return self.drawn(number).task
+
+    def drawn(self, number: int) -> DrawnTask:
+        """Robot, disturbances and task of episode `number`.
+
+        Raises InputError for a number that was not chosen, and if no robot of the ranges fits into the world.
+        """
+        check_chosen(number, self._numbers, "episode", NAME)
+        return self._kept(number)
+
+    def _draw(self, number: int) -> DrawnTask:
+        """First the world and the disturbances, then robots until one fits into the world."""
+        config = self.config
+        rng = np.random.default_rng(np.random.SeedSequence([config.trial_seed, number]))
+        family = self._families[number % len(self._families)]
+        seed, choice = rng.integers(2**31, size=2).tolist()
+        disturbances = drawn_disturbances(config.ranges, rng)
+        for redrawn in range(ATTEMPTS):
+            robot = drawn_robot(ROBOT, config.ranges, rng)
+            try:
+                task = self._task(number, family, seed, choice, robot)
+            except InputError as error:
+                narrow = error
+                continue
+            columns = {
+                "family": family,
+                **columns_of(robot, disturbances),
+                "robots_redrawn": float(redrawn),
+            }
+            return DrawnTask(task, robot, disturbances, columns)
+        raise InputError(
+            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of map.ranges fits ({narrow})"
+        )
+
+    def _task(self, number: int, family: str, seed: int, choice: int, robot: Robot) -> Task:
+        """The family's task with the trial's rules. Raises InputError if the robot does not fit into the world."""
+        config, shape = self.config, robot.footprint
+        radius = shape.r_min + config.passage_margin
+        margin = max(0.0, shape.r_max + config.start_margin - radius)
+        task = task_in(family, Place(seed, choice, radius, margin, tuple(config.paths or ())))
+        check_task(task, robot)
+        fastest = task.shortest_path_length / robot.v_max
+        return replace(
+            task,
+            map_name=NAME,
+            number=number,
+            robot=ROBOT,
+            time_limit=fair_limit(fastest, config.time_factor, config.least_time),
+            optimal_time=fastest,
+        )

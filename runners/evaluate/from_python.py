@@ -1,0 +1,181 @@
+"""`lme.evaluate`: what `lme eval` does, called from Python, for a script or a notebook."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError
+from lme.inputs.guarded_file import expanded
+from runners.config import build, command_line
+from runners.config.arguments import check_config_dir
+from runners.config.composer import Composer
+from runners.config.job import Job
+from runners.config.quoting import quoted
+from runners.config.schema import EvalConfig
+from runners.evaluate.evaluate import drive, run_and_report, start_tracking, validate
+from runners.evaluate.labels import run_labels
+from runners.records import launch_record, run_directories, trust
+from runners.records.records import episode_tables
+from runners.tracking.mlflow import closed_by
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NAME = re.compile(r"[A-Za-z_][\w./-]*")
+_NOT_TEXT = ("true", "false", "null", "inf", "nan")  # to Hydra
+_IN_PYTHON = (  # what messages say of the command line, and the same in Python
+    (r"add -m to run each of them", "call lme.evaluate for each of them"),
+    (r"several are a sweep: -m \S+", "call lme.evaluate for each of several"),
+    (r"--config-dir DIR", "config_dir=DIR"),
+    (
+        r"^executor\.workers: no such key.*",
+        "workers: executor=serial has none; omit it, or choose executor=process",
+    ),
+    (r"add resume=true", "give resume=True"),
+    (r"resume it with resume=PATH alone", "resume it with resume=True and what it was started with"),
+    (r"hydra\.run\.dir=PATH", "into=DIR"),
+)
+_KEYWORDS = {"resume": "resume=True", "hydra.run.dir": "into=DIR", "hydra.sweep.dir": "into=DIR"}
+
+
+def evaluate(
+    overrides: Sequence[str],
+    keys: Mapping[str, Any],
+    *,
+    into: str | Path | None,
+    resume: bool,
+    workers: int | None,
+    config_dir: str | Path | None,
+    progress: bool,
+) -> pd.DataFrame:
+    """The records of one run; see `lme.evaluate`."""
+    run_dir, folder = _path("into", into), _path("config_dir", config_dir)
+    if resume and run_dir is None:
+        raise InputError("resume=True: there is nothing to resume without into=DIR")
+    with _in_pythons_words():
+        return _evaluate(_overrides(_words(overrides, keys, workers)), folder, run_dir, resume, progress)
+
+
+def _evaluate(
+    words: Sequence[str], folder: Path | None, run_dir: Path | None, resume: bool, progress: bool
+) -> pd.DataFrame:
+    job = _job(words, folder)
+    if run_dir is not None:
+        return _evaluate_into(job, words, run_dir, resume, progress)
+    _check_needs_no_directory(job)
+    with tempfile.TemporaryDirectory(prefix="lme-") as name:
+        maps = build.map_set(job.config)
+        drive(job.config, run_labels(job, maps), maps, Path(name), progress)
+        return _records(Path(name))
+
+
+def to_hydra(value: Any) -> str:
+    """A Python value in Hydra's grammar. Raises InputError for one that a config cannot hold."""
+    if hasattr(value, "tolist"):  # of NumPy
+        value = value.tolist()
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, str | Path):
+        text = str(value)
+        # Names of options must not be quoted in a list.
+        return text if _NAME.fullmatch(text) and text.lower() not in _NOT_TEXT else quoted(text)
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{to_hydra(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, Sequence):
+        return "[" + ",".join(map(to_hydra, value)) + "]"
+    raise InputError(
+        f"{value!r}: must be a string, a number, True, False, None, or a list or mapping of these"
+    )
+
+
+@contextlib.contextmanager
+def _in_pythons_words() -> Iterator[None]:
+    """Say in messages what the caller writes, where they say what the command line takes."""
+    try:
+        yield
+    except InputError as error:
+        message = str(error)
+        for pattern, words in _IN_PYTHON:
+            message = re.sub(pattern, words, message)
+        raise InputError(message) from error
+
+
+def _path(keyword: str, given: str | Path | None) -> Path | None:
+    if given is not None and not isinstance(given, str | Path):
+        raise InputError(f"{keyword}={given!r}: must be a path or None")
+    return None if given is None else expanded(given)
+
+
+def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | None) -> list[str]:
+    """Everything that the caller gave, as overrides. Raises InputError."""
+    for word in overrides:
+        if not isinstance(word, str):
+            raise InputError(f'{word!r}: must be text, key=value, such as "map=barn"')
+    more = {**keys, **({} if workers is None else {"executor.workers": workers})}
+    return [*overrides, *(f"{key}={to_hydra(value)}" for key, value in more.items())]
+
+
+def _overrides(words: list[str]) -> list[str]:
+    """The overrides, without tracking unless they choose one. Raises InputError for a key that is a keyword here."""
+    given = [word.partition("=")[0].lstrip("+") for word in words]
+    for key, word in zip(given, words, strict=True):
+        if key in _KEYWORDS:
+            raise InputError(f"{word}: must be given as the keyword {_KEYWORDS[key]}")
+    return words if "tracking" in given else ["tracking=none", *words]
+
+
+def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
+    """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
+    if folder is not None:
+        check_config_dir(folder, "config_dir=")
+    with Composer("eval", folder and folder.resolve()) as composer:
+        plan = command_line.plan(composer, words, multirun=False, typed=words)
+        if plan.multirun:
+            raise InputError(
+                f"{' '.join(words)}: a sweep of {plan.num_jobs} jobs: lme.evaluate drives one; call it for each, "
+                "or use lme eval"
+            )
+        (job,) = command_line.validated(plan, composer, validate)
+    return job
+
+
+def _check_needs_no_directory(job: Job[EvalConfig]) -> None:
+    """Raise InputError for a job that asks for files or a tracked run, which need a directory."""
+    asked = {"record": job.config.record, "explain": job.config.explain, "tracking": job.choices["tracking"]}
+    for key, value in asked.items():
+        if value != "none":
+            raise InputError(f"{key}={value}: needs into=DIR, the run's directory")
+
+
+def _evaluate_into(
+    job: Job[EvalConfig], words: Sequence[str], run_dir: Path, resume: bool, progress: bool
+) -> pd.DataFrame:
+    """Drive in a run directory as the command does, and write everything that it writes."""
+    from runners.reports.analysis.summary import metrics
+
+    record = launch_record.launch_of("eval", [job], list(words), False, None)
+    if resume and run_directories.holds_run(run_dir):
+        run_directories.check_same(record, run_dir)
+    else:
+        run_directories.make_fresh(record, run_dir)
+    job = replace(job, run_dir=run_dir)
+    # The run's config is the one just composed.
+    with trust.trusting(run_dir), closed_by(start_tracking(job)) as tracking:
+        frame, _, artifacts = run_and_report(job, progress)
+        tracking.finish(metrics(frame), artifacts)
+    return _records(run_dir)
+
+
+def _records(run_dir: Path) -> pd.DataFrame:
+    """The episodes of a finished run, with the columns of its file."""
+    ((table, _),) = episode_tables([run_dir])
+    frame: pd.DataFrame = table.to_pandas()
+    return frame

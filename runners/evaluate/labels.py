@@ -1,0 +1,71 @@
+"""The columns that name what a job drives."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from lme.worlds.world import DrawsRobots, MapSet, Named
+from runners.config import systems
+from runners.config.ablations import SEVERAL
+from runners.config.build import people_of
+from runners.config.job import Job
+from runners.config.overrides import CUSTOM
+from runners.config.quoting import resume_command
+from runners.config.schema import DriveConfig
+from runners.records.episode_record import CUSTOM_SUBSET, RunLabels
+
+DRAWN = "drawn"  # instead of the name of a robot, where every episode has another
+
+
+def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
+    """What every record of the job says about system, robot and map. maps: the job's map set."""
+    config = job.config
+    guide, planner = _chosen("guide", job), _chosen("planner", job)
+    return RunLabels(
+        system=_system(guide, planner, job),
+        guide=guide,
+        planner=planner,
+        global_map=str(config.guide.get("global_map", "")),
+        ablation=_ablation(job),
+        weights=job.weights,
+        robot=DRAWN if isinstance(maps, DrawsRobots) else config.robot.name,
+        map=maps.name if isinstance(maps, Named) else job.choices["map"],
+        subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
+        people=str(people_of(config)),
+    )
+
+
+def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
+    """The label of the chosen system if this is its pair, else of the named pair."""
+    changed = any(key.startswith(("guide.", "planner.")) for key in job.changes)
+    known = systems.systems(job.folders)
+    chosen = [system for name, system in known.items() if name == job.choices.get("system")]
+    return systems.label(guide, planner, [*chosen, *known.values()], changed)
+
+
+def _chosen(group: str, job: Job[DriveConfig]) -> str:
+    """The option of a group; of a user's own class, its name."""
+    node = {"guide": job.config.guide, "planner": job.config.planner}[group]
+    option = job.choices[group]
+    return str(node["_target_"]).rpartition(".")[2] if option == CUSTOM else option
+
+
+def _ablation(job: Job[DriveConfig]) -> str:
+    """The option, or the options joined by +. If a file chooses several, the parameters that they set."""
+    return job.choices.get("ablation") or SEVERAL.join(job.config.ablation)
+
+
+@contextmanager
+def resume_hint(command: str, run_dir: Path) -> Iterator[None]:
+    """Print the command that resumes the run in `run_dir` if Ctrl-C or SIGTERM ends the block."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(
+            f"\nStopped; finished work is kept. Continue with: {resume_command(command, run_dir)}",
+            file=sys.stderr,
+        )
+        raise

@@ -1,0 +1,286 @@
+"""Reads logs of CARMEN (http://carmen.sourceforge.net/logger_playback.html) as recordings.
+
+A line FLASER or ROBOTLASER1 holds a scan and the pose of the laser. It becomes two messages, a pose and a scan, as if
+ROS had recorded them. Lines ODOM are left out: in a corrected log their poses are not the corrected ones.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import zlib
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace, TracebackType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.geometry.frames import compose, relative
+from lme.inputs.guarded_file import LOG_BYTES, open_bytes
+from lme.live.messages import LASER_SCAN, POSE, SECOND, TF
+from lme.types import Pose
+from runners.recordings.bags import Bag, Message, Topic
+
+ENDINGS = (".log", ".clf", ".log.gz", ".clf.gz")
+SCAN, POSES, MOUNT = "/scan", "/pose", "/tf_static"
+FLASER, ROBOTLASER = "FLASER", "ROBOTLASER1"
+RANGE_MAX = 80.0  # [m] of a FLASER line, which does not say: a SICK LMS reports errors as 81 m and more
+
+_TYPES = {MOUNT: TF[0], POSES: POSE, SCAN: LASER_SCAN}  # in the order in which they are read
+_ODOM, _BASE, _LASER = "odom", "base_link", "laser"
+_LINE_BYTES = 2**20  # of a scan; one of 1,081 beams has about 10 kB
+_FARTHEST_MOUNT = 2.0  # [m] from the middle of the robot to its laser
+_FLASER_FOV = {  # [deg] by the number of beams, where it is not half a turn; the middle points ahead
+    **dict.fromkeys((101, 201, 401), 100.0),  # SICK LMS2xx in its mode of 100°, as in CARMEN's own table
+    **dict.fromkeys((270, 271, 540, 541, 1080, 1081), 270.0),  # SICK LMS1xx, Hokuyo UTM-30LX
+}
+_URG_BEAMS = (681, 682, 683, 769)  # of a Hokuyo URG-04LX, over 240° or its whole 270°
+_URG_INCREMENT = 360.0 / 1024.0  # [deg]
+_FINEST = 0.25  # [deg] beams over half a turn are a multiple of this apart
+_RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
+_SAME_M, _SAME_RAD = 0.02, 0.02  # to which the laser keeps its place on the robot
+
+
+class _Scan(NamedTuple):
+    """A line with a scan. stamp [ns]; geometry: angle_min, angle_increment [rad], range_max [m]; ranges [m]."""
+
+    stamp: int
+    geometry: tuple[float, float, float]
+    ranges: NDArray[np.float32]
+    laser: Pose
+    robot: Pose
+
+
+class CarmenLog(Bag):
+    """An open CARMEN log, plain or compressed by gzip. It is read as a whole."""
+
+    def __init__(self, path: Path) -> None:
+        """Read `path`. Raises InputError if it cannot be read, is damaged, or holds no scans."""
+        self.path = path
+        self._scans = _stamped(_scans(path))
+        self._mount = _mount(self._scans)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        pass
+
+    @property
+    def start(self) -> int:
+        """Time of the first scan [ns]."""
+        return self._scans[0].stamp
+
+    @property
+    def end(self) -> int:
+        """Time of the last scan [ns]."""
+        return self._scans[-1].stamp
+
+    def topics(self) -> list[Topic]:
+        """The topics that the log amounts to, sorted by name."""
+        number, seconds = len(self._scans), max(self.duration_s, 1e-9)
+        counts = {name: 1 if name == MOUNT else number for name in _TYPES}
+        return [Topic(name, (_TYPES[name],), counts[name], counts[name] / seconds) for name in sorted(counts)]
+
+    def messages(
+        self, topics: Collection[str], start: int | None = None, stop: int | None = None
+    ) -> Iterator[Message]:
+        """Yield the messages of these topics in order of time, from `start` to just before `stop` [ns]."""
+        for index, scan in enumerate(self._scans):
+            if (start is not None and scan.stamp < start) or (stop is not None and scan.stamp >= stop):
+                continue
+            for name in _TYPES:
+                if name in topics and (name != MOUNT or index == 0):
+                    yield Message(name, _TYPES[name], scan.stamp, self._content(name, scan))
+
+    def _content(self, name: str, scan: _Scan) -> SimpleNamespace:
+        if name == MOUNT:
+            return SimpleNamespace(transforms=[_transform(scan.stamp, self._mount)])
+        if name == SCAN:
+            first, increment, farthest = scan.geometry
+            return SimpleNamespace(
+                header=_header(scan.stamp, _LASER),
+                ranges=scan.ranges,
+                angle_min=first,
+                angle_increment=increment,
+                range_min=0.0,
+                range_max=farthest,
+            )
+        # The pose of the laser is the one that programs correct, so the robot is where its laser says.
+        pose = compose(scan.laser, relative(Pose(0.0, 0.0, 0.0), self._mount))
+        position, orientation = _parts(pose)
+        return SimpleNamespace(
+            header=_header(scan.stamp, _ODOM),
+            pose=SimpleNamespace(position=position, orientation=orientation),
+        )
+
+
+def is_carmen(path: Path) -> bool:
+    """Whether the name of a file is that of a CARMEN log."""
+    return path.name.lower().endswith(ENDINGS)
+
+
+def _scans(path: Path) -> list[_Scan]:
+    """All scans of the kind of line that the log has most of."""
+    found: dict[str, list[_Scan]] = {ROBOTLASER: [], FLASER: []}
+    resolution: float | None = None  # [deg] by the parameters of the log
+    readers: dict[str, Callable[[Sequence[str]], _Scan]] = {
+        ROBOTLASER: _robotlaser,
+        FLASER: lambda fields: _flaser(fields, resolution),
+    }
+    mistake: InputError | None = None
+    for number, line in enumerate(_lines(path), start=1):
+        if mistake is not None:  # only the last line may be incomplete: the log was cut off
+            raise mistake
+        kind, *fields = line.split()
+        if kind == "PARAM" and fields[:1] == [_RESOLUTION]:
+            with suppress(ValueError, IndexError):
+                resolution = float(fields[1])
+        if kind in readers:
+            try:
+                found[kind].append(readers[kind](fields))
+            except InputError as error:
+                raise InputError(f"log {path}, line {number}: {error}") from error
+            except (ValueError, IndexError, OverflowError):
+                mistake = InputError(
+                    f"log {path}, line {number}: {kind}: must hold a scan, a pose and a time, all of them numbers"
+                )
+    most = max(found.values(), key=len)
+    if not most:
+        raise mistake or InputError(
+            f"log {path}: no scans: a CARMEN log has lines {FLASER} or {ROBOTLASER} with scans and poses"
+        )
+    return most
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """The lines of a log that are not empty. Raises InputError if it cannot be read or is empty."""
+    if not path.exists():
+        raise InputError(f"log {path}: no such file")
+    if path.is_dir():
+        raise InputError(f"log {path}: is a directory; must be a CARMEN log ({', '.join(ENDINGS)})")
+    empty, packed = True, path.suffix.lower() == ".gz"
+    try:
+        # What is packed ends with any number of zeros, which gzip would all read.
+        with (
+            open_bytes(path, LOG_BYTES if packed else None) as raw,
+            gzip.open(raw) if packed else raw as file,
+        ):
+            for line in iter(partial(file.readline, _LINE_BYTES), b""):
+                if len(line) == _LINE_BYTES:
+                    raise InputError(
+                        f"log {path}: is not a CARMEN log: a line has {_LINE_BYTES} bytes or more"
+                    )
+                text = line.decode("ascii", errors="replace").strip()
+                if text:
+                    empty = False
+                    yield text
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise InputError(f"log {path}: not a complete gzip file ({error})") from error
+    except OSError as error:
+        raise InputError(f"log {path}: cannot be read ({error.strerror})") from error
+    if empty:
+        raise InputError(f"log {path}: the file is empty")
+
+
+def _flaser(fields: Sequence[str], resolution: float | None) -> _Scan:
+    """FLASER n ranges, pose of the laser, pose of the robot, time. The first beam is the rightmost.
+
+    resolution [deg]: of the log's parameters, if it has one. Raises InputError if the field of view is unknown.
+    """
+    count = _count(fields[0])
+    geometry = (*_flaser_angles(count, resolution), RANGE_MAX)
+    return _scan(geometry, fields[1 : 1 + count], fields[1 + count :], time_at=6)
+
+
+def _flaser_angles(count: int, resolution: float | None) -> tuple[float, float]:
+    """The bearing of the first beam and the increment [rad] of a FLASER line, which says only how many beams it has."""
+    steps = count if count % 2 == 0 else count - 1  # 180 beams are the first of 181 over half a turn
+    if count in _FLASER_FOV:
+        fov = _FLASER_FOV[count]
+        increment = fov / steps
+    elif count in _URG_BEAMS:
+        increment, fov = _URG_INCREMENT, (count - 1) * _URG_INCREMENT
+    elif (180.0 / steps / _FINEST).is_integer():
+        return -math.pi / 2.0, math.pi / steps
+    elif resolution is not None and 0.0 < resolution * count <= 360.0:
+        increment, fov = resolution, (count - 1) * resolution
+    else:
+        raise InputError(
+            f"{FLASER} has {count} beams, and its field of view is not known: must be a usual number (181 or 361 over "
+            f"180°, 401 over 100°, 541 or 1081 over 270°, 682 over 240°), or be preceded by a line such as "
+            f"'PARAM {_RESOLUTION} 0.5' with the degrees between its beams; lines {ROBOTLASER} say their own"
+        )
+    return -math.radians(fov) / 2.0, math.radians(increment)
+
+
+def _robotlaser(fields: Sequence[str]) -> _Scan:
+    """ROBOTLASER1 type, start, field of view, increment, farthest, accuracy, mode, n ranges, m remissions, poses, …"""
+    first, increment, farthest = float(fields[1]), float(fields[3]), float(fields[4])
+    count = _count(fields[7])
+    remissions = int(fields[8 + count])
+    if remissions < 0 or not (math.isfinite(first) and increment > 0.0):
+        raise ValueError(fields[:8])
+    farthest = farthest if 0.0 < farthest < math.inf else RANGE_MAX
+    # Five numbers on speed and safety follow the two poses.
+    rest = fields[9 + count + remissions :]
+    return _scan((first, increment, farthest), fields[8 : 8 + count], rest, time_at=11)
+
+
+def _count(field: str) -> int:
+    count = int(field)
+    if count < 2:
+        raise ValueError(field)
+    return count
+
+
+def _scan(
+    geometry: tuple[float, float, float], ranges: Sequence[str], rest: Sequence[str], time_at: int
+) -> _Scan:
+    """rest: the poses of laser and robot, and the time at this place in it."""
+    poses = np.array(rest[:6], dtype=np.float64)
+    if len(poses) < 6 or not np.isfinite(poses).all():
+        raise ValueError(rest[:6])
+    laser, robot = Pose(*poses[:3].tolist()), Pose(*poses[3:].tolist())
+    return _Scan(round(float(rest[time_at]) * SECOND), geometry, np.array(ranges, np.float32), laser, robot)
+
+
+def _stamped(scans: list[_Scan]) -> list[_Scan]:
+    """The scans in the order of the log, each later than the one before: some logs have one time for all scans."""
+    stamped = scans[:1]
+    for scan in scans[1:]:
+        stamped.append(scan._replace(stamp=max(scan.stamp, stamped[-1].stamp + 1)))
+    return stamped
+
+
+def _mount(scans: Sequence[_Scan]) -> Pose:
+    """The laser on the robot; at its middle if the two poses of a line do not belong together."""
+    first, last = (relative(scan.laser, scan.robot) for scan in (scans[0], scans[-1]))
+    steady = math.dist(first[:2], last[:2]) < _SAME_M
+    steady = steady and abs(math.remainder(first.yaw - last.yaw, math.tau)) < _SAME_RAD
+    near = math.hypot(*first[:2]) < _FARTHEST_MOUNT
+    return first if near and steady else Pose(0.0, 0.0, 0.0)
+
+
+def _header(stamp: int, frame: str) -> SimpleNamespace:
+    sec, nanosec = divmod(stamp, SECOND)
+    return SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec), frame_id=frame)
+
+
+def _transform(stamp: int, mount: Pose) -> SimpleNamespace:
+    position, orientation = _parts(mount)
+    moved = SimpleNamespace(translation=position, rotation=orientation)
+    return SimpleNamespace(header=_header(stamp, _BASE), child_frame_id=_LASER, transform=moved)
+
+
+def _parts(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:
+    """Position and orientation of a pose."""
+    half = pose.yaw / 2.0
+    return (
+        SimpleNamespace(x=pose.x, y=pose.y, z=0.0),
+        SimpleNamespace(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half)),
+    )

@@ -1,0 +1,255 @@
+"""Runs a navigator on recorded messages: one decision per control period. No command is executed."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from operator import itemgetter
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.geometry.collision import sweep
+from lme.geometry.motion import drive
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.maintenance import Choice
+from lme.live.messages import SECOND, twist_of
+from lme.live.poses import Posture
+from lme.live.scan_source import ScanSource
+from lme.live.track import StampedMotion
+from lme.navigation.navigator import Navigator
+from lme.perception.scan_check import ScanTally
+from lme.perception.scan_points import obstacle_points
+from lme.robots import Robot
+from lme.types import Floats, Observation, Pose, Twist
+from runners.recordings.bags import Message
+from runners.recordings.goals import GoalSource
+from runners.recordings.posed_scans import PosedScans
+from runners.recordings.recording import Recording
+
+_HERE = Pose(0.0, 0.0, 0.0)
+_NO_EDGES = np.empty((0, 4))
+_STEP = 0.02  # [m] furthest that a point of the footprint moves between collision checks
+_SAMPLE = 60  # minimum number of decisions kept for the pictures, if there are enough
+
+
+class ReplayStep(NamedTuple):
+    """One tick: the input and the decision. target, subgoal (2,) and scan points (M, 2) in the robot frame [m]."""
+
+    time_s: float
+    motion: StampedMotion
+    target: Floats
+    points: Floats
+    subgoal: Floats
+    command: Twist
+
+
+Listener = Callable[[ReplayStep], None]
+
+
+@dataclass(slots=True)
+class Log:
+    """The results of a replay.
+
+    rows: columns by name, one row per tick. commands: the recorded (stamp [ns], v [m/s], ω [rad/s]). skipped: number
+    of ticks without a decision, by reason. scans: number of scans. tally: what those of the decisions hold. sample:
+    steps spread over the recording.
+    """
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    commands: list[tuple[int, float, float]] = field(default_factory=list)
+    skipped: dict[str, int] = field(default_factory=lambda: {"no pose": 0, "no goal": 0})
+    scans: int = 0
+    tally: ScanTally = field(default_factory=ScanTally)
+    sample: list[ReplayStep] = field(default_factory=list)
+
+
+class Driver:
+    """Takes messages in recorded order and makes a decision once per control period of the robot.
+
+    Each decision uses the scan nearest to its due time, or every scan, and the pose at the stamp of that scan.
+    horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference between the
+    stamps of a pose and of the scan.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        scan_source: ScanSource,
+        navigator: Navigator,
+        goal: GoalSource,
+        horizon: float,
+        stale: int,
+        every_scan: bool,
+    ) -> None:
+        self._recording, self._scan_source = recording, scan_source
+        self._navigator, self._goal = navigator, goal
+        self._robot: Robot = scan_source.robot
+        self._horizon = horizon
+        ticks = None if every_scan else _Ticks(self._robot.dt, recording.scan_rate)
+        self._scans = PosedScans(recording, stale, None if ticks is None else ticks.due)
+        self._listeners: list[Listener] = []
+        self._sampler = _Sampler()
+        self.log = Log()
+
+    def listen(self, listener: Listener) -> None:
+        """Call `listener(step)` at every tick."""
+        self._listeners.append(listener)
+
+    def take(self, message: Message) -> None:
+        """Process the next message. Raises InputError if time goes backwards."""
+        topics, name = self._recording.topics, message.topic
+        self._decide(message)
+        self._scans.take(message)
+        if topics.command is not None and name == topics.command.name:
+            twist = twist_of(message.content, topics.command.type)
+            self.log.commands.append((self._recording.stamp(message), *twist))
+        if topics.goal is not None and name == topics.goal.name:
+            self._goal.take(message, self._scans.track, self._scans.tree)
+
+    def finish(self) -> Log:
+        """Make the remaining decisions. Raises InputError if there was no decision at all."""
+        self._decide(None)
+        self.log.scans = self._scans.scans
+        if not self.log.rows:
+            reasons = ", ".join(
+                f"{count} without a {key[3:]}" for key, count in self.log.skipped.items() if count
+            )
+            raise InputError(
+                f"bag {self._recording.bag.path}: nothing to replay: {self.log.scans} scans"
+                + (f", skipped: {reasons}" if reasons else " between start and end")
+            )
+        self.log.sample = self._sampler.kept
+        return self.log
+
+    def _decide(self, coming: Message | None) -> None:
+        """Decide on the scans whose poses are known. coming: the next message, None at the end."""
+        for message, motion, posture in self._scans.ready(coming):
+            if motion is None:
+                self.log.skipped["no pose"] += 1
+            else:
+                self._tick(message, motion, posture)
+
+    def _tick(self, message: Message, motion: StampedMotion, posture: Posture | None) -> None:
+        target = self._goal.target(motion, self._scans.tree)
+        if target is None:
+            self.log.skipped["no goal"] += 1
+            return
+        last_command = self._commanded(motion)
+        observation = self._scan_source.observation(message.content, motion, target, last_command, posture)
+        self.log.tally.add(observation.scan)
+        began = perf_counter_ns()
+        command = self._navigator.act(observation, motion.stamp / SECOND)
+        decision_us = (perf_counter_ns() - began) / 1000.0
+        self._note(observation, motion, command, decision_us)
+
+    def _commanded(self, motion: StampedMotion) -> Twist:
+        """The command that the robot recorded last; its twist where it recorded none."""
+        commands = self.log.commands
+        before = bisect_left(commands, motion.stamp, key=itemgetter(0))
+        if before:
+            return Twist(*commands[before - 1][1:])
+        return motion.twist if self._recording.topics.command is None else Twist(0.0, 0.0)
+
+    def _note(
+        self, observation: Observation, motion: StampedMotion, command: Twist, decision_us: float
+    ) -> None:
+        guidance = self._navigator.guidance
+        assert guidance is not None
+        points = obstacle_points(observation.scan, self._robot.lidar.mount)
+        time_s = self._recording.seconds(motion.stamp)
+        (x, y), (subgoal_x, subgoal_y) = observation.target, guidance.subgoal
+        self.log.rows.append(
+            {
+                "time_s": time_s,
+                "stamp_ns": motion.stamp,
+                **dict(zip(("x_m", "y_m", "yaw_rad"), motion.pose, strict=True)),
+                **dict(zip(("v_mps", "omega_radps"), motion.twist, strict=True)),
+                "target_x_m": float(x),
+                "target_y_m": float(y),
+                "subgoal_x_m": float(subgoal_x),
+                "subgoal_y_m": float(subgoal_y),
+                "switched": bool(guidance.switched),
+                "blocked": bool(guidance.blocked),
+                "command_v_mps": command.v,
+                "command_omega_radps": command.omega,
+                "scan_points": len(points),
+                **self._clearances(points, motion.twist, command),
+                "decision_us": decision_us,
+                **_features(self._navigator.explanation()),
+            }
+        )
+        step = ReplayStep(time_s, motion, observation.target, points, guidance.subgoal, command)
+        self._sampler.offer(step)
+        for listener in self._listeners:
+            listener(step)
+
+    def _clearances(self, points: Floats, twist: Twist, command: Twist) -> dict[str, float]:
+        """Distances from the footprint to the scan points [m]: now, and the smallest while each command is held."""
+        circles = np.column_stack((points, np.zeros(len(points))))
+        box, robot = self._robot.footprint.box, self._robot
+
+        def least(wanted: Twist) -> float:
+            poses, _ = drive(
+                _HERE, twist, wanted, robot.limits.bounds, self._horizon, _STEP, robot.footprint.r_max
+            )
+            return sweep(poses, box, circles, _NO_EDGES)[0]
+
+        return {
+            "clearance_m": sweep(np.array([_HERE]), box, circles, _NO_EDGES)[0],
+            "command_clearance_m": least(command),
+            "recorded_clearance_m": least(twist),
+        }
+
+
+class _Ticks:
+    """Selects the scans on which decisions are made."""
+
+    def __init__(self, dt: float, scan_rate: float) -> None:
+        self._period = round(dt * SECOND)
+        self._slack = round(min(0.5 * SECOND / scan_rate, 0.5 * self._period)) if scan_rate else 0
+        self._next: int | None = None
+
+    def due(self, stamp: int) -> bool:
+        """Whether to decide on the scan with this stamp [ns]; always true for the first."""
+        if self._next is not None and stamp < self._next - self._slack:
+            return False
+        late = self._next is None or stamp > self._next + self._slack
+        self._next = (stamp if late or self._next is None else self._next) + self._period
+        return True
+
+
+def _features(explanation: Explanation | None) -> dict[str, Any]:
+    """How the current subgoal was chosen, its score, and its value in each criterion."""
+    if explanation is None:
+        return {}
+    kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
+    values = explanation.old_features if kept else explanation.features[:, explanation.new]
+    score = explanation.old_score if kept else explanation.scores[explanation.new]
+    named = zip(explanation.names, np.asarray(values), strict=True)
+    return {
+        "choice": str(explanation.decision.choice.value),
+        "score": float(score if score is not None else math.nan),
+        **{f"feature_{name}": float(value) for name, value in named},
+    }
+
+
+class _Sampler:
+    """Keeps an evenly spaced sample of steps. The number of steps need not be known in advance."""
+
+    def __init__(self) -> None:
+        self.kept: list[ReplayStep] = []
+        self._stride = 1
+        self._seen = 0
+
+    def offer(self, step: ReplayStep) -> None:
+        if self._seen % self._stride == 0:
+            self.kept.append(step)
+            if len(self.kept) == 2 * _SAMPLE:
+                del self.kept[1::2]
+                self._stride *= 2
+        self._seen += 1

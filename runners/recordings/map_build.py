@@ -1,0 +1,173 @@
+"""Builds a ROS map from the logs of one drive: a picture of cells, its YAML file, and a picture with the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import yaml
+from PIL import Image
+
+from lme.errors import InputError, require
+from lme.mapping import FREE, OCCUPIED, GridMap, OccupancyGrid
+from lme.perception.scan_check import ScanTally
+from lme.types import Floats
+from lme.worlds.bitmap import MAX_PIXELS
+from runners.recordings.log import DriveLog, LogConfig
+from runners.records.whole_file import output_file
+from runners.reports.figures.style import BLUE, INK, VERMILION, new_figure
+from runners.workers.progress import ScanProgress
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+_LONGEST_IN, _MARGIN_IN = 9.0, 0.7
+_GREYS = {FREE: 1.0, OCCUPIED: 0.1}
+_UNKNOWN_GREY = 0.78
+
+
+def way_picture(built: GridMap, way: Floats, title: str) -> Figure:
+    """The map with the way (N, 2) [m]: free white, obstacles black, unknown grey."""
+    width, height = built.size
+    scale = _LONGEST_IN / max(width, height)
+    figure = new_figure(max(width * scale, 2.5) + _MARGIN_IN, max(height * scale, 1.5) + _MARGIN_IN)
+    axes = figure.add_subplot()
+    grey = np.full(built.cells.shape, _UNKNOWN_GREY)
+    for value, shade in _GREYS.items():
+        grey[built.cells == value] = shade
+    x, y = built.origin
+    extent = (x, x + width, y, y + height)
+    axes.imshow(grey, cmap="gray", vmin=0.0, vmax=1.0, origin="lower", extent=extent, interpolation="nearest")
+    axes.plot(*way.T, color=BLUE, linewidth=0.9, label="way of the robot")
+    axes.plot(*way[0], "o", color=BLUE, markersize=4, label="its start")
+    axes.plot(*way[-1], "s", color=VERMILION, markersize=4, label="its end")
+    axes.set_title(f"{title}: {built.free_area:.0f} m² free", fontsize=9, color=INK)
+    axes.set_xlabel("x [m]", fontsize=8, color=INK)
+    axes.set_ylabel("y [m]", fontsize=8, color=INK)
+    axes.tick_params(labelsize=7, colors=INK)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=7.5, labelcolor=INK)
+    return figure
+
+
+ENDING, PICTURE = ".yaml", "_way"  # of a map's file; of the name of its picture with the way
+NO_RETURNS = ("clear", "ignore")
+
+
+@dataclass(slots=True)
+class BuildConfig:
+    """How a map is built. Names in messages are those of the options of `lme maps build`."""
+
+    resolution: float = 0.05  # [m] side of a cell
+    max_range: float = 10.0  # [m] ASSUMED: farther returns smear, as an error of 1° moves them by 17 cm
+    radius: float = 0.25  # [m] ASSUMED: of the robot that made the log, e.g. a Pioneer 2
+    reach: float = 5.0  # [m] ASSUMED: farther from the robot's way too little was seen to drive there
+    no_returns: str = "clear"  # clear | ignore: what a beam without a return says about its cells
+    log: LogConfig = field(default_factory=LogConfig)
+
+    def __post_init__(self) -> None:
+        for key in ("resolution", "max_range", "radius", "reach"):
+            require(f"--{key.replace('_', '-')}", getattr(self, key), above=0.0)
+        if self.no_returns not in NO_RETURNS:
+            raise InputError(f"--no-returns is {self.no_returns}: must be {' or '.join(NO_RETURNS)}")
+
+
+class BuiltMap(NamedTuple):
+    """A map, the robot's way (N, 2) [m], the scans that it is made of, and those left out for want of a pose.
+
+    tally: of the beams of these scans.
+    """
+
+    map: GridMap
+    way: Floats
+    scans: int
+    skipped: int
+    tally: ScanTally
+    sources: str
+
+
+def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) -> BuiltMap:
+    """The map of the logs of one drive, whose poses are in the same frame. shown: a progress bar.
+
+    Raises InputError if a log cannot be read, has no scans or no poses, or if the map would be too large.
+    """
+    grid = OccupancyGrid(config.resolution, config.max_range)
+    way: list[tuple[float, float]] = []
+    sources: list[str] = []
+    skipped, tally = 0, ScanTally()
+    for path in paths:
+        before = len(way)
+        with DriveLog(path, config.log) as log, ScanProgress("scans", log.num_scans, shown=shown) as progress:
+            sources.append(log.sources)
+            for located in log.scans():
+                progress.add()
+                if located is None:
+                    skipped += 1
+                    continue
+                tally.add(located.scan)
+                grid.add(located.scan, located.lidar, located.sees_far and config.no_returns == "clear")
+                way.append((located.base.x, located.base.y))
+        if len(way) == before:
+            raise InputError(f"log {path}: no scan between start and end has a pose within half a second")
+    points = np.array(way)
+    built = grid.finish(points, config.radius, config.reach)
+    if built.cells.size > MAX_PIXELS:
+        width, height = built.size
+        least = config.resolution * (built.cells.size / MAX_PIXELS) ** 0.5
+        raise InputError(
+            f"--resolution is {config.resolution:g} m for a map of {width:.0f} by {height:.0f} m: must give at most "
+            f"{MAX_PIXELS} cells, so at least {least:.2g} m"
+        )
+    return BuiltMap(built, points, len(way), skipped, tally, "; ".join(dict.fromkeys(sources)))
+
+
+def check_target(path: Path, overwrite: bool) -> None:
+    """Raise InputError unless a map can be written to `path`, a YAML file."""
+    if path.suffix != ENDING:
+        raise InputError(f"--output {path}: must end in {ENDING}")
+    for file in _files(path):
+        if file.exists() and not overwrite:
+            raise InputError(f"--output {path}: {file.name} exists; add --overwrite, or choose another name")
+
+
+def write_map(built: BuiltMap, path: Path) -> None:
+    """Write the map to `path`, a YAML file, with its two pictures next to it. Raises InputError if that fails."""
+    from runners.reports.figures.style import save_as
+
+    _, image, picture = _files(path)
+    about = {
+        "image": image.name,
+        "resolution": built.map.resolution,
+        "origin": [*built.map.origin, 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with output_file(image) as draft:
+            Image.fromarray(built.map.cells[::-1]).save(draft)
+        save_as(way_picture(built.map, built.way, path.stem), picture, "png")
+        with output_file(path) as draft:
+            draft.write_text(
+                yaml.safe_dump(about, sort_keys=False, default_flow_style=None), encoding="utf-8"
+            )
+    except OSError as error:
+        raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
+
+
+def describe(built: BuiltMap) -> str:
+    """One line about a map."""
+    width, height = built.map.size
+    without = f" ({built.skipped} more without a pose)" if built.skipped else ""
+    return (
+        f"{width:.1f} × {height:.1f} m, {built.map.free_area:.0f} m² free, from {built.scans} scans{without}"
+    )
+
+
+def _files(path: Path) -> tuple[Path, Path, Path]:
+    """The YAML file of a map, its picture of cells, and its picture with the way."""
+    return path, path.with_suffix(".png"), path.with_name(f"{path.stem}{PICTURE}.png")

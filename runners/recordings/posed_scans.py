@@ -1,0 +1,130 @@
+"""Joins the scans of a recording with the poses at their stamps."""
+
+from __future__ import annotations
+
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from lme.errors import InputError
+from lme.live.messages import SECOND, frame, is_cloud
+from lme.live.poses import Posture, imu_tilt
+from lme.live.track import StampedMotion, Track
+from lme.live.twist_check import TwistCheck
+from runners.recordings.bags import Message
+from runners.recordings.recording import RecordedPose, Recording, is_whole
+
+_JITTER = SECOND // 10  # messages up to this late are ignored: threads may swap them
+
+
+class Order:
+    """Checks that the stamps of a topic increase."""
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self._last: int | None = None
+
+    def accepts(self, stamp: int) -> bool:
+        """Whether `stamp` [ns] is later than all before it. Raises InputError if time jumps back."""
+        if self._last is not None and stamp < self._last - _JITTER:
+            back = (self._last - stamp) / SECOND
+            raise InputError(
+                f"topics: the time of {self._topic} goes backwards by {back:.3g} s (stamp {stamp / SECOND:.3f} s): "
+                "use clock=recorded, or cut the recording with start= and end="
+            )
+        later = self._last is None or stamp > self._last
+        if later:
+            self._last = stamp
+        return later
+
+
+class PosedScan(NamedTuple):
+    """A message with a scan, and motion and posture of the base at its stamp; None if no pose is near in time.
+
+    posture: None also for a LaserScan.
+    """
+
+    message: Message
+    motion: StampedMotion | None
+    posture: Posture | None = None
+
+
+class PosedScans:
+    """Takes messages in recorded order, and gives back each scan once its pose is known.
+
+    A scan waits for a pose that is later than itself, at most `stale` [ns], which is also the largest difference
+    between the stamps of a scan and of the nearest pose. due: whether a scan with this stamp [ns] is wanted.
+    Scans of another frame, whose lidar is mounted elsewhere, and of less than two beams are left out with a warning.
+    """
+
+    def __init__(self, recording: Recording, stale: int, due: Callable[[int], bool] | None = None) -> None:
+        self._recording, self._stale, self._due = recording, stale, due
+        self._pose_order = Order(recording.topics.pose_name)
+        self._scan_order = Order(recording.topics.scan.name)
+        self._waiting: deque[tuple[Message, int]] = deque()
+        self.tree, self.track = recording.tree.copy(), Track()
+        self._twists, self._as_received = TwistCheck(), recording.bag.by_lme
+        self.scans = 0  # seen so far, wanted or not
+        self._frame = frame(recording.first_scan.content.header.frame_id)
+        self._left_out: set[str] = set()  # kinds of scans
+
+    def take(self, message: Message) -> None:
+        """Process a pose, a transform, an orientation or a scan; ignore any other message.
+
+        Raises InputError if time goes backwards.
+        """
+        sample = self._recording.pose(message, self.tree)
+        if sample is not None:
+            if self._pose_order.accepts(sample.stamp):
+                self.track.add(*sample)
+                self._check_twist(sample)
+        elif message.topic == self._recording.topics.imu_name:
+            tilt = imu_tilt(message.content, self._recording.frames, self.tree)
+            self.track.postures.add_imu(self._recording.stamp(message), tilt)
+        elif message.topic == self._recording.topics.scan.name:
+            stamp = self._recording.stamp(message)
+            if self._usable(message) and self._scan_order.accepts(stamp):
+                self.scans += 1
+                if self._due is None or self._due(stamp):
+                    self._waiting.append((message, stamp))
+
+    def _check_twist(self, sample: RecordedPose) -> None:
+        """Take velocities from the slope of the poses, once the twists have contradicted it."""
+        if sample.twist is None or self._as_received:
+            return
+        self._twists.add(sample.stamp, sample.pose, sample.twist)
+        contradiction = self._twists.contradiction()
+        if contradiction is not None:
+            self._recording.doubt_twists(contradiction)
+            self.track.forget_twists()
+
+    def _usable(self, message: Message) -> bool:
+        came_from = frame(message.content.header.frame_id)
+        why = ""
+        if came_from != self._frame:
+            why = f"scans from the frame {came_from}, not {self._frame} as most,"
+        elif not is_whole(message):
+            why = "scans of less than two beams"
+        if why and why not in self._left_out:
+            self._left_out.add(why)
+            warnings.warn(f"{self._recording.topics.scan.name}: {why} are left out", stacklevel=3)
+        return not why
+
+    def ready(self, coming: Message | None) -> Iterator[PosedScan]:
+        """The waiting scans that have a later pose, or that have waited for one longer than `stale`.
+
+        coming: the next message, None at the end. It must be recorded after the scan, so that every message
+        recorded together with the scan has been processed.
+        """
+        while self._waiting:
+            scan, stamp = self._waiting[0]
+            if coming is not None:
+                newest = self.track.newest
+                known = newest is not None and newest >= stamp
+                late = coming.recorded > scan.recorded + self._stale
+                if coming.recorded <= scan.recorded or not (known or late):
+                    return
+            self._waiting.popleft()
+            posture = self.track.posture(stamp, self._stale) if is_cloud(scan.content) else None
+            yield PosedScan(scan, self.track.at(stamp, self._stale), posture)

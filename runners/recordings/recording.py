@@ -1,0 +1,298 @@
+"""Finds what a replay must know about a recording in advance: its clock, its frames, the mount of its lidar."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from lme.errors import InputError
+from lme.live.frames import (
+    Carrier,
+    Frames,
+    FramesConfig,
+    TransformTree,
+    carrier_of,
+    message_frames,
+    tf_frames,
+)
+from lme.live.messages import LASER_SCAN, ODOMETRY, SECOND, Tilt, frame, has_orientation, stamp_of
+from lme.live.poses import is_sound, message_pose, moving_links, tf_pose
+from lme.live.twist_check import TwistCheck
+from lme.types import Floats, Pose, Twist
+from runners.recordings.bags import Bag, Message
+from runners.recordings.carmen import CarmenLog, is_carmen
+from runners.recordings.topics import Topics, other_pose
+
+CLOCKS = ("auto", "header", "recorded")
+_LOOK_S = 10  # [s] of the recording to search for a transform to the lidar
+_POSES_S = 120  # [s] of the recording in which poses are checked before it is read
+_SCANS = 20  # used to measure the rate, and read in each part of the recording to find the usual scan
+_PARTS = 4  # of the recording
+_RARE = 0.1  # share of the scans below which a geometry is not that of the lidar
+_TAIL_S = (2, 30)  # [s] at the end to search for the last pose, before the whole recording
+
+
+class RecordedPose(NamedTuple):
+    """A recorded pose: stamp [ns], pose of the base, twist if the message has one, height [m] and tilt of the base."""
+
+    stamp: int
+    pose: Pose
+    twist: Twist | None
+    height: float
+    tilt: Tilt
+
+
+@dataclass(slots=True)
+class Recording:
+    """A recording, its topics, and properties found in its first messages.
+
+    frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
+    of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
+    none. carrier: of the scan's frame. scan_rate [Hz]. first_scan: the first one with the usual frame and geometry.
+    tree: the transforms at the beginning. twists: whether those of odometry count.
+    """
+
+    bag: Bag
+    topics: Topics
+    frames: Frames
+    headers: bool
+    offset: int
+    mount: Floats | None
+    carrier: Carrier
+    scan_rate: float
+    first_scan: Message
+    tree: TransformTree
+    twists: bool
+
+    def stamp(self, message: Message) -> int:
+        """The stamp of a message [ns]; for a message without one, its time of recording on the clock of the stamps."""
+        header = getattr(message.content, "header", None)
+        return stamp_of(header) if self.headers and header is not None else message.recorded - self.offset
+
+    def seconds(self, stamp: int) -> float:
+        """Time since the recording began [s]."""
+        return (stamp + self.offset - self.bag.start) / SECOND
+
+    def pose(self, message: Message, tree: TransformTree) -> RecordedPose | None:
+        """The pose that a message contains, if any; one with absurd numbers, or without a heading, is ignored.
+
+        Transforms of a tf message are first added to `tree`.
+        """
+        if message.topic in self.topics.tf:
+            tree.update(message.content)
+            found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
+        elif self.topics.pose is not None and message.topic == self.topics.pose.name:
+            if not has_orientation(message.content, self.topics.pose.type):
+                return None
+            found = message_pose(message.content, self.topics.pose.type)
+            found = found if self.twists else found._replace(twist=None)
+        else:
+            return None
+        if found is None or not is_sound(found.pose, found.twist):
+            return None
+        stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
+        return RecordedPose(stamp, *found[1:])
+
+    def doubt_twists(self, contradiction: str) -> None:
+        """Take no velocity from the odometry messages any more, and say why."""
+        self.twists = False
+        warnings.warn(f"bag {self.bag.path}: {self.topics.pose_name}: {contradiction}", stacklevel=2)
+
+    def check_poses(self) -> None:
+        """Compare the first twists with their poses. Raises InputError if no pose says where the robot heads.
+
+        In a recording by lme the twist is what the policy received, with its errors.
+        """
+        pose, check = self.topics.pose, TwistCheck()
+        headings: list[bool] = []
+        if pose is None or self.bag.by_lme:
+            return
+        for message in self.bag.messages({pose.name}, None, self.bag.start + _POSES_S * SECOND):
+            headings.append(has_orientation(message.content, pose.type))
+            if pose.type != ODOMETRY and headings[-1]:
+                return
+            if headings[-1]:
+                sample = message_pose(message.content, pose.type)
+                stamp = stamp_of(sample.header) if self.headers else message.recorded
+                if self.twists and sample.twist is not None and is_sound(sample.pose, None):
+                    check.add(stamp, sample.pose, sample.twist)
+                if check.contradiction() or check.full:
+                    break
+        if headings and not any(headings):
+            raise InputError(
+                f"bag {self.bag.path}: {pose.name}: its quaternion is zero, so it does not say where the robot heads: "
+                "record its orientation, or choose other poses with topics.pose"
+            )
+        contradiction = check.contradiction(at_end=True)
+        if contradiction is not None:
+            self.doubt_twists(contradiction)
+
+    def last_pose(self, stop: int | None) -> Pose:
+        """The last pose recorded before `stop` [ns]. Raises InputError if there is none."""
+        end = self.bag.end + 1 if stop is None else stop
+        for seconds in (*_TAIL_S, None):
+            start = None if seconds is None else end - seconds * SECOND
+            last, tree = None, self.tree.copy()
+            for message in self.bag.messages(_pose_topics(self.topics), start, stop):
+                last = self.pose(message, tree) or last
+            if last is not None:
+                return last.pose
+        odom, base = self.frames
+        raise InputError(f"bag {self.bag.path}: no pose of {base} in {odom} to use as the goal")
+
+
+def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
+    """Read the beginning of a recording. Raises InputError if scans, poses or their frames are missing.
+
+    Warns of twists that contradict the poses.
+    """
+    first = _Beginning(topics)
+    for message in _statics(bag, topics):
+        first.tree.update(message.content)
+    for message in bag.messages(topics.names):
+        first.take(message)
+        if first.complete and (message.recorded - bag.start > _LOOK_S * SECOND or first.mounted(frames)):
+            break
+    if not first.scans:
+        raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} has no messages")
+    if topics.pose is None and tf_frames(frames, first.tree) is None:
+        topics = topics._replace(pose=other_pose(bag, topics))
+        return inspect(bag, topics, frames, clock)
+    chosen = first.frames(frames)
+    headers, offset = first.clock(clock, chosen)
+    stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
+    gaps = [b - a for a, b in pairwise(stamps) if b > a]
+    rate = SECOND / statistics.median(gaps) if gaps else 0.0
+    scan = _usual_scan(bag, topics, first.scans)
+    came_from = frame(scan.content.header.frame_id)
+    mount = first.tree.lookup(chosen.base, came_from)
+    carrier = carrier_of(came_from, chosen, first.tree)
+    recording = Recording(
+        bag, topics, chosen, headers, offset, mount, carrier, rate, scan, first.tree, topics.measured_twists
+    )
+    recording.check_poses()
+    return recording
+
+
+def _usual_scan(bag: Bag, topics: Topics, first: list[Message]) -> Message:
+    """The first scan with the usual frame and geometry, since the first of all may be short, or of another lidar.
+
+    Of the geometries that are not rare, it has the widest; of several as wide, the most frequent.
+    """
+    if topics.scan.type != LASER_SCAN:
+        return first[0]
+    scans = list(first)
+    for part in range(1, _PARTS):
+        start = bag.start + part * (bag.end - bag.start) // _PARTS
+        scans += islice(bag.messages([topics.scan.name], start), _SCANS)
+    frames = Counter(frame(scan.content.header.frame_id) for scan in scans)
+    frame_id = frames.most_common(1)[0][0]
+    scans = [scan for scan in scans if frame(scan.content.header.frame_id) == frame_id and is_whole(scan)]
+    counts = Counter(map(_geometry, scans))
+    usual = [one for one, count in counts.items() if count >= _RARE * len(scans)] or list(counts)
+    if not usual:
+        return first[0]
+    widest = max(fov for _, _, fov in usual)
+    as_wide = [one for one in usual if one[2] >= widest - 2.0 * abs(one[1])]
+    chosen = max(as_wide or usual, key=lambda one: counts[one])
+    return next(scan for scan in scans if _geometry(scan) == chosen)
+
+
+def is_whole(scan: Message) -> bool:
+    """Whether a scan has at least two beams; a cloud always counts."""
+    ranges = getattr(scan.content, "ranges", None)
+    return ranges is None or len(ranges) >= 2
+
+
+def _geometry(scan: Message) -> tuple[int, float, float]:
+    """Number of beams, increment and field of view [rad] of a LaserScan."""
+    number, increment = len(scan.content.ranges), float(scan.content.angle_increment)
+    fov = min(number * abs(increment), math.tau)
+    return number, increment, fov if math.isfinite(fov) else 0.0
+
+
+class _Beginning:
+    """The first messages of each kind."""
+
+    def __init__(self, topics: Topics) -> None:
+        self._topics = topics
+        self.scans: list[Message] = []
+        self._pose: Message | None = None
+        self._tf_ahead: dict[str, int] = {}  # [ns] clock of the file minus stamp, by child frame
+        self.tree = TransformTree()
+
+    def take(self, message: Message) -> None:
+        """Keep the message if it is among the first of its kind."""
+        pose = self._topics.pose
+        if message.topic == self._topics.scan.name and len(self.scans) < _SCANS:
+            self.scans.append(message)
+        elif pose is not None and message.topic == pose.name and self._pose is None:
+            self._pose = message
+        elif message.topic in self._topics.tf:
+            self.tree.update(message.content)
+            for one in message.content.transforms:
+                self._tf_ahead[frame(one.child_frame_id)] = message.recorded - stamp_of(one.header)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there are enough scans to measure their rate, and a pose if a topic provides poses."""
+        return len(self.scans) == _SCANS and (self._topics.pose is None or self._pose is not None)
+
+    def mounted(self, frames: FramesConfig) -> bool:
+        """Whether the transforms to the base and to the lidar are known."""
+        if self._topics.pose is None and tf_frames(frames, self.tree) is None:
+            return False
+        return (
+            self.tree.lookup(self.frames(frames).base, frame(self.scans[0].content.header.frame_id))
+            is not None
+        )
+
+    def frames(self, frames: FramesConfig) -> Frames:
+        """Names of the odometry frame and the base frame."""
+        if self._topics.pose is None:
+            found = tf_frames(frames, self.tree)
+            assert found is not None
+            return found
+        return message_frames(frames, None if self._pose is None else self._pose.content, self.tree)
+
+    def clock(self, requested: str, frames: Frames) -> tuple[bool, int]:
+        """Whether to use the stamps of the headers, and the clock of the file minus that of the stamps [ns]."""
+        if requested == "recorded":
+            return False, 0
+        offset = min(_ahead(message) for message in self.scans)
+        stamped = all(stamp_of(message.content.header) for message in self.scans)
+        # Some drivers do not set stamps; on some robots, the clocks of the computers differ.
+        alike = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
+        return (True, offset) if requested == "header" or (stamped and alike) else (False, 0)
+
+    def _poses_ahead(self, frames: Frames) -> list[int]:
+        if self._topics.pose is not None:
+            return [] if self._pose is None else [_ahead(self._pose)]
+        links = sorted(moving_links(self.tree, frames))
+        return [self._tf_ahead[name] for name in links if self._tf_ahead.get(name)][:1]
+
+
+def _ahead(message: Message) -> int:
+    """Clock of the file minus stamp of a message [ns]."""
+    return message.recorded - stamp_of(message.content.header)
+
+
+def _statics(bag: Bag, topics: Topics) -> Iterator[Message]:
+    """Messages of static transforms; they may come late in the recording, but they are few."""
+    return bag.messages([name for name in topics.tf if name.endswith("tf_static")])
+
+
+def _pose_topics(topics: Topics) -> set[str]:
+    return set(topics.tf) if topics.pose is None else {topics.pose.name}
+
+
+def open_recording(path: Path) -> Bag:
+    """Open a ROS recording or a CARMEN log, by its name. Raises InputError if it is not one, or cannot be read."""
+    return CarmenLog(path) if is_carmen(path) else Bag(path)

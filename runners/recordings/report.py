@@ -1,0 +1,180 @@
+"""The results of a replay: its table, and figures of agreement and decision time, from the log alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lme.live.messages import SECOND
+from lme.types import Floats
+from runners.recordings.driver import Log
+from runners.records.whole_file import replacing, write_atomically
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TABLE = "replay.parquet"
+FIGURES = "agreement.json"
+_MOVING = 0.02  # [m/s] a slower robot counts as standing still
+_TURNING = 0.1  # [rad/s] a slower robot counts as not turning
+_CLOSE = math.radians(30.0)  # [rad] headings that differ by less agree
+
+
+def replay_table(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
+    """The table of a replay: the rows of the log, and what the robot did.
+
+    recorded_command_*: the next command recorded within a period, else the previous one. robot_heading_rad: bearing
+    of the position where the robot was first `ahead` [m] away. heading_error_rad: bearing of the subgoal minus that.
+    Both are NaN if the robot did not get that far.
+    """
+    import pandas as pd
+
+    frame = pd.DataFrame(log.rows)
+    stamps = frame["stamp_ns"].to_numpy()
+    frame[["recorded_command_v_mps", "recorded_command_omega_radps"]] = _recorded_commands(
+        log, stamps, period_s
+    )
+    headings = headings_ahead(frame[["x_m", "y_m", "yaw_rad"]].to_numpy(), ahead)
+    wanted = np.arctan2(frame["subgoal_y_m"].to_numpy(), frame["subgoal_x_m"].to_numpy())
+    frame["robot_heading_rad"] = headings
+    frame["heading_error_rad"] = (wanted - headings + np.pi) % (2 * np.pi) - np.pi
+    return frame
+
+
+def headings_ahead(poses: Floats, ahead: float) -> Floats:
+    """Bearings (T,) [rad] from each of the poses (T, 3) to the first later one at least `ahead` [m] away, or NaN."""
+    bearings = np.full(len(poses), np.nan)
+    later = 0
+    for k, (x, y, yaw) in enumerate(poses):
+        later = max(later, k)
+        while later < len(poses) and math.hypot(poses[later, 0] - x, poses[later, 1] - y) < ahead:
+            later += 1
+        if later == len(poses):
+            break
+        bearing = math.atan2(poses[later, 1] - y, poses[later, 0] - x) - yaw
+        bearings[k] = math.remainder(bearing, math.tau)
+    return bearings
+
+
+def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> dict[str, float]:
+    """Agreement with the robot, clearance, and decision time. Names give the units; shares are from 0 to 1."""
+    heading = frame["heading_error_rad"].abs().dropna().to_numpy()
+    speed = (frame["command_v_mps"] - frame["v_mps"]).to_numpy()
+    turn = (frame["command_omega_radps"] - frame["omega_radps"]).to_numpy()
+    duration = float(frame["time_s"].iloc[-1] - frame["time_s"].iloc[0])
+    return {
+        "ticks": len(frame),
+        "scans": log.scans,
+        **asdict(log.tally),
+        **{f"skipped_{key.replace(' ', '_')}": count for key, count in log.skipped.items()},
+        "duration_s": duration,
+        "heading_error_median_deg": _median(np.degrees(heading)),
+        "heading_within_30deg": _mean(heading < _CLOSE),
+        "speed_error_mean_mps": _mean(speed),
+        "speed_error_abs_mean_mps": _mean(np.abs(speed)),
+        "turn_error_abs_mean_radps": _mean(np.abs(turn)),
+        "turn_same_way": _same_way(frame),
+        "same_command": _same_command(frame),
+        "robot_moving": _mean(frame["v_mps"].abs().to_numpy() > _MOVING),
+        "blocked": _mean(frame["blocked"].to_numpy()),
+        "switches": int(frame["switched"].sum()),
+        **_clearances(frame),
+        **_times(frame["decision_us"].to_numpy(), period_s),
+        "times_real_time": duration / wall_s if wall_s > 0.0 else math.nan,
+    }
+
+
+def lines(found: Mapping[str, float]) -> list[str]:
+    """The figures as a few lines of text."""
+    ticks = f"{found['ticks']:.0f} decisions over {found['duration_s']:.1f} s"
+    skipped = found["skipped_no_pose"] + found["skipped_no_goal"]
+    left_out = f", {skipped:.0f} ticks left out" if skipped else ""
+    return [
+        f"{ticks}{left_out}, {found['times_real_time']:.0f} × real time",
+        f"heading  off the robot's by {found['heading_error_median_deg']:.0f}° (median), "
+        f"within 30° in {_percent(found['heading_within_30deg'])}, "
+        f"turning the same way in {_percent(found['turn_same_way'])}",
+        f"speed    {found['speed_error_mean_mps']:+.2f} m/s against the robot's, "
+        f"{found['speed_error_abs_mean_mps']:.2f} m/s apart on average",
+        f"clearance of the command {found['command_clearance_p05_m']:.2f} m (5th percentile), of the robot's motion "
+        f"{found['recorded_clearance_p05_m']:.2f} m; into contact in {_percent(found['command_contact'])} "
+        f"and {_percent(found['recorded_contact'])}",
+        f"decision {found['decision_ms_p50']:.2f} ms (p50), {found['decision_ms_p99']:.2f} ms (p99); "
+        f"{found['missed_deadlines']:.0f} of {found['ticks']:.0f} missed the period",
+        f"scans    {found['beams_without_return']:.0f} of {found['beams']:.0f} beams without return, "
+        f"{found['scans_without_point']:.0f} scans without a point",
+    ]
+
+
+def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> list[Path]:
+    """Write the table and the figures; return their paths."""
+    import json
+
+    table, numbers = run_dir / TABLE, run_dir / FIGURES
+    with replacing(table) as draft:
+        frame.to_parquet(draft, index=False)
+    finite = {key: value if math.isfinite(value) else None for key, value in found.items()}
+    write_atomically(numbers, json.dumps(finite, indent=1) + "\n")
+    return [table, numbers]
+
+
+def _recorded_commands(log: Log, stamps: Floats, period_s: float) -> Floats:
+    """Recorded commands (T, 2) [m/s, rad/s], one for each tick; NaN if there is none."""
+    if not log.commands:
+        return np.full((len(stamps), 2), np.nan)
+    commands = sorted(log.commands)
+    times = np.array([stamp for stamp, _, _ in commands])
+    values = np.array([[v, omega] for _, v, omega in commands])
+    after = np.searchsorted(times, stamps, side="left")
+    timely = times[np.minimum(after, len(times) - 1)] < stamps + round(period_s * SECOND)
+    use = np.where((after < len(times)) & timely, after, after - 1)
+    return np.where((use >= 0)[:, None], values[np.maximum(use, 0)], np.nan)
+
+
+def _clearances(frame: pd.DataFrame) -> dict[str, float]:
+    found = {}
+    for whose in ("command", "recorded"):
+        values = frame[f"{whose}_clearance_m"].to_numpy()
+        found[f"{whose}_clearance_p05_m"] = float(np.percentile(values, 5, method="lower"))
+        found[f"{whose}_contact"] = _mean(values <= 0.0)
+    return found
+
+
+def _times(decision_us: Floats, period_s: float) -> dict[str, float]:
+    return {
+        "decision_ms_p50": float(np.percentile(decision_us, 50)) / 1e3,
+        "decision_ms_p99": float(np.percentile(decision_us, 99)) / 1e3,
+        "decision_ms_max": float(decision_us.max()) / 1e3,
+        "missed_deadlines": int((decision_us > period_s * 1e6).sum()),
+    }
+
+
+def _same_way(frame: pd.DataFrame) -> float:
+    """Share of ticks with the same direction of turn, among those at which robot and command both turn."""
+    one, other = frame["command_omega_radps"].to_numpy(), frame["omega_radps"].to_numpy()
+    both = (np.abs(one) > _TURNING) & (np.abs(other) > _TURNING)
+    return _mean(np.sign(one[both]) == np.sign(other[both]))
+
+
+def _same_command(frame: pd.DataFrame) -> float:
+    """Share of ticks whose command equals the recorded one to the last bit."""
+    v = frame["command_v_mps"].to_numpy() == frame["recorded_command_v_mps"].to_numpy()
+    omega = frame["command_omega_radps"].to_numpy() == frame["recorded_command_omega_radps"].to_numpy()
+    return _mean(v & omega)
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else math.nan
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(values)) if len(values) else math.nan
+
+
+def _percent(share: float) -> str:
+    return "no tick" if math.isnan(share) else f"{100 * share:.0f} %"

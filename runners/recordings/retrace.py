@@ -1,0 +1,162 @@
+"""Makes the decisions in a recording by lme again, with everything behind them, for `lme explain`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.geometry.collision import sweep
+from lme.geometry.frames import to_robot, to_world
+from lme.guides.lme.explanation import Decision
+from lme.live.messages import ODOMETRY, SECOND, TWIST, pose_of, twist_of
+from lme.live.step import LiveState
+from lme.perception.scan_points import obstacle_points
+from lme.robots import Robot
+from lme.types import LaserScan, Observation, Pose, Twist
+from lme.worlds.world import Task, World
+from runners.config import build
+from runners.recordings.bags import Bag, Message
+from runners.recordings.recorded import GOAL, ODOM, SCAN, SENT, RecordedEpisode, episode_of
+from runners.workers.recorder import STATE, TAKEN, WANTED
+from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd, rerun
+
+_NOTHING = np.empty((0, 3)), np.empty((0, 4))
+_NO_SUBGOAL = (np.nan, np.nan, 0.0)
+
+
+class _Moment(NamedTuple):
+    """What the robot saw at a decision [s], and the planner's command; None at the end.
+
+    taken: stamp of the scan [s]; None if the recording does not say.
+    """
+
+    time: float
+    taken: float | None
+    observation: Observation
+    command: Twist | None
+
+
+def retrace(path: Path) -> Trace:
+    """The trace of a recording by `lme eval` or `lme live`.
+
+    A simulated episode is driven again. For a real robot, whose world is unknown, only the decisions are made again.
+    Raises InputError if lme did not make the recording, or if a decision differs from the recorded one.
+    """
+    with Bag(path) as bag:
+        episode = episode_of(bag)
+        if episode is None:
+            raise InputError(
+                f"bag {path}: neither lme eval nor lme live made this recording, so it has no decisions: "
+                "make some with lme replay"
+            )
+        if not episode.live:
+            return rerun(episode.config, episode.world, episode.run)
+        *moments, end = _moments(bag, episode)
+        said = [message.content.data for message in bag.messages([STATE])][-1]
+    if not moments:
+        raise InputError(f"bag {path}: has no decisions")
+    steps = _decide_again(path, episode, moments)
+    rows = [_row(episode.config.robot, moment) for moment in (*moments, end)]
+    last = TraceEnd(end.time, end.observation.odometry, end.observation, _NOTHING)
+    drive = Drive(_outcome(said, end, episode.goal_tolerance), end.time, np.array(rows))
+    config, robot = episode.config, episode.config.robot
+    return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, last, drive)
+
+
+def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
+    """How the drive ended. said: the driver's last state, which is a safety stop if the simulator ended first."""
+    state = said.partition(":")[0]
+    distance = float(np.hypot(*end.observation.target))
+    if state in (LiveState.ARRIVED, LiveState.CANCELLED):
+        return state
+    return str(LiveState.ARRIVED) if distance <= (tolerance or 0.0) else f"{distance:.2f} m from the goal"
+
+
+def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
+    """Every decision, and the end: the last pose, without a scan."""
+    latest: dict[str, Message] = {}
+    began = None
+    for message in bag.messages([ODOM, GOAL, SCAN, TAKEN, WANTED, SENT]):
+        latest[message.topic] = message
+        if message.topic == WANTED:
+            began = message.recorded if began is None else began
+            observation = _observation(episode, latest)
+            time = (message.recorded - began) / SECOND
+            taken = int(latest[TAKEN].content.data) / SECOND if TAKEN in latest else None
+            yield _Moment(time, taken, observation, twist_of(message.content, TWIST))
+    if began is not None:
+        odometry = latest[ODOM]
+        pose = pose_of(odometry.content, ODOMETRY)
+        goal = to_world(observation.target, observation.odometry)
+        unseen = observation.scan._replace(ranges=np.full_like(observation.scan.ranges, np.inf))
+        there = Observation(unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose)
+        yield _Moment((odometry.recorded - began) / SECOND, None, there, None)
+
+
+def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observation:
+    goal, odometry, scan = (latest[topic].content for topic in (GOAL, ODOM, SCAN))
+    last_command = twist_of(latest[SENT].content, TWIST) if SENT in latest else None
+    return Observation(
+        LaserScan(np.asarray(scan.ranges, np.float32), **episode.scan),
+        np.array([goal.pose.position.x, goal.pose.position.y]),
+        twist_of(odometry, ODOMETRY),
+        episode.config.robot.limits,
+        pose_of(odometry, ODOMETRY),
+        last_command=last_command,
+    )
+
+
+def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) -> tuple[TracedStep, ...]:
+    navigator = build.navigator(episode.config)
+    navigator.reset(episode.rng())
+    steps: list[TracedStep] = []
+    explained: Decision | None = None
+    for time, taken, unseen, recorded in moments:
+        command = navigator.act(unseen, taken)
+        if command != recorded:
+            raise InputError(
+                f"bag {path}: the decision at {time:.1f} s differs from the recorded one: another version of lme made "
+                "the recording, or the guide or planner failed before it"
+            )
+        observation = navigator.observation
+        assert navigator.guidance is not None
+        assert observation is not None
+        why = navigator.explanation()
+        new = None if why is None or why.decision is explained else why
+        explained = None if why is None else why.decision
+        pose = observation.odometry
+        subgoal = to_world(navigator.guidance.subgoal, pose)
+        steps.append(TracedStep(time, pose, observation, subgoal, navigator.guidance, command, _NOTHING, new))
+    return tuple(steps)
+
+
+def _row(robot: Robot, moment: _Moment) -> tuple[float, ...]:
+    """A row of a trajectory; its clearance is the distance to what the robot saw, NaN at the end, without a scan."""
+    seen = moment.observation
+    if moment.command is None:
+        return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, np.nan)
+    points = obstacle_points(seen.scan, robot.lidar.mount)
+    circles = np.column_stack((points, np.zeros(len(points))))
+    clearance, _ = sweep(np.zeros((1, 3)), robot.footprint.box, circles, _NOTHING[1])
+    return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, clearance)
+
+
+def _task(episode: RecordedEpisode, moments: list[_Moment]) -> Task:
+    first, last = moments[0].observation, moments[-1].observation
+    assert episode.goal_tolerance is not None
+    return Task(
+        map_name="live, goal",
+        number=episode.world,
+        world=World(),
+        start=Pose(*first.odometry),
+        goal=to_world(last.target, last.odometry),
+        goal_tolerance=episode.goal_tolerance,
+        time_limit=np.inf,
+        clock_distance=0.0,
+        shortest_path_length=float(np.hypot(*first.target)),
+        optimal_time=np.nan,
+    )

@@ -1,0 +1,196 @@
+"""Chooses the topics of a recording: by type, or by name if there are several of a type."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lme.errors import InputError, nearest
+from lme.live import messages
+from lme.live.poses import TWISTS
+from runners.recordings.bags import Bag, Topic
+from runners.reports.analysis.columns import aligned
+
+# Message types of each role in order of preference, and the usual name of such a topic in ROS.
+_SCANS = (messages.LASER_SCAN, messages.POINT_CLOUD)
+_POSES = (messages.ODOMETRY,)  # tf comes second, then _OTHER_POSES
+_OTHER_POSES = (messages.POSE, messages.POSE_WITH_COVARIANCE, messages.TRANSFORM)
+_COMMANDS = (messages.TWIST, messages.TWIST_STAMPED)
+_GOALS = (messages.POSE,)
+_IMUS = (messages.IMU,)
+_USUAL = {"scan": "/scan", "pose": "/odom", "command": "/cmd_vel"}
+
+
+@dataclass(slots=True)
+class BagTopicsConfig:
+    """Names of topics; null: chosen by type. twist: where velocities come from, the messages or the poses."""
+
+    scan: str | None = None
+    pose: str | None = None
+    command: str | None = None
+    imu: str | None = None
+    twist: str = "measured"
+
+    def __post_init__(self) -> None:
+        if self.twist not in TWISTS:
+            raise InputError(f"topics.twist is {self.twist}: must be one of {', '.join(TWISTS)}")
+
+
+class ChosenTopic(NamedTuple):
+    """A topic and the message type that is read."""
+
+    name: str
+    type: str
+
+
+class Topics(NamedTuple):
+    """The topics that are read. pose: None if poses come from tf. tf: names of the tf topics, if any.
+
+    measured_twists: whether velocities come from the messages with poses, not from the slope of the poses.
+    """
+
+    scan: ChosenTopic
+    pose: ChosenTopic | None
+    command: ChosenTopic | None
+    goal: ChosenTopic | None
+    imu: ChosenTopic | None
+    tf: tuple[str, ...]
+    measured_twists: bool
+
+    @property
+    def names(self) -> set[str]:
+        """Names of all topics that are read."""
+        single = (topic.name for topic in self if isinstance(topic, ChosenTopic))
+        return {*single, *self.tf}
+
+    @property
+    def imu_name(self) -> str | None:
+        """The topic of the IMU; None if none is read."""
+        return None if self.imu is None else self.imu.name
+
+    @property
+    def pose_name(self) -> str:
+        """The source of poses: a topic, or tf."""
+        return "tf" if self.pose is None else self.pose.name
+
+
+def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
+    """Choose the topics by type and name. goal: name of the goal's topic, if it has one.
+
+    Raises InputError if a topic is missing or of the wrong type, or if there are several and none has the usual name.
+    """
+    known = bag.topics()
+    tf = tuple(topic.name for topic in known if set(topic.types) & set(messages.TF) and topic.number)
+    scan = _choose(known, "scan", config.scan, _SCANS)
+    if scan is None:
+        raise InputError(f"bag {bag.path}: no scans: no topic of type {_or(_SCANS)}; it has {_listed(known)}")
+    kinds = _POSES if config.pose is None else (*_POSES, *_OTHER_POSES)
+    pose = _choose(known, "pose", config.pose, kinds)
+    command = _choose(known, "command", config.command, _COMMANDS)
+    if command is not None and config.command is None:
+        command = _without_several_types(bag, known, command)
+    chosen_goal = None if goal is None else _choose(known, "goal", goal, _GOALS)
+    imu = _choose_imu(known, config.imu, scan)
+    topics = Topics(scan, pose, command, chosen_goal, imu, tf, config.twist == "measured")
+    return topics._replace(pose=other_pose(bag, topics)) if pose is None and not tf else topics
+
+
+def _choose_imu(known: Sequence[Topic], requested: str | None, scan: ChosenTopic) -> ChosenTopic | None:
+    """The requested topic of an IMU, else the only one, which may level the clouds; a LaserScan needs none."""
+    if requested is not None:
+        return _requested_topic(known, "topics.imu", requested, _IMUS)
+    there = [topic.name for topic in known if messages.IMU in topic.types and topic.number]
+    return (
+        ChosenTopic(there[0], messages.IMU) if scan.type == messages.POINT_CLOUD and len(there) == 1 else None
+    )
+
+
+def _without_several_types(bag: Bag, known: Sequence[Topic], command: ChosenTopic) -> ChosenTopic | None:
+    """The topic of commands; None, with a warning, if it has messages of several types: a replay needs no commands."""
+    types = next(topic.types for topic in known if topic.name == command.name)
+    if len(types) == 1:
+        return command
+    warnings.warn(
+        f"bag {bag.path}: the commands on {command.name} are left out, because they are of several types: {_or(types)}",
+        stacklevel=2,
+    )
+    return None
+
+
+def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
+    """A topic of poses other than odometry, e.g. of motion capture. Raises InputError if there is none."""
+    known = bag.topics()
+    pose = _choose(known, "pose", None, _OTHER_POSES, taken=topics.goal.name if topics.goal else None)
+    if pose is None:
+        raise InputError(
+            f"bag {bag.path}: no poses: no topic of type {_or((*_POSES, *_OTHER_POSES))} and no tf from "
+            f"an odometry frame to a base frame (frames.odom, frames.base); it has {_listed(known)}"
+        )
+    return pose
+
+
+def table(bag: Bag) -> list[str]:
+    """One line per topic: name, type, number of messages, rate, and its possible roles."""
+    known = bag.topics()
+    uses = [
+        ("scan", _SCANS),
+        ("pose", (*_POSES, *_OTHER_POSES)),
+        ("command", _COMMANDS),
+        ("imu", _IMUS),
+        ("tf", messages.TF),
+    ]
+    rows = [("topic", "type", "messages", "Hz", "can be")]
+    for topic in known:
+        roles = [role for role, types in uses if set(topic.types) & set(types)]
+        if set(topic.types) & set(_GOALS):
+            roles.append("goal")
+        rows.append(
+            (topic.name, " | ".join(topic.types), str(topic.number), f"{topic.rate:.1f}", ", ".join(roles))
+        )
+    return aligned(rows, right=(2, 3))
+
+
+def _choose(
+    known: Sequence[Topic], role: str, requested: str | None, types: Sequence[str], taken: str | None = None
+) -> ChosenTopic | None:
+    """The requested topic, else the only or usual one of the first of these types that occurs; None: no such type."""
+    key = "goal" if role == "goal" else f"topics.{role}"
+    if requested is not None:
+        return _requested_topic(known, key, requested, types)
+    for kind in types:
+        fitting = [t.name for t in known if kind in t.types and t.number and t.name != taken]
+        if len(fitting) == 1 or _USUAL[role] in fitting:
+            return ChosenTopic(_USUAL[role] if _USUAL[role] in fitting else fitting[0], kind)
+        if fitting:
+            raise InputError(
+                f"{key} is null: there are several of type {kind}: choose one of {', '.join(fitting)}"
+            )
+    return None
+
+
+def _requested_topic(known: Sequence[Topic], key: str, requested: str, types: Sequence[str]) -> ChosenTopic:
+    names = {topic.name: topic for topic in known}
+    name = requested if requested in names else f"/{requested}"
+    if name not in names:
+        raise InputError(
+            f"{key} is {requested}: no such topic; {nearest(requested, names)}it has {_listed(known)}"
+        )
+    fitting = [kind for kind in types if kind in names[name].types]
+    if not fitting:
+        raise InputError(
+            f"{key} is {requested}, of type {_or(names[name].types)}: must be of type {_or(types)}"
+        )
+    if not names[name].number:
+        raise InputError(f"{key} is {requested}: the recording has no messages on it")
+    return ChosenTopic(name, fitting[0])
+
+
+def _listed(known: Sequence[Topic]) -> str:
+    empty = {topic.name: "" if topic.number else ", no messages" for topic in known}
+    return ", ".join(f"{topic.name} ({_or(topic.types)}{empty[topic.name]})" for topic in known)
+
+
+def _or(types: Sequence[str]) -> str:
+    return " or ".join(kind.replace("/msg/", "/") for kind in types)

@@ -1,0 +1,182 @@
+"""A comparison of runs on the terminal, as Markdown and as CSV."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from runners.config.escaping import markdown_text, visible
+from runners.config.wording import markdown_table
+from runners.records.whole_file import write_atomically
+from runners.reports.analysis import paired
+from runners.reports.analysis.columns import aligned
+from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
+from runners.reports.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
+from runners.reports.analysis.summary import DASH
+
+NAME = "compare"
+_SHORT = (SUCCESS, METRIC)  # measures on the terminal if many runs are compared
+_MANY = 4  # runs
+_MAX_KEYS = 40  # in the table of keys
+_HEADER = ("Measure", "Reference", "This", "Difference", "95 %", "p (Holm)")
+NOTES = (*paired.NOTES, "Time and path: pairs in which both succeeded.")
+
+
+def to_text(found: Sequence[RunComparison]) -> str:
+    """The tables and notes for a terminal of 80 columns."""
+    return "\n\n".join("\n".join(_lines(each)) for each in found) + "\n"
+
+
+def to_markdown(found: Sequence[RunComparison], pictures: Sequence[Path] = ()) -> str:
+    """The tables, notes, pictures and differing keys. pictures: one for each comparison, or none."""
+    parts = []
+    for number, each in enumerate(found):
+        parts += [f"**{markdown_text(each.place)}**", _reference(each), _table(each)]
+        parts.append("\n".join(f"- {markdown_text(note)}" for note in each.notes))
+        parts += [f"![{each.measure} by world]({pictures[number].name})"] if pictures else []
+        parts += [_keys(each)] if each.keys else []
+    return "\n\n".join([*parts, "  \n".join(NOTES)]) + "\n"
+
+
+def write(found: Sequence[RunComparison], pictures: Sequence[Path], place: Path) -> list[Path]:
+    """Write `compare.md`, `compare.csv` and `compare_worlds.csv` into `place`; return their paths."""
+    paths = [place / f"{NAME}.md", place / f"{NAME}.csv", place / f"{NAME}_worlds.csv"]
+    write_atomically(paths[0], to_markdown(found, pictures))
+    paired.write_csv([line for each in found for line in _numbers(each)], paths[1])
+    paired.write_csv([line for each in found for line in _worlds(each)], paths[2])
+    return paths
+
+
+def _lines(study: RunComparison) -> Iterator[str]:
+    yield study.place
+    yield f"Differences from: {study.reference}"
+    many = len(study.compared) > _MANY
+    shown = [name for name in MEASURES if not many or name in _SHORT]
+    rows: list[tuple[str, ...]] = [_HEADER]
+    for each in study.compared:
+        rows += [
+            (f"  {MEASURES[name].header}", *_cells(each.changes[name], name))
+            for name in shown
+            if name in each.changes
+        ]
+    yield from _under_names(study, aligned(rows, right=range(1, len(_HEADER))), shown)
+    if many:
+        yield f"The other measures are in {NAME}.md."
+    yield ""
+    width = max(shutil.get_terminal_size().columns, 60)
+    for note in (*study.notes, "* beyond the noise: p below 0.05 after Holm's correction."):
+        yield from textwrap.wrap(note, width)
+
+
+def _under_names(study: RunComparison, lines: Sequence[str], shown: Sequence[str]) -> Iterator[str]:
+    """The lines of the table, those of each run below its name."""
+    header, *left = lines
+    yield header
+    for each in study.compared:
+        count = sum(name in each.changes for name in shown)
+        header = MEASURES[study.measure].header
+        yield f"{each.name} ({each.counts}; {header} better in {len(each.better)}, worse in {len(each.worse)})"
+        yield from left[:count]
+        left = left[count:]
+
+
+def _cells(change: Change, measure: str) -> list[str]:
+    """Means, difference, interval and p."""
+    digits = max(MEASURES[measure].digits, 2)
+    difference = change.difference
+    star = "*" if difference.beyond_noise else ""
+    return [
+        f"{change.reference:.{digits}f}",
+        f"{change.other:.{digits}f}",
+        f"{signed(difference.mean)}{star}",
+        interval(difference) or DASH,
+        p_value(difference) or DASH,
+    ]
+
+
+def _table(study: RunComparison) -> str:
+    header = ["Run", *_HEADER, "Pairs", "Worlds better / worse"]
+    lines = [header, ["---", "---", *["---:"] * (len(header) - 2)]]
+    for each in study.compared:
+        for measure, change in each.changes.items():
+            mean, other, difference, *rest = _cells(change, measure)
+            difference = f"**{difference.rstrip('*')}**" if difference.endswith("*") else difference
+            by_world = f"{len(each.better)} / {len(each.worse)}" if measure == study.measure else ""
+            pairs = str(change.difference.pairs)
+            lines.append(
+                [
+                    markdown_text(each.name),
+                    MEASURES[measure].header,
+                    mean,
+                    other,
+                    difference,
+                    *rest,
+                    pairs,
+                    by_world,
+                ]
+            )
+    return markdown_table(lines)
+
+
+def _keys(study: RunComparison) -> str:
+    lines = [["Key", *map(markdown_text, study.names)], ["---"] * (1 + len(study.names))]
+    lines += [[_code(key), *map(_shown, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
+    more = len(study.keys) - _MAX_KEYS
+    return (
+        "What differs between the configs:\n\n"
+        + markdown_table(lines)
+        + (f"\n\nAnd {more} more keys." if more > 0 else "")
+    )
+
+
+def _shown(value: object) -> str:
+    return DASH if value is None else markdown_text(str(value))
+
+
+def _reference(study: RunComparison) -> str:
+    return f"Reference: {markdown_text(study.reference)} ({_code(str(study.run.run_dir))})"
+
+
+def _code(text: str) -> str:
+    """Text as code, in which nothing but its own end can be markup."""
+    return f"`{visible(text).replace('`', chr(39))}`"
+
+
+def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:
+    """Lines of the CSV, not rounded: one for each run and measure."""
+    for each in study.compared:
+        for measure, change in each.changes.items():
+            yield {
+                **_known(study, each),
+                "measure": measure,
+                "reference_mean": change.reference,
+                "mean": change.other,
+                "difference": change.difference.mean,
+                "low": change.difference.low,
+                "high": change.difference.high,
+                "p": change.difference.p,
+                "p_holm": change.difference.adjusted,
+                "beyond_noise": change.difference.beyond_noise,
+                "worlds": change.difference.worlds,
+                "pairs": change.difference.pairs,
+            }
+
+
+def _worlds(study: RunComparison) -> Iterator[dict[str, object]]:
+    """Lines of the CSV by world."""
+    for each in study.compared:
+        for world, row in each.worlds.iterrows():
+            means = {"measure": study.measure, "reference_mean": row["reference"], "mean": row["other"]}
+            yield {**_known(study, each), "world": world, **means}
+
+
+def _known(study: RunComparison, each: Compared) -> dict[str, object]:
+    return {
+        "place": study.place,
+        "reference": study.reference,
+        "reference_dir": study.run.run_dir,
+        "run": each.name,
+        "run_dir": each.run.run_dir,
+    }

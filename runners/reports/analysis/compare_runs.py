@@ -1,0 +1,225 @@
+"""Compares runs with one of them, by world and run, in the worlds that both drove.
+
+The statistics are those of `runners.reports.analysis.paired`. The first run is the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lme.errors import InputError
+from runners.config.wording import counted
+from runners.records.launch_record import Launch, read_launch
+from runners.reports.analysis import paired, run_names
+from runners.reports.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
+from runners.reports.analysis.shared_worlds import ComparedRun, Group, groups
+from runners.reports.analysis.summary import METRICS, SMOOTHNESS, barn_metric
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEASURES = {
+    metric.key: metric
+    for metric in METRICS
+    if metric.key in (SUCCESS, METRIC, "time_s", "path_length_m", SMOOTHNESS)
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A measure over the pairs of two runs: means over worlds of the reference and of the other, and the difference."""
+
+    reference: float
+    other: float
+    difference: Difference
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A run compared with the reference.
+
+    changes: by measure. worlds: a row per shared world, with the means `reference` and `other` of the drawn measure.
+    """
+
+    name: str
+    run: ComparedRun
+    changes: Mapping[str, Change]
+    worlds: pd.DataFrame
+
+    @property
+    def better(self) -> list[int]:
+        """The worlds in which it is better than the reference."""
+        return list(self.worlds.index[self._gain > TIE])
+
+    @property
+    def worse(self) -> list[int]:
+        """The worlds in which it is worse."""
+        return list(self.worlds.index[self._gain < -TIE])
+
+    @property
+    def _gain(self) -> pd.Series:
+        return self.worlds["other"] - self.worlds["reference"]
+
+    @property
+    def counts(self) -> str:
+        """ "20 worlds, 60 pairs"."""
+        pairs = self.changes[SUCCESS].difference.pairs
+        return f"{counted(len(self.worlds), 'world')}, {counted(pairs, 'pair')}"
+
+
+@dataclass(frozen=True, slots=True)
+class RunComparison:
+    """Runs that share worlds with the reference. place: what all have in common. measure: drawn by world.
+
+    notes: what a reader must know about the pairs. keys: of the configs that differ, with the value of each run.
+    """
+
+    reference: str
+    run: ComparedRun
+    place: str
+    measure: str
+    compared: list[Compared]
+    notes: list[str]
+    keys: Mapping[str, Sequence[object]]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all runs, the reference first."""
+        return [self.reference, *(each.name for each in self.compared)]
+
+
+def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
+    """Compare the runs of records from `read_episodes`; returns a comparison for each group that shares worlds.
+
+    Raises InputError if there are not two runs, or no two share an episode.
+    """
+    runs = [
+        ComparedRun(Path(str(run_dir)), part.dropna(axis=1, how="all"))
+        for run_dir, part in frame.groupby("run_dir", sort=False)
+    ]
+    if len(runs) < 2:
+        raise InputError(f"{runs[0].run_dir}: is a single run; give two or more runs, or a sweep")
+    found = groups(runs)
+    together = [group for group in found if group.others]
+    if not together:
+        drove = "; ".join(f"{run.run_dir} drove {_describe_worlds(run)}" for run in runs[:3])
+        raise InputError(f"no two of these runs share an episode: {drove}")
+    alone = [
+        f"Left out: {group.reference.run_dir} shares no episode with another run; "
+        f"it drove {_describe_worlds(group.reference)}."
+        for group in found
+        if not group.others
+    ]
+    return [_comparison(group, alone) for group in together]
+
+
+def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
+    runs = [group.reference, *(run for run, _ in group.others)]
+    reference, *names = run_names.names(runs)
+    scored = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
+    drawn = METRIC if scored else SUCCESS
+    parts = {
+        name: run.frame[run.frame["world"].isin(worlds)]
+        for name, (run, worlds) in zip(names, group.others, strict=True)
+    }
+    changes = _changes(group.reference.frame, parts)
+    compared = [
+        Compared(name, run, changes[name], _by_world(group.reference.frame, parts[name], drawn))
+        for name, (run, _) in zip(names, group.others, strict=True)
+    ]
+    launches = [launch for run in runs if (launch := read_launch(run.run_dir)) is not None]
+    keys = run_names.differing_keys(launches) if len(launches) == len(runs) else {}
+    return RunComparison(
+        reference,
+        group.reference,
+        run_names.heading(runs),
+        drawn,
+        compared,
+        [*_notes(group, [reference, *names], keys, launches), *notes],
+        keys,
+    )
+
+
+def _changes(baseline: pd.DataFrame, parts: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:
+    """The changes of each run by name and measure; measures without pairs are left out."""
+    found: dict[str, dict[str, Change]] = {}
+    for measure, metric in MEASURES.items():
+        one, others = baseline, dict(parts)
+        if metric.of_successes:
+            one, others = _successes(one), {name: _successes(part) for name, part in others.items()}
+        for name, difference in paired.compare(Block({}, one, others), measure).items():
+            worlds = _by_world(one, others[name], measure).mean()
+            change = Change(float(worlds["reference"]), float(worlds["other"]), difference)
+            found.setdefault(name, {})[measure] = change
+    return found
+
+
+def _successes(part: pd.DataFrame) -> pd.DataFrame:
+    return part[part["outcome"] == SUCCESS]
+
+
+def _by_world(baseline: pd.DataFrame, part: pd.DataFrame, measure: str) -> pd.DataFrame:
+    """Means by world of the episodes that both have: columns `reference` and `other`."""
+    import pandas as pd
+
+    series = {"reference": paired.values(baseline, measure), "other": paired.values(part, measure)}
+    return pd.DataFrame(series).dropna().groupby("world").mean()
+
+
+def _notes(
+    group: Group, names: Sequence[str], keys: Mapping[str, Sequence[object]], launches: Sequence[Launch]
+) -> list[str]:
+    runs = [group.reference, *(run for run, _ in group.others)]
+    lines = [
+        _describe_unshared(group.reference, run, worlds, name)
+        for (run, worlds), name in zip(group.others, names[1:], strict=True)
+    ]
+    lines += [
+        f"Not finished: {name}, {missing}."
+        for name, run in zip(names, runs, strict=True)
+        if (missing := paired.row(run.frame).unfinished)
+    ]
+    seeds = list(dict.fromkeys(run.text("seed") for run in runs))
+    lines.append(
+        f"All have seed {seeds[0]}: both episodes of a pair draw from the same random numbers."
+        if len(seeds) == 1
+        else f"Seeds differ ({', '.join(seeds)}): pairs with another seed share the world, not the random numbers."
+    )
+    unlike = run_names.differing_conditions(keys, runs)
+    if unlike:
+        lines.append(f"Driven under different conditions: {'; '.join(unlike)}.")
+    if len(launches) < len(runs):
+        lines.append(
+            "Not every run has a launch.json: robot, simulator and rules may differ in more than is shown."
+        )
+    versions = list(dict.fromkeys(launch.code for launch in launches if launch.code))
+    if len(versions) > 1:
+        lines.append(f"Driven by different versions: {'; '.join(versions)}.")
+    return [line for line in lines if line]
+
+
+def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
+    """What two runs do not share; empty if every episode has a partner."""
+    both, number = reference.worlds & run.worlds, len(shared)
+    parts = [
+        f"{counted(len(worlds - both), 'world')} that only {whose} drove"
+        for worlds, whose in ((reference.worlds, "the reference"), (run.worlds, "it"))
+        if worlds - both
+    ]
+    if number < len(both):
+        parts.append(f"{counted(len(both) - number, 'world')} with another start, goal or layout")
+    single = sum(world in shared for world, _ in reference.episodes ^ run.episodes)
+    if single:
+        parts.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
+    return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
+
+
+def _describe_worlds(run: ComparedRun) -> str:
+    """ "barn with crowd orca, 20 worlds from 0 to 285, run 0"; "runs 0 to 2" for several."""
+    numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
+    times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
+    place = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")
+    return f"{place}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"

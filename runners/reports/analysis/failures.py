@@ -1,0 +1,169 @@
+"""The section of a results table on failed episodes, with links to their explainer pages."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Outcome
+from runners.config.escaping import html_address, markdown_text
+from runners.config.wording import markdown_table
+from runners.records import launch_record
+from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
+from runners.records.records import read_trajectories
+from runners.reports.analysis.summary import DASH, as_text, row_keys
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+FOLDER, INDEX = "explain", "index.html"
+HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # of `cells`
+_EPISODE = ["run_dir", *KEY_COLUMNS]
+_TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
+_MAX_SETTINGS = 3  # in the name of a job
+
+
+def page_path(run_dir: Path, key: EpisodeKey) -> Path:
+    """The default path of an episode's page."""
+    return run_dir / FOLDER / f"{key.world}-{key.run}.html"
+
+
+def folder(run_dir: Path) -> list[Path]:
+    """The folder of a run's pages; empty if there is none."""
+    return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
+
+
+def refuse_link(path: Path, run_dir: Path) -> None:
+    """Raise InputError if the folder of a run's pages is a link: in somebody else's run it could lead anywhere."""
+    if path == run_dir / FOLDER and path.is_symlink():
+        raise InputError(
+            f"{path}: is a link to {path.readlink()}; remove it, or write the pages elsewhere with --output"
+        )
+
+
+def is_failure(episodes: pd.DataFrame) -> pd.Series:
+    """A mask of the episodes that did not reach the goal."""
+    return episodes["outcome"] != str(Outcome.SUCCESS)
+
+
+def failed_section(frame: pd.DataFrame, place: Path) -> str:
+    """The section of `place`/table.md on failed episodes, with links; empty if no episode has a page.
+
+    frame: records of one or more runs, with their `run_dir`.
+    """
+    explained = [Path(run_dir) for run_dir in frame["run_dir"].unique() if _has_pages(frame, Path(run_dir))]
+    if not explained:
+        return ""
+    jobs = _job_names(frame)
+    lines = [
+        [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, place)]
+        for run_dir, episode in episode_rows(frame[is_failure(frame)])
+        for job in [[jobs[run_dir]] if len(jobs) > 1 else []]
+    ]
+    header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
+    rule = ["---" if name in _TEXT else "---:" for name in header]
+    table = markdown_table([header, rule, *lines]) if lines else "None."
+    indexes = ", ".join(_link(run_dir / FOLDER / INDEX, place) for run_dir in explained)
+    return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
+
+
+def episode_rows(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the run directory and the row of each episode, with its smallest distance to the goal, `closest_m` [m]."""
+    closest = _closest_m(frame)
+    for episode in frame.to_dict("records"):
+        key = tuple(episode[name] for name in _EPISODE)
+        yield Path(episode["run_dir"]), {**episode, "closest_m": closest.get(key, np.nan)}
+
+
+def cells(episode: Mapping[str, Any]) -> list[str]:
+    """The cells of a table for one episode of `episode_rows`."""
+    closest = episode["closest_m"]
+    return [
+        str(episode["world"]),
+        str(episode["run"]),
+        str(episode["outcome"]),
+        f"{episode['time_s']:.1f}",
+        DASH if np.isnan(closest) else f"{closest:.2f}",
+    ]
+
+
+def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
+    """Smallest distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
+    if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
+        return {}
+    keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
+    steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()], keys)
+    steps = steps.merge(frame[[*_EPISODE, "goal_x_m", "goal_y_m"]], on=_EPISODE)
+    steps["distance_m"] = np.hypot(steps["x_m"] - steps["goal_x_m"], steps["y_m"] - steps["goal_y_m"])
+    return dict(steps.groupby(_EPISODE)["distance_m"].min())
+
+
+def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
+    path = page_path(run_dir, EpisodeKey.of(episode))
+    return _link(path, place) if path.is_file() else DASH
+
+
+def _link(path: Path, place: Path) -> str:
+    """A Markdown link to a file, relative to the folder `place`."""
+    relative = Path(os.path.relpath(path, place)).as_posix()
+    return f"[{markdown_text(relative)}]({html_address(relative)})"
+
+
+def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
+    episodes = frame[frame["run_dir"] == str(run_dir)]
+    keys = map(EpisodeKey.of, episodes[list(KEY_COLUMNS)].to_dict("records"))
+    return any(page_path(run_dir, key).is_file() for key in keys)
+
+
+def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
+    """A name for each run of a sweep, by directory: its folder and the settings that not all runs share."""
+    runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
+    launches = {run_dir: launch_record.read_launch(run_dir) for run_dir in runs}
+    settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
+    own = {
+        run: [one for one in given if not all(one in others for others in settings.values())]
+        for run, given in settings.items()
+    }
+    return {run: markdown_text(" ".join([run.name, *own[run][:_MAX_SETTINGS]])) for run in runs}
+
+
+EXTENT, LAST_S = "last_minute_m", 60.0
+CLASSES = ("stands", "to and fro", "on its way")
+UP_TO_M = (
+    0.5,
+    3.0,
+)  # extent of the last minute of all classes but the last. ASSUMED: a robot's size, a room's
+
+
+def timeouts_section(frame: pd.DataFrame) -> str:
+    """The section of table.md; empty unless a robot was driving for longer than a minute when its time was up.
+
+    frame: records of one or more runs.
+    """
+    if EXTENT not in frame:
+        return ""
+    late = frame[(frame["outcome"] == Outcome.TIMEOUT) & frame[EXTENT].notna()]
+    if not (late["time_s"] > LAST_S).any():
+        return ""
+    keys = ["system", *row_keys(frame)]
+    kinds = np.searchsorted(UP_TO_M, late[EXTENT], side="right")
+    counts = late.assign(kind=kinds, **{key: as_text(late[key]) for key in keys}).groupby(keys, sort=False)
+    rows = [
+        [
+            *map(str, values),
+            str(len(group)),
+            *(str((group["kind"] == kind).sum()) for kind in range(len(CLASSES))),
+        ]
+        for values, group in counts
+    ]
+    header = [*(key.capitalize() if key.isidentifier() else key for key in keys), "Time-outs", *CLASSES]
+    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
+    stands, paces = UP_TO_M
+    note = f"By the last minute: the robot stayed within {stands:g} m, within {paces:g} m, or went farther."
+    return f"\n## Time-outs\n\n{markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])}\n\n{note}\n"

@@ -1,0 +1,276 @@
+"""The leaderboard: many runs as systems × settings. Runs under different conditions never share a cell silently.
+
+A setting is a map set, a robot, a simulator and a crowd with all their keys. A system is a guide, a planner and a
+filter with all theirs, whom it sees (`people`), and what changes it: ablation, weights, scale.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from lme.errors import InputError
+from lme.worlds.barn.map_set import FRESH, OFFICIAL
+from runners.config.changes import describe_changes
+from runners.config.flatten import flatten
+from runners.records.append_log import APPEND_LOG
+from runners.records.collect import NOT_AS_WRITTEN, not_as_written
+from runners.records.episode_record import CUSTOM_SUBSET
+from runners.records.launch_record import Launch, read_launch
+from runners.records.parquet import EPISODES
+from runners.reports.analysis.paired import METRIC, interval_of_mean
+from runners.reports.analysis.summary import Row, as_text, measure, numbers, usual
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PLACES = ("map", "robot", "sim", "crowd")  # parts of the config that make a setting
+UNKNOWN = "unknown"  # the simulator of a run without a launch record
+SYSTEM = ("guide", "planner", "filter", "people", "ablation", "weights", "scale")  # parts that make a system
+_NAMED = ("ablation", "weights", "scale", "filter", "people")  # columns that are part of a system's name
+_MAX_KEYS = 4  # that a name shows to tell it from others
+_DIGITS = 9  # figures that agree to these digits count as equal
+
+
+class Setting(NamedTuple):
+    """Where runs were driven. traits: what is unusual, or tells it from other settings, such as "robot.v_max=1"."""
+
+    map: str
+    subset: str
+    robot: str
+    sim: str
+    traits: tuple[str, ...] = ()
+
+
+class BoardSystem(NamedTuple):
+    """What drove. traits: what is unusual, or tells it from other systems, such as "ablation no_c_o"."""
+
+    label: str
+    traits: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return ", ".join([self.label, *self.traits])
+
+
+@dataclass(frozen=True, slots=True)
+class BoardEntry:
+    """One run. row: its figures. metric_interval: 95 % interval of the mean BARN metric. runs: as planned.
+
+    config: every key of the setting and the system, dotted; empty for a run without a launch record.
+    repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one
+    to show: the newest finished one.
+    """
+
+    run_dir: Path
+    setting: Setting
+    system: BoardSystem
+    row: Row
+    metric_interval: tuple[float, float]
+    seed: str
+    runs: int
+    started: str
+    code: str
+    command: str
+    config: dict[str, Any]
+    repeats: int = 1
+    same: bool = True
+    shown: bool = True
+
+
+_Name = TypeVar("_Name", Setting, BoardSystem)
+
+
+class _ReadRun(NamedTuple):
+    """A run as read. of_setting, of_system: parts of its config by dotted key; empty without a launch record."""
+
+    run_dir: Path
+    frame: pd.DataFrame
+    launch: Launch | None
+    setting: Setting
+    system: BoardSystem
+    of_setting: dict[str, Any]
+    of_system: dict[str, Any]
+
+    def text(self, column: str) -> str:
+        """The value that all episodes of a run share; empty without the column."""
+        return _text(self.frame, column)
+
+
+def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = None) -> list[BoardEntry]:
+    """An entry for each run, the newest first.
+
+    frames: records of each run by its directory, as `read_episodes` returns them for this run alone. problems: takes a
+    line for each run whose files hold what lme does not write, which is left out; without it, such a run raises.
+    """
+    runs = []
+    for run_dir, frame in frames.items():
+        try:
+            run = _read(run_dir, frame)
+            _entry(run, run.setting, run.system, with_interval=False)
+        except NOT_AS_WRITTEN as error:
+            if problems is None:
+                raise
+            problems.append(not_as_written(run_dir, error))
+        else:
+            runs.append(run)
+    settings = _by_name((run.setting, run.of_setting) for run in runs)
+    systems = _by_name((run.system, run.of_system) for run in runs)
+    found = [
+        _entry(
+            run,
+            run.setting._replace(
+                traits=run.setting.traits + _distinguishing(run.of_setting, settings[run.setting])
+            ),
+            run.system._replace(
+                traits=run.system.traits + _distinguishing(run.of_system, systems[run.system])
+            ),
+        )
+        for run in runs
+    ]
+    return _with_repeats(sorted(found, key=lambda entry: entry.started, reverse=True))
+
+
+def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
+    launch = read_launch(run_dir)
+    changes = launch.changes[0] if launch else {}
+    map_set, subset, robot = (_text(frame, key) for key in ("map", "subset", "robot"))
+    config = launch.configs[0] if launch else {}
+    of_setting = {key: config[key] for key in PLACES if key in config}
+    if subset == CUSTOM_SUBSET and isinstance(of_setting.get("map"), dict):
+        subset, of_setting["map"] = _by_worlds(subset, of_setting["map"], frame)
+    setting_keys = dict(flatten(of_setting))
+    system_keys = dict(flatten({key: config[key] for key in SYSTEM if key in config}))
+    sim = _text(frame, "sim") if launch else UNKNOWN
+    traits = _changed(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
+    crowd, own = _unusual(frame, ("crowd",)), _unusual(frame, _NAMED)
+    return _ReadRun(
+        run_dir,
+        frame,
+        launch,
+        Setting(map_set, subset, robot, sim, (*crowd, *traits)),
+        BoardSystem(_text(frame, "system"), (*own, *_changed(changes, system_keys))),
+        setting_keys,
+        system_keys,
+    )
+
+
+def _by_worlds(subset: str, map_set: Mapping[str, Any], frame: pd.DataFrame) -> tuple[str, dict[str, Any]]:
+    """The subset and the keys of a map set of which a run drove chosen worlds, with these worlds.
+
+    `lme figure` drives the worlds that it draws and does not name them here. The number of an official world says
+    which world it is, whatever subset is named beside it; that of a fresh world does not.
+    """
+    named = map_set.get("subset")
+    needless = ("subset", "count") if named in OFFICIAL else ()
+    worlds = map_set.get("worlds") or sorted(map(int, set(frame["world"])))
+    kept = {key: value for key, value in map_set.items() if key not in needless}
+    return named if named in FRESH else subset, kept | {"worlds": worlds}
+
+
+def _text(frame: pd.DataFrame, column: str) -> str:
+    return str(as_text(frame[column]).iloc[0]) if column in frame else ""
+
+
+def _unusual(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
+    """The columns whose value a name has to show, each as text, such as "filter stopping"."""
+    values = {key: _text(frame, key) for key in columns}
+    return tuple(f"{key} {value}" for key, value in values.items() if value not in usual(key))
+
+
+def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
+    """The changed keys of a part of the config that are no columns of a name, each as text."""
+    return _each_as_text({key: changes[key] for key in changes if key in part and key not in _NAMED})
+
+
+def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(describe_changes({key: value}) for key, value in values.items())
+
+
+def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:
+    """The different configs of each name, without those whose keys are unknown."""
+    found: dict[_Name, list[dict[str, Any]]] = {}
+    for name, values in named:
+        namesakes = found.setdefault(name, [])
+        if values and values not in namesakes:
+            namesakes.append(values)
+    return found
+
+
+def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The keys in which a config differs from its namesakes, as text; none if its keys are not known."""
+    if not values:
+        return ()
+    keys = dict.fromkeys(key for other in namesakes for key in other)
+    differing = [key for key in keys if any(other.get(key) != values.get(key) for other in namesakes)]
+    shown = {key: values.get(key, "absent") for key in differing}
+    if len(shown) <= _MAX_KEYS:
+        return _each_as_text(shown)
+    first = _each_as_text({key: shown[key] for key in differing[:_MAX_KEYS]})
+    return (*first, f"{len(shown) - _MAX_KEYS} more (no. {namesakes.index(values) + 1})")
+
+
+def _entry(run: _ReadRun, setting: Setting, system: BoardSystem, with_interval: bool = True) -> BoardEntry:
+    launch = run.launch
+    row = measure(run.frame, run.text("system"), {})
+    return BoardEntry(
+        run_dir=run.run_dir,
+        setting=setting,
+        system=system,
+        row=row,
+        metric_interval=interval_of_mean(run.frame, METRIC) if with_interval else (math.nan, math.nan),
+        seed=run.text("seed"),
+        runs=int(launch.configs[0].get("runs", 0) if launch else row.runs or 0),
+        started=(launch.started if launch else "") or _last_written(run.run_dir),
+        code=launch.code if launch else "",
+        command=_command(run.run_dir, launch),
+        config=run.of_setting | run.of_system,
+    )
+
+
+def _last_written(run_dir: Path) -> str:
+    """When the records were written, for a run without a start time."""
+    times = [path.stat().st_mtime for name in (EPISODES, APPEND_LOG) if (path := run_dir / name).is_file()]
+    return datetime.fromtimestamp(max(times), UTC).isoformat(timespec="seconds")
+
+
+def _command(run_dir: Path, launch: Launch | None) -> str:
+    """The command that drove it; that of `lme train` or `lme learn` for the evaluation at its end."""
+    try:
+        parent = read_launch(run_dir.parent)
+    except InputError as error:  # it says nothing about the run but how it was started
+        warnings.warn(str(error), stacklevel=2)
+        parent = None
+    above = parent if parent is not None and not parent.multirun else None
+    given = above or launch
+    return given.command_line if given else ""
+
+
+def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
+    """The entries, each with what is known about other runs of its job. found: the newest first."""
+    groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
+    for entry in found:
+        groups.setdefault(_job(entry), []).append(entry)
+    marked = {}
+    for group in groups.values():
+        same = len({_figures(entry) for entry in group}) == 1
+        best = next((entry for entry in group if not entry.row.unfinished), group[0])
+        for entry in group:
+            marked[entry.run_dir] = replace(entry, repeats=len(group), same=same, shown=entry is best)
+    return [marked[entry.run_dir] for entry in found]
+
+
+def _job(entry: BoardEntry) -> tuple[Any, ...]:
+    return entry.setting, entry.system, entry.seed, entry.runs
+
+
+def _figures(entry: BoardEntry) -> str:
+    """Figures of a run as text, equal for runs with the same results."""
+    rounded = {key: round(value, _DIGITS) for key, value in numbers(entry.row).items()}
+    return json.dumps([entry.row.episodes, rounded], sort_keys=True)

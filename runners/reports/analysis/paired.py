@@ -1,0 +1,246 @@
+"""Paired comparison of a variant with a baseline, by world and run, with the world as the unit.
+
+Runs in one world are not independent, so the bootstrap resamples worlds and the permutation test flips the signs of
+worlds. The value of a world is the mean of its paired differences. Seeds are fixed: the same records give the same
+figures.
+
+The bootstrap and the permutation test are implemented here because `scipy.stats` draws other signs, does not treat
+sums that differ by rounding as ties, takes ten times as long, and needs a second to import. It does not have Holm's
+method. The tests compare with it.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lme.types import Floats, Ints
+from runners.config.escaping import csv_value
+from runners.records.whole_file import replacing
+from runners.reports.analysis.summary import (
+    BARN_METRIC,
+    Row,
+    as_text,
+    barn_metric,
+    measure,
+    numbers,
+    row_keys,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUCCESS, METRIC = "success", BARN_METRIC
+LEVEL = 0.05  # significance level; intervals have the confidence 1 − LEVEL
+LEAST_P = 0.001  # smaller ones are shown as less than this
+RESAMPLES = 9999
+SEED = 0
+TIE = 1e-9  # sums that differ by less are equal
+IN_TITLE = ("map", "subset", "robot")  # shown by `runners.reports.analysis.tables.title`
+NOTES = (
+    "Differences are paired by world and run and averaged over worlds; the world is the unit, as runs of one "
+    "world are not independent.",
+    "Intervals: 95 %, bootstrap over worlds. p: sign-flip permutation over worlds, adjusted by Holm over all "
+    "differences in one measure.",
+    f"Beyond the noise: the adjusted p is below {LEVEL:g}.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Mean paired difference from the baseline. low, high: interval. p: p-value. NaN with fewer than two worlds.
+
+    adjusted: p adjusted by Holm's method over all differences compared together. pairs: number of paired episodes.
+    """
+
+    mean: float
+    low: float
+    high: float
+    p: float
+    worlds: int
+    pairs: int
+    adjusted: float = math.nan
+
+    @property
+    def beyond_noise(self) -> bool:
+        """Whether the difference is significant."""
+        return self.adjusted < LEVEL
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Records that differ in only one column. keys: values that distinguish this block from others, by column."""
+
+    keys: dict[str, str]
+    baseline: pd.DataFrame
+    variants: dict[str, pd.DataFrame]
+
+    @property
+    def heading(self) -> str:
+        """The system and the other keys, without those that the title shows: map, subset, robot, changed keys."""
+        shown = {
+            key: value for key, value in self.keys.items() if value and key not in IN_TITLE and "." not in key
+        }
+        return ", ".join(value if key == "system" else f"{key} {value}" for key, value in shown.items())
+
+
+def blocks(
+    frame: pd.DataFrame, column: str, baseline: str, keys: Sequence[str] | None = None
+) -> Iterator[Block]:
+    """Split records by `keys`, and each part by `column`; omits a part without the baseline or without a variant.
+
+    keys: by default the system and all other columns that vary.
+    """
+    if column not in frame:
+        return
+    if keys is None:
+        keys = ["system", *(key for key in row_keys(frame) if key != column)]
+    texts = frame.assign(**{key: as_text(frame[key]) for key in [*keys, column]})
+    for values, group in texts.groupby(list(keys), sort=False) if keys else [((), texts)]:
+        by_value = {str(value): part for value, part in group.groupby(column, sort=False)}
+        without = by_value.pop(baseline, None)
+        if without is not None and by_value:
+            yield Block(dict(zip(keys, map(str, values), strict=True)), without, by_value)
+
+
+def compare(block: Block, quantity: str) -> dict[str, Difference]:
+    """The difference of each variant from the baseline, by name of variant; omits variants without pairs."""
+    pairs = {name: difference(block.baseline, part, quantity) for name, part in block.variants.items()}
+    found = {name: value for name, value in pairs.items() if value is not None}
+    adjusted = holm([value.p for value in found.values()])
+    return {
+        name: replace(value, adjusted=p) for (name, value), p in zip(found.items(), adjusted, strict=True)
+    }
+
+
+def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
+    """`variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
+    one, other = (values(part, quantity) for part in (baseline, variant))
+    changes = (other - one).dropna()
+    if changes.empty:
+        return None
+    by_world = changes.groupby("world").mean().to_numpy()
+    low, high, p = _interval_and_p(by_world)
+    return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes))
+
+
+def interval_of_mean(part: pd.DataFrame, quantity: str) -> tuple[float, float]:
+    """95 % interval of the mean of a quantity: bootstrap over worlds. (NaN, NaN) for fewer than two worlds."""
+    by_world = values(part, quantity).dropna().groupby("world").mean().to_numpy()
+    return _bounds(by_world) if len(by_world) > 1 else (math.nan, math.nan)
+
+
+def values(part: pd.DataFrame, quantity: str) -> pd.Series:
+    """The quantity of each episode, indexed by world and run; NaN where it is not known."""
+    if quantity == METRIC and METRIC in part:
+        part = part.assign(**{METRIC: barn_metric(part)})
+    indexed = part.set_index(["world", "run"])
+    if quantity == SUCCESS:
+        return (indexed["outcome"] == SUCCESS).astype(float)
+    return indexed.reindex(columns=[quantity])[quantity].astype(float)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """p-values adjusted for multiple comparisons (Holm 1979, https://www.jstor.org/stable/4615733); NaN stays NaN."""
+    order = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
+    adjusted = [math.nan] * len(p_values)
+    least = 0.0
+    for rank, (p, index) in enumerate(order):
+        least = max(least, min(1.0, (len(order) - rank) * p))
+        adjusted[index] = least
+    return adjusted
+
+
+def signed(value: float) -> str:
+    """Three decimals and a sign, with a minus as wide as a plus; no sign if the value rounds to zero."""
+    text = f"{value:+.3f}".replace("-", "\u2212")
+    return "0.000" if float(f"{value:.3f}") == 0 else text
+
+
+def interval(value: Difference) -> str:
+    """ "−0.500 to −0.333"; empty if there is no interval."""
+    return "" if math.isnan(value.low) else f"{signed(value.low)} to {signed(value.high)}"
+
+
+def p_value(value: Difference) -> str:
+    """The adjusted p with three decimals; empty if there is none."""
+    if math.isnan(value.adjusted):
+        return ""
+    return f"< {LEAST_P:g}" if value.adjusted < LEAST_P else f"{value.adjusted:.3f}"
+
+
+def row(part: pd.DataFrame) -> Row:
+    """The figures of the baseline or of a variant, as a row of a table."""
+    return measure(part, str(part["system"].iloc[0]), {})
+
+
+def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float | bool | None]:
+    """Columns of a CSV for a row and its differences by measure, not rounded."""
+    columns: dict[str, float | bool | None] = {
+        "episodes": figures.episodes,
+        "worlds": figures.worlds,
+        "runs": figures.runs,
+        **numbers(figures),
+    }
+    for name, value in found.items():
+        columns |= {
+            f"{name}_difference": value.mean,
+            f"{name}_difference_low": value.low,
+            f"{name}_difference_high": value.high,
+            f"{name}_difference_p": value.p,
+            f"{name}_difference_p_holm": value.adjusted,
+            f"{name}_beyond_noise": value.beyond_noise,
+        }
+    return columns
+
+
+def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
+    """Write a CSV with every column that any line has, in order of first appearance."""
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer.writerow({name: csv_value(name) for name in names})
+        writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
+
+
+def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
+    """Interval of the mean of the differences (W,), and p-value of a mean of zero; NaN for fewer than two worlds."""
+    worlds = len(by_world)
+    if worlds < 2:
+        return math.nan, math.nan, math.nan
+    low, high = _bounds(by_world)
+    signs = _signs(worlds)
+    # TIE: sums that are equal in exact arithmetic must not differ by rounding.
+    as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
+    every = len(signs) == 2**worlds
+    p = as_far.mean() if every else (1 + as_far.sum()) / (1 + len(signs))
+    return low, high, float(p)
+
+
+def _bounds(by_world: Floats) -> tuple[float, float]:
+    """Bootstrap interval of the mean of one value per world (W,)."""
+    means = by_world[_draws(len(by_world))].mean(axis=1)
+    low, high = np.quantile(means, [LEVEL / 2, 1 - LEVEL / 2])
+    return float(low), float(high)
+
+
+@cache
+def _draws(worlds: int) -> Ints:
+    """Indices (RESAMPLES, W) of worlds drawn with replacement, for the bootstrap."""
+    return np.random.default_rng(SEED).integers(worlds, size=(RESAMPLES, worlds))
+
+
+@cache
+def _signs(worlds: int) -> Floats:
+    """Signs (S, W), +1 or -1: all combinations if there are at most RESAMPLES, else RESAMPLES random ones."""
+    if 2**worlds <= RESAMPLES:
+        bits = np.arange(2**worlds)[:, None] >> np.arange(worlds) & 1
+        return np.where(bits, -1.0, 1.0).astype(np.float64)
+    return np.random.default_rng(SEED).choice([-1.0, 1.0], size=(RESAMPLES, worlds))

@@ -1,0 +1,149 @@
+"""Published figures of the named systems, and the records with which they can be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from runners.config.systems import System
+from runners.records.planned import WORLDS, planned
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from runners.reports.analysis.summary import Row
+
+PUBLISHED_IN = {"barn": "Gazebo", "barn_official50": "Gazebo"}  # the paper ran its other maps in ROS Stage
+BARN_SUBSET = "lab100"  # the worlds of the paper's BARN figures, as far as is known
+_BARN_PLACES = {BARN_SUBSET: "barn", "official50": "barn_official50"}  # what conf/system/ calls these subsets
+_SIMULATORS = {"physics": "simulator with rigid bodies", "skid": "simulator of skidding wheels"}  # others: 2D
+_AS_PUBLISHED = {"ablation": "none", "filter": "none", "crowd": "none", "people": "truth"}
+TEXTS = ("robots", "source", "formula")  # of published figures, besides metrics
+
+
+class PublishedSetting(NamedTuple):
+    """The map and the robot of a measurement."""
+
+    map: str
+    robot: str
+
+
+class DrivenSetting(NamedTuple):
+    """The map of records and the robots that theirs is by its values. difference: from the shipped one of its name."""
+
+    map: str
+    robots: tuple[str, ...]
+    robot: str
+    difference: str = ""
+
+    def figures_of(self, name: str, known: Mapping[tuple[str, PublishedSetting], Figures]) -> Figures | None:
+        """The published figures of a system that can be compared with these records."""
+        keys = [(name, PublishedSetting(self.map, robot)) for robot in self.robots]
+        return next((known[key] for key in keys if key in known), None)
+
+    def why_none(self, name: str, known: Mapping[tuple[str, PublishedSetting], Figures]) -> str:
+        """Why figures of a robot of this name are not compared with these records; empty if there are none."""
+        if self.figures_of(name, known) or (name, PublishedSetting(self.map, self.robot)) not in known:
+            return ""
+        return self.difference or f"the robot {self.robot} is not the shipped one"
+
+
+class Figures(NamedTuple):
+    """Published figures. label: without our system's settings in brackets.
+
+    stats: (mean, standard deviation) by metric; a deviation that was not published is NaN. source: the log that they
+    are from, with the formula of its BARN metric; empty for those of the paper.
+    """
+
+    label: str
+    global_planner: bool
+    stats: dict[str, tuple[float, float]]
+    source: str = ""
+
+
+def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
+    """Published figures by the name of the system in `conf/system/` and by setting."""
+    return {
+        (name, PublishedSetting(map_name, robot)): Figures(
+            system.name, system.global_planner, _stats(given), _source(given)
+        )
+        for name, system in systems.items()
+        for map_name, given in (system.published or {}).items()
+        for robot in given["robots"]
+    }
+
+
+def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
+    """The setting whose published figures can be compared with these records; None if no figures can.
+
+    Only the complete method is compared, with any weights, no filter, no crowd and no changed key, on all worlds of the
+    map; on BARN on all of `lab100` or `official50`. Map and robot count by their values: a user's own option may have
+    the name of a shipped one. Records without a launch record have names alone.
+    """
+    known = [key for key in (*_AS_PUBLISHED, "scale", "changes", "map", "subset", "robot") if key in group]
+    first = {key: str(group[key].iloc[0]) for key in known if group[key].notna().iloc[0]}
+    options = all(first.get(key, "") in ("", usual) for key, usual in _AS_PUBLISHED.items())
+    whole = options and not (first.get("scale") or first.get("changes"))
+    place, subset = _same(group, "map_like", first.get("map", "")), first.get("subset", "")
+    if place == "barn":
+        place = _BARN_PLACES.get(subset, "")
+    elif subset:
+        place = ""
+    all_worlds = group["world"].nunique() >= planned(group, WORLDS)
+    if not (whole and place and all_worlds):
+        return None
+    robot = first.get("robot", "")
+    robots = tuple(_same(group, "robot_like", robot).split())
+    return DrivenSetting(place, robots, robot, _same(group, "robot_difference", ""))
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """Notes for a table with published figures, and for one that could have some."""
+    maps = {row.published_map for row in rows if row.published_map}
+    lines = []
+    if maps:
+        others = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
+        ours = " and ".join(sorted({_simulator(row.sim) for row in rows if not row.published_map}))
+        lines.append(f"Ours ran in this project's {ours}, the published ones in {others}.")
+    lines += dict.fromkeys(
+        f"{row.label}: published figures are left out, because {row.unpublished}."
+        for row in rows
+        if row.unpublished
+    )
+    if "barn" in maps:
+        lines.append(
+            f"The paper does not list its hundred worlds; ours are {BARN_SUBSET}, those of its lab's test script."
+        )
+    return lines
+
+
+def _simulator(sim: str) -> str:
+    """A simulator in words, with its option; of records that do not name it, the one that was there first."""
+    words = _SIMULATORS.get(sim, "2D simulator")
+    return f"{words} (sim={sim})" if sim else words
+
+
+def _same(group: pd.DataFrame, column: str, otherwise: str) -> str:
+    """The value that all records have in a column that comes from launch records; empty if they differ."""
+    if column not in group:
+        return otherwise
+    values = group[column].fillna(otherwise).unique()
+    return str(values[0]) if len(values) == 1 else ""
+
+
+def _stats(given: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """(mean, std) by metric, from [mean, std], or from [mean] if no deviation was published."""
+    return {
+        key: (float(values[0]), float(values[1]) if len(values) > 1 else float("nan"))
+        for key, values in given.items()
+        if key not in TEXTS
+    }
+
+
+def _source(given: Mapping[str, Any]) -> str:
+    """What a note says of the figures: their log, and the formula of its metric."""
+    if "source" not in given:
+        return ""
+    return (
+        f"{given['source']}; BARN metric: {given['formula']}" if "formula" in given else str(given["source"])
+    )

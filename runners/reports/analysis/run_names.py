@@ -1,0 +1,128 @@
+"""Names of the runs in a comparison: what differs between them, and what they have in common."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from runners.config.flatten import flatten
+from runners.records.launch_record import Launch
+from runners.reports.analysis.shared_worlds import ComparedRun
+from runners.reports.analysis.summary import changed_columns, usual
+
+_BARE = ("system", "map", "robot")  # whose values say what they are
+_COLUMNS = (
+    "system",
+    "ablation",
+    "weights",
+    "scale",
+    "filter",
+    "people",
+    "map",
+    "robot",
+    "sim",
+    "crowd",
+    "seed",
+)
+_MOST = 4  # parts of a name
+_WHICH_WORLDS = (
+    "runs",
+    "table",
+    "map.worlds",
+    "map.subset",
+    "map.count",
+)  # keys of a config that change no episode
+
+
+def names(runs: Sequence[ComparedRun]) -> list[str]:
+    """A name for each run, made of what differs between them; runs that do not differ are named by their folders."""
+    differing = _telling(runs)
+    found = [", ".join(_shorten([_part(run, column) for column in differing])) for run in runs]
+    times = Counter(found)
+    last = Counter(run.run_dir.name for run in runs)
+    return [
+        name if times[name] == 1 and name else _with_folder(name, run, last[run.run_dir.name] == 1)
+        for name, run in zip(found, runs, strict=True)
+    ]
+
+
+def heading(runs: Sequence[ComparedRun]) -> str:
+    """What all runs have in common: system, map, robot, and whatever is unusual."""
+    first, *others = runs
+    common = [
+        column
+        for column in _columns(runs)
+        if column != "seed" and all(run.text(column) == first.text(column) for run in others)
+    ]
+    return " · ".join(_part(first, column) for column in common if first.text(column) not in usual(column))
+
+
+def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
+    """The keys that decide results and differ between the configs, with the value of each run or None."""
+    configs = [dict(flatten(launch.configs[0])) for launch in launches]
+    keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
+    values = {key: [config.get(key) for config in configs] for key in keys}
+    return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
+
+
+def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
+    """Conditions, besides guides and planners, that differ between the runs: robot, simulator, rules of the map, added
+    people, the filter, whom the system sees.
+
+    keys: those that differ, if they are known.
+    """
+    found = []
+    for group in ("robot", "sim", "map", "crowd", "filter", "people"):
+        values = list(dict.fromkeys(_condition(run, group) for run in runs))
+        if len(values) > 1:
+            found.append(f"{group}: {_listed(values)}")
+            continue
+        own = {key: value for key, value in keys.items() if key.startswith(f"{group}.")}
+        found += [f"{key}: {_listed(list(dict.fromkeys(map(str, value))))}" for key, value in own.items()]
+    return found
+
+
+def _condition(run: ComparedRun, group: str) -> str:
+    """The option of a run; records of a run with a launch record hold a crowd and a filter only if there is one."""
+    has_none = group in ("crowd", "filter") and run.text("sim")
+    return run.text(group) or ("none" if has_none else "")
+
+
+def _telling(runs: Sequence[ComparedRun]) -> list[str]:
+    """The columns that differ, without what others say already: the usual weights of a system, and equal keys of two
+    groups with the same values, such as robot.v_max and planner.v_max.
+    """
+    values = {column: tuple(run.text(column) for run in runs) for column in _columns(runs)}
+    differing = {column: each for column, each in values.items() if len(set(each)) > 1}
+    if "system" in differing and set(differing.get("weights", ())) <= usual("weights"):
+        differing.pop("weights", None)
+    told = {(column.rpartition(".")[2], each): column for column, each in reversed(differing.items())}
+    return [column for column in differing if column in told.values()]
+
+
+def _columns(runs: Sequence[ComparedRun]) -> list[str]:
+    changed = dict.fromkeys(column for run in runs for column in changed_columns(run.frame))
+    return [*_COLUMNS, *(column for column in changed if column not in _WHICH_WORLDS)]
+
+
+def _part(run: ComparedRun, column: str) -> str:
+    value = run.text(column)
+    if column in _BARE:
+        return value
+    return f"{column} {value}" if value else "" if "." in column else f"no {column}"
+
+
+def _shorten(parts: Sequence[str]) -> list[str]:
+    shown = [part for part in parts if part]
+    more = len(shown) - _MOST
+    return shown if more <= 0 else [*shown[:_MOST], f"{more} more"]
+
+
+def _with_folder(name: str, run: ComparedRun, is_enough: bool) -> str:
+    folder = run.run_dir.name if is_enough else str(run.run_dir)
+    return f"{name} ({folder})" if name else folder
+
+
+def _listed(values: Sequence[str]) -> str:
+    return " | ".join(value or "unknown" for value in values)

@@ -1,0 +1,181 @@
+"""Which runs drove the same worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lme.types import Bools
+from runners.config.escaping import visible
+from runners.records.episode_record import EpisodeKey
+from runners.reports.analysis.paired import SUCCESS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
+_MEASURE = "world_"  # prefix of the columns that describe a world
+_SAME = 1e-6  # [m, rad]
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedRun:
+    """A run and its records."""
+
+    run_dir: Path
+    frame: pd.DataFrame
+
+    @property
+    def worlds(self) -> set[int]:
+        """The numbers of the worlds that it drove."""
+        return set(self.frame["world"])
+
+    @property
+    def episodes(self) -> set[tuple[int, int]]:
+        """World and number of the run of each of its episodes."""
+        return set(zip(self.frame["world"], self.frame["run"], strict=True))
+
+    def text(self, column: str) -> str:
+        """The value that all its episodes have in a column; empty without the column."""
+        return visible(str(self.frame[column].iloc[0])) if column in self.frame else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Runs that share worlds with the first of them. others: those, each with the numbers of the worlds shared."""
+
+    reference: ComparedRun
+    others: tuple[tuple[ComparedRun, frozenset[int]], ...]
+
+
+def groups(runs: Sequence[ComparedRun]) -> list[Group]:
+    """The runs grouped by shared worlds, in their order. A run that shares none is a group without others.
+
+    Runs share worlds if they have an episode in common, the same world and number of the run, to compare.
+    """
+    found = []
+    left = list(runs)
+    while left:
+        reference, *rest = left
+        shared = [(run, _with_pairs(same_worlds(reference, run), reference, run)) for run in rest]
+        found.append(Group(reference, tuple((run, worlds) for run, worlds in shared if worlds)))
+        left = [run for run, worlds in shared if not worlds]
+    return found
+
+
+def _with_pairs(worlds: frozenset[int], one: ComparedRun, other: ComparedRun) -> frozenset[int]:
+    """The worlds, if the runs have an episode in common there; otherwise none."""
+    return worlds if any(world in worlds for world, _ in one.episodes & other.episodes) else frozenset()
+
+
+def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
+    """The numbers under which both drove the same task: the same map set, start, goal and measures of the world.
+
+    A measure that only one of them has, such as the number of people, tells their worlds apart.
+    """
+    numbers = sorted(one.worlds & other.worlds)
+    if one.text("map") != other.text("map") or not numbers:
+        return frozenset()
+    both = [name for name in _TASK if name in one.frame and name in other.frame]
+    measures = dict.fromkeys(name for run in (one, other) for name in run.frame if name.startswith(_MEASURE))
+    first, second = (
+        run.frame.drop_duplicates("world").set_index("world").reindex(numbers, columns=[*both, *measures])
+        for run in (one, other)
+    )
+    same = np.ones(len(numbers), dtype=bool)
+    for name in first:
+        same &= _alike(first[name], second[name])
+    return frozenset(number for number, alike in zip(numbers, same, strict=True) if alike)
+
+
+def _alike(one: pd.Series, other: pd.Series) -> Bools:
+    """Where two columns agree: numbers but for rounding, texts exactly. A missing value is like another."""
+    from pandas.api.types import is_numeric_dtype
+
+    one, other = one.infer_objects(), other.infer_objects()
+    if is_numeric_dtype(one) and is_numeric_dtype(other):
+        first, second = one.to_numpy(float), other.to_numpy(float)
+        near: Bools = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True)
+        return near
+    return np.asarray((one == other) | (one.isna() & other.isna()))
+
+
+_Key = tuple[str, EpisodeKey]
+
+
+@dataclass(frozen=True, slots=True)
+class WorstWorld:
+    """A world, by its worst episode. outcome, reward, time_s [s]: of this episode.
+
+    runs, failed: how many episodes there are, and how many failed. start_failed: of the start; None if the start is the
+    result. lost: how many failed where the start succeeded.
+    """
+
+    run_dir: Path
+    key: EpisodeKey
+    outcome: str
+    reward: float
+    time_s: float
+    runs: int
+    failed: int
+    start_failed: int | None
+    lost: int
+
+
+def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) -> list[WorstWorld]:
+    """At most `count` worlds: those with failures first, then those with the lowest reward.
+
+    Of equal ones, those where the start succeeded most often come first. frame, start: records with their `run_dir`
+    and the column `reward`; maps have directories of the same name. start: None if the start is the result.
+    """
+    good = None if start is None else _good(start)
+    by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
+    for row in frame.to_dict("records"):
+        by_world.setdefault((str(row["run_dir"]), int(row["world"])), []).append(row)
+    return sorted((_world(rows, good) for rows in by_world.values()), key=_order)[:count]
+
+
+def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
+    """In how many episodes the result fails where the start succeeded."""
+    good = _good(start)
+    return sum(_failed(row) and _key(row) in good for row in frame.to_dict("records"))
+
+
+def _world(rows: Sequence[Mapping[str, Any]], good: set[_Key] | None) -> WorstWorld:
+    failed = [row for row in rows if _failed(row)]
+    lost = [row for row in failed if good is not None and _key(row) in good]
+    worst = min(rows, key=lambda row: (not _failed(row), row["reward"], row not in lost))
+    return WorstWorld(
+        Path(worst["run_dir"]),
+        EpisodeKey.of(worst),
+        str(worst["outcome"]),
+        float(worst["reward"]),
+        float(worst["time_s"]),
+        len(rows),
+        len(failed),
+        None if good is None else sum(_key(row) not in good for row in rows),
+        len(lost),
+    )
+
+
+def _order(world: WorstWorld) -> tuple[bool, float, int, int]:
+    return world.outcome == SUCCESS, world.reward, -world.lost, -world.failed
+
+
+def _failed(row: Mapping[str, Any]) -> bool:
+    return bool(row["outcome"] != SUCCESS)
+
+
+def _good(start: pd.DataFrame) -> set[_Key]:
+    """The episodes in which the start succeeded."""
+    return {_key(row) for row in start.to_dict("records") if not _failed(row)}
+
+
+def _key(row: Mapping[str, Any]) -> _Key:
+    """What an episode of the result and one of the start have in common: the map and the key."""
+    return Path(row["run_dir"]).name, EpisodeKey.of(row)

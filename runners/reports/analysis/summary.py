@@ -1,0 +1,315 @@
+"""Summarises episode records as the rows of a result table.
+
+There is one row for each combination of the system and other values that vary (ablation, map subset, seed, swept
+keys). The published figures of a system follow its row if they were measured in the same setting.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from lme.metrics import interval_over_worlds, mean_std_over_runs
+from lme.perception.people.source import People
+from runners.config import ablations
+from runners.config.systems import System
+from runners.config.systems import systems as named_systems
+from runners.records.planned import EPISODES, WORLDS, planned
+from runners.reports.analysis import published
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Metric(NamedTuple):
+    """A column of the table.
+
+    spread: show ± over runs. of_successes: only successful episodes count. spare: omitted first on a narrow terminal.
+    measured: only episodes that have the value count, else one without it leaves none.
+    """
+
+    key: str
+    header: str
+    digits: int
+    spread: bool = False
+    of_successes: bool = False
+    spare: bool = False
+    measured: bool = False
+
+
+SMOOTHNESS = "mean_abs_domega_radps"
+BARN_METRIC = "barn_metric"
+METRICS = (
+    Metric("success", "Success", 3, spread=True),
+    Metric("collision", "Collision", 3, spread=True),
+    Metric("timeout", "Timeout", 3, spread=True),
+    Metric(BARN_METRIC, "BARN metric", 3, spread=True),  # of BARN's worlds alone
+    Metric("time_s", "Time [s]", 1, of_successes=True),
+    Metric("path_length_m", "Path [m]", 1, of_successes=True, spare=True),
+    Metric("spl", "SPL", 3, spare=True),
+    Metric(SMOOTHNESS, "|Δω| [rad/s]", 3),
+    # of worlds with people alone (lme.simulation.social)
+    Metric("robot_on_person_collision", "Robot on person", 3),
+    Metric("person_on_robot_collision", "Person on robot", 3),
+    Metric("minimum_distance_to_people_m", "Min. distance [m]", 2, measured=True),
+    Metric("intimate_space_intrusions", "Intimate", 3, spare=True),
+    Metric("personal_space_intrusions", "Personal", 3, spare=True),
+    Metric("path_irregularity_rad", "Irregularity [rad]", 2, spare=True),
+    Metric("time_against_alone", "Time against alone", 2, of_successes=True, measured=True),
+)
+# shown even if all rows have the same value, unless it is usual
+NAMED = ("ablation", "weights", "scale", "filter", "people", "sim", "crowd")
+SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
+GROUP_KEYS = (*NAMED, *SETTING)
+TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
+INTERVAL_HEADER = "95 % CI"
+INTERVAL_NOTE = "Wilson interval of the success rate; worlds are independent, runs of one world are not."
+GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
+_OF_BARN = ("barn", "dynabarn")  # the benchmark's scripts score both with the metric
+_USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
+_USUAL_PEOPLE = frozenset({str(People.truth), ""})  # none: the system sees nobody
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table.
+
+    keys: values that distinguish this row from others, by column. stats: (mean, std over runs) by metric; std is NaN
+    for a single run. interval: 95 % interval of the success rate. global_planner: a value of GLOBAL_PLANNER.
+    ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` includes it.
+    changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
+    much of the plan was driven, such as "12 of 100 worlds"; empty if all of it. source: where published figures are
+    from; empty for ours, and for the paper's. sim: the simulator; empty for published figures. unpublished:
+    why the published figures of its system do not follow it; empty where there are none.
+    """
+
+    label: str
+    keys: dict[str, str]
+    stats: dict[str, tuple[float, float]]
+    global_planner: str = "no"
+    episodes: int | None = None
+    worlds: int | None = None
+    runs: int | None = None
+    interval: tuple[float, float] | None = None
+    published_map: str | None = None
+    changes: str = ""
+    unfinished: str = ""
+    ablated: str = ""
+    source: str = ""
+    sim: str = ""
+    unpublished: str = ""
+
+    @property
+    def name(self) -> str:
+        """The row's name in the table: its label, with its ablation and with how much was driven."""
+        system, _, source = self.label.rpartition(" ")
+        label = f"{system} {self.ablated} {source}" if self.ablated else self.label
+        return f"{label}, {self.unfinished}" if self.unfinished else label
+
+
+def summarise(
+    frame: pd.DataFrame,
+    order: Sequence[str] = (),
+    systems: Mapping[str, System] | None = None,
+    labels: Mapping[str, str] | None = None,
+) -> list[Row]:
+    """Rows of the table for `frame` (one line per episode): for each system our rows, then the published ones.
+
+    order: names of systems whose rows come first, in this order. A system without episodes has only its published
+    figures. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by
+    default those of `conf/ablation/`.
+    """
+    systems = named_systems() if systems is None else systems
+    labels = ablations.labels() if labels is None else labels
+    figures = published.figures(systems)
+    keys = row_keys(frame)
+    grouping = ["system", *keys]
+    texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
+    ours: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
+    for values, group in texts.groupby(grouping, sort=False):
+        row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
+        name, setting = _named(group, systems), published.setting_of(group)
+        why = setting.why_none(name, figures) if setting else ""
+        row = replace(row, ablated=_ablated(group, labels), unpublished=why)
+        ours.setdefault(name, []).append((row, setting))
+    settings = {setting: row for rows in ours.values() for row, setting in rows if setting}
+    return [row for name, rows in ours.items() for row in _with_published(name, rows, settings, figures)]
+
+
+def metrics(frame: pd.DataFrame) -> dict[str, float]:
+    """All numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
+    row = summarise(frame, systems={})[0]
+    return {"episodes": float(row.episodes or 0), **numbers(row)}
+
+
+def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
+    """The metrics of each map, prefixed with its name if there are several: numbers of one tracked run."""
+    places = list(dict.fromkeys(frame["map"]))
+    return {
+        f"{place}_{key}" if len(places) > 1 else key: value
+        for place in places
+        for key, value in metrics(frame[frame["map"] == place]).items()
+    }
+
+
+def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
+    """The row of the table for these records. keys: values that distinguish it from other rows, by column."""
+    successes = group["outcome"] == "success"
+    worlds, runs = int(group["world"].nunique()), int(group["run"].nunique())
+    stats = {}
+    for metric in METRICS:
+        column = _metric_column(group, metric.key)
+        if column is not None:
+            chosen = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
+            mean, std = mean_std_over_runs(column, group["run"], chosen)
+            stats[metric.key] = mean, std if runs > 1 else math.nan
+    return Row(
+        label=f"{system} (ours)",
+        keys=keys,
+        stats=stats,
+        global_planner=_global_planner(group),
+        episodes=len(group),
+        worlds=worlds,
+        runs=runs,
+        interval=interval_over_worlds(successes, group["world"]),
+        changes=_changes(group, keys),
+        unfinished=_unfinished(group, worlds, runs),
+        sim=str(group["sim"].iloc[0]) if "sim" in group else "",
+    )
+
+
+def numbers(row: Row) -> dict[str, float]:
+    """Means, deviations over runs (`_std`) and bounds of the success rate of a row, if it has them."""
+    pairs = {
+        f"{key}{end}": value
+        for key, both in row.stats.items()
+        for end, value in zip(("", "_std"), both, strict=True)
+    }
+    low, high = row.interval or (math.nan, math.nan)
+    every = {**pairs, "success_low": low, "success_high": high}
+    return {name: value for name, value in every.items() if not math.isnan(value)}
+
+
+def row_keys(frame: pd.DataFrame) -> list[str]:
+    """Columns besides `system` that distinguish rows: those that vary, and those with unusual values."""
+    keys = [
+        key
+        for key in [*(key for key in GROUP_KEYS if key in frame), *changed_columns(frame)]
+        if (key in NAMED and not set(as_text(frame[key])) <= usual(key)) or _varies(frame, key)
+    ]
+    if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
+        # two runs of the same config, or of configs that differ in a key without a column
+        keys.append("run_dir")
+    return keys
+
+
+def usual(key: str) -> frozenset[str]:
+    """The values of a column that need not be shown."""
+    return _USUAL_PEOPLE if key == "people" else _USUAL
+
+
+def changed_columns(frame: pd.DataFrame) -> list[str]:
+    """Columns for config keys that some run has changed."""
+    return [column for column in frame.columns if "." in column]
+
+
+def barn_metric(frame: pd.DataFrame) -> pd.Series:
+    """The BARN metric of each episode; NaN on a map that is not of the benchmark, whose speed and limit it assumes.
+
+    BARN's worlds are known by the map's name, or in an option of one's own by their cylinders, which no other map set
+    counts but the cold trial's families.
+    """
+    columns = frame.reindex(columns=["map", "world_cylinders", "world_family"])
+    known = columns.notna()
+    cylinders = known["world_cylinders"] & ~known["world_family"]
+    return frame[BARN_METRIC].where(columns["map"].isin(_OF_BARN) | ~known["map"] | cylinders)
+
+
+def as_text(column: pd.Series) -> pd.Series:
+    """Values of a column as text, as a table shows them; empty for a missing value."""
+    return column.astype(object).where(column.notna(), "").astype(str)
+
+
+def _with_published(
+    name: str,
+    ours: Sequence[tuple[Row, published.DrivenSetting | None]],
+    settings: Mapping[published.DrivenSetting, Row],
+    figures: Mapping[tuple[str, published.PublishedSetting], published.Figures],
+) -> Iterator[Row]:
+    """Yield a system's rows, and its published figures for each setting after the last row of that setting.
+
+    settings: every setting of the records, with one of its rows. A system without rows gets its figures for all.
+    """
+    for index, (row, setting) in enumerate(ours):
+        yield row
+        found = setting.figures_of(name, figures) if setting else None
+        if setting and found and setting not in (later for _, later in ours[index + 1 :]):
+            yield _published_row(found, setting, row)
+    if not ours:
+        for setting, like in settings.items():
+            found = setting.figures_of(name, figures)
+            if found:
+                yield _published_row(found, setting, like)
+
+
+def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
+    """The name of the system that drove: of those with its label, the one of its guide and planner, if one is."""
+    first = group.iloc[0]
+    label, pair = str(first["system"]), (first.get("guide"), first.get("planner"))
+    names = [name for name, system in systems.items() if system.label == label]
+    same = [name for name in names if (systems[name].guide, systems[name].planner) == pair]
+    return [label, *names, *same][-1]
+
+
+def _published_row(found: published.Figures, setting: published.DrivenSetting, ours: Row) -> Row:
+    keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
+    return Row(
+        label=f"{found.label} (published)",
+        keys=keys,
+        stats=found.stats,
+        global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
+        published_map=setting.map,
+        source=found.source,
+    )
+
+
+def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
+    first = group.iloc[0]
+    label = ablations.describe_ablation(str(first.get("ablation", "")), labels)
+    # The label of lme_no_c_t says it already, as do those of systems with an ablation in records made before.
+    return "" if str(first["system"]).endswith(label) else label
+
+
+def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
+    """ "12 of 100 worlds", or "250 of 300 episodes" if no world is missing; empty for a finished run."""
+    all_worlds = max(worlds, planned(group, WORLDS))
+    if worlds < all_worlds:
+        return f"{worlds} of {all_worlds} worlds"
+    all_episodes = max(worlds * runs, planned(group, EPISODES))
+    return f"{len(group)} of {all_episodes} episodes" if len(group) < all_episodes else ""
+
+
+def _global_planner(group: pd.DataFrame) -> str:
+    """Whether the guide planned on a global map, and on which; "no" for records without this column."""
+    return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
+
+
+def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:
+    text = str(group["changes"].iloc[0]) if "changes" in group else ""
+    return ", ".join(part for part in text.split(", ") if part.partition("=")[0] not in keys)
+
+
+def _varies(frame: pd.DataFrame, column: str) -> bool:
+    """Whether a column has several values: one of SETTING in the table, any other within a system."""
+    if column in SETTING:
+        return bool(frame[column].nunique(dropna=False) > 1)
+    return bool((frame.groupby("system")[column].nunique(dropna=False) > 1).any())
+
+
+def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:
+    if key in ("success", "collision", "timeout"):
+        return (group["outcome"] == key).astype(float)
+    column = barn_metric(group) if key == BARN_METRIC and key in group else group.get(key)
+    return column if column is not None and column.notna().any() else None

@@ -1,0 +1,310 @@
+"""Writes result tables as Markdown, CSV, LaTeX and HTML, and prints them on the terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import textwrap
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
+from runners.config.wording import markdown_table
+from runners.records.whole_file import write_atomically
+from runners.reports.analysis import published
+from runners.reports.analysis.failures import failed_section, timeouts_section
+from runners.reports.analysis.families import families_section
+from runners.reports.analysis.summary import (
+    DASH,
+    GROUP_KEYS,
+    INTERVAL_HEADER,
+    INTERVAL_NOTE,
+    METRICS,
+    SMOOTHNESS,
+    TIMES,
+    Metric,
+    Row,
+    as_text,
+    changed_columns,
+    numbers,
+    row_keys,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import rich.table
+
+
+def title(frame: pd.DataFrame) -> str:
+    """What all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
+    shown = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
+    values = {key: str(frame[key].iloc[0]) for key in shown if frame[key].nunique() == 1}
+    common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
+    return " · ".join([*common, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
+
+
+def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
+    """Notes that explain the table. left_out: headers of columns that it omits."""
+    lines = []
+    if any(row.runs is not None and row.runs > 1 for row in rows):
+        lines.append("± is the standard deviation over runs.")
+    if INTERVAL_HEADER not in left_out:
+        lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
+    means = list(
+        dict.fromkeys(
+            each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out
+        )
+    )
+    if means:
+        words = " and ".join(means).capitalize() + (" are means" if len(means) > 1 else " is the mean")
+        lines.append(f"{words} over successful episodes.")
+    smoothness = next(metric.header for metric in METRICS if metric.key == SMOOTHNESS)
+    if smoothness not in left_out and any(SMOOTHNESS in row.stats for row in rows):
+        lines.append(
+            "|Δω|: mean change of the turn rate from one control step to the next; lower is smoother."
+        )
+    lines += changed_notes(rows)
+    lines += published.notes(rows)
+    lines += [f"{label}: {source}." for label, source in _sources(rows).items()]
+    if any(row.unfinished for row in rows):
+        lines.append("A row that says how much was driven is not finished; its figures are of that part.")
+    return lines
+
+
+def _sources(rows: Sequence[Row]) -> dict[str, str]:
+    """Where the published figures are from that are not the paper's, by the row's label."""
+    return {row.label: row.source for row in rows if row.source}
+
+
+def changed_notes(rows: Sequence[Row]) -> list[str]:
+    """Notes on keys that differ from the files of their options."""
+    ours = [row for row in rows if not row.published_map]
+    if len({row.changes for row in ours}) == 1:
+        return [f"Changed: {ours[0].changes}."] if ours[0].changes else []
+    return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in ours if row.changes))
+
+
+def _counted(frame: pd.DataFrame, column: str) -> str:
+    """Number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
+    keys = ["system", *row_keys(frame)]
+    counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
+    fewest, most = int(counts.min()), int(counts.max())
+    number = str(most) if fewest == most else f"{fewest}{DASH}{most}"
+    return f"{number} {column}" + "s" * (most != 1)
+
+
+MISSING = DASH
+GAP = 2  # between columns on the terminal
+
+Column = tuple[str, ...]  # its header, then a cell for each row
+
+
+def to_markdown(rows: Sequence[Row]) -> str:
+    """The table in GitHub's Markdown, with notes below."""
+    header, *lines = _cells(rows, " ± ")
+    first = 1 + len(rows[0].keys)
+    rule = ["---"] * first + ["---:"] * (len(header) - first)
+    table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
+    return f"{table}\n\n" + "\n".join(f"{markdown_text(note)}  " for note in notes(rows)) + "\n"
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """The numbers of the table, not rounded; a missing one is empty. Changed keys have a column if there are any."""
+    values = [numbers(row) for row in rows]
+    names = list(dict.fromkeys(name for value in values for name in value))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    changed = any(row.changes for row in rows)
+    before = [*rows[0].keys, *["changes"] * changed, "global_planner", "episodes", "worlds", "runs"]
+    writer.writerow(map(csv_value, ["label", *before, *names]))
+    for row, value in zip(rows, values, strict=True):
+        keys = [*row.keys.values(), *[row.changes] * changed]
+        counts = (row.global_planner, row.episodes, row.worlds, row.runs)
+        numbers_of = (value.get(name) for name in names)
+        writer.writerow(map(csv_value, [row.name, *keys, *counts, *numbers_of]))
+    return text.getvalue()
+
+
+def to_html(rows: Sequence[Row]) -> str:
+    """The table and its notes as HTML elements."""
+    header, *lines = ([html_text(cell) for cell in line] for line in _cells(rows, " ± "))
+    head = "".join(f"<th>{cell}</th>" for cell in header)
+    body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
+    below = "<br>\n".join(map(html_text, notes(rows)))
+    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{below}</p>"
+
+
+def to_latex(rows: Sequence[Row]) -> str:
+    """The table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
+    header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
+    first = 1 + len(rows[0].keys)
+    body = [" & ".join(line) + r" \\" for line in lines]
+    return "\n".join(
+        [
+            *(f"% {visible(note)}" for note in notes(rows)),
+            rf"\begin{{tabular}}{{@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}}}",
+            r"\toprule",
+            " & ".join(header) + r" \\",
+            r"\midrule",
+            *body,
+            r"\bottomrule",
+            r"\end{tabular}",
+            *(rf"\par {latex_text(note)}" for note in changed_notes(rows)),
+            "",
+        ]
+    )
+
+
+def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
+    """The table for a terminal of `width` columns, at least 80; what does not fit is wrapped, or omitted and named."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    columns, gap, left_out = _fit(rows, width)
+    below = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
+    caption = Text("\n".join(map(visible, below)))
+    table = Table(title=Text(visible(heading)), caption=caption, caption_justify="left")
+    table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
+    # Text, not str: Rich would read a unit in brackets as markup.
+    for number, (header, *_) in enumerate(columns):
+        left = number <= len(rows[0].keys)
+        table.add_column(Text(header), justify="left" if left else "right", overflow="fold")
+    for row, line in zip(rows, list(zip(*columns, strict=True))[1:], strict=True):
+        table.add_row(*map(Text, line), style="dim" if row.published_map else None)
+    return table
+
+
+def print_table(frame: pd.DataFrame, rows: Sequence[Row]) -> None:
+    """Print the rows of the table for `frame` on the terminal."""
+    from rich.console import Console
+
+    console = Console()
+    console.print(to_rich(rows, title(frame), console.width))
+
+
+def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> list[Path]:
+    """Write the rows of the table for `frame` into `run_dir` as Markdown, CSV and LaTeX; return the paths.
+
+    `table.md` also says how long episodes timed out, and links to explainer pages of failed ones, if there are any.
+    """
+    below = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
+    texts = {
+        "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{below}",
+        "table.csv": to_csv(rows),
+        "table.tex": to_latex(rows),
+    }
+    for name, text in texts.items():
+        write_atomically(run_dir / name, text)
+    return [run_dir / name for name in texts]
+
+
+def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
+    return [metric for metric in METRICS if any(metric.key in row.stats for row in rows)]
+
+
+def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
+    """Header and lines as text; the interval is next to the success rate."""
+    metrics = _shown_metrics(rows)
+    headers = [metric.header for metric in metrics]
+    keys = [key.capitalize() if key in GROUP_KEYS else visible(key) for key in rows[0].keys]
+    lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]
+    for row in rows:
+        first, *others = [_stat(row, metric, plus_minus) for metric in metrics]
+        interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
+        episodes = MISSING if row.episodes is None else str(row.episodes)
+        values = [visible(value) or MISSING for value in row.keys.values()]
+        lines.append([visible(row.name), *values, first, interval, *others, episodes])
+    if _compares_planners(rows):
+        for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
+            line.append(cell)
+    return lines
+
+
+def _compares_planners(rows: Sequence[Row]) -> bool:
+    """Whether to show the column on global planners: with several systems, or if one used a global planner."""
+    names = {row.label.rpartition(" ")[0] for row in rows}
+    return len(names) > 1 or any(row.global_planner != "no" for row in rows)
+
+
+def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Column]]:
+    """Columns that fit into `width` characters, the gap between them, and the columns that were omitted.
+
+    First ± moves below its mean, then as few columns as possible are omitted.
+    """
+    columns = list(zip(*_cells(rows, " ±"), strict=True))
+    if _width(columns, GAP) <= width:
+        return columns, GAP, []
+    columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
+    spare = _least_needed_first(columns[1:], len(rows[0].keys))
+    for count in range(len(spare) + 1):
+        folded = [_wrap(column) for column in columns if column not in spare[:count]]
+        for gap in (GAP, 1):
+            if _width(folded, gap) <= width:
+                return folded, gap, spare[:count]
+    return folded, gap, spare
+
+
+def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
+    """The columns that a table can omit: those with one value, then spare metrics, then others, each from the right.
+
+    keys: number of columns at the left that distinguish the rows; they stay if they vary, like the success rate.
+    """
+    metrics = {metric.header: metric for metric in METRICS}
+    ranked = []
+    for place, column in enumerate(columns):
+        metric = metrics.get(column[0])
+        if _is_constant(column) and column[0] != INTERVAL_HEADER:
+            rank = 0 if metric is None else 1
+        elif metric is None:
+            rank = 4
+        else:
+            rank = 2 if metric.spare else 3
+        if column[0] != METRICS[0].header and (place >= keys or rank == 0):
+            ranked.append((rank, -place, column))
+    return [column for *_, column in sorted(ranked)]
+
+
+def _is_constant(column: Column) -> bool:
+    """Whether several rows have a value, and all the same one."""
+    values = [cell for cell in column[1:] if cell != MISSING]
+    return len(values) > 1 and len(set(values)) == 1
+
+
+def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
+    """Lines that name the omitted columns, and say where to find them."""
+    same = [
+        f"{header} {next(cell for cell in cells if cell != MISSING)}"
+        for header, *cells in left_out
+        if _is_constant((header, *cells))
+    ]
+    lines = [f"The same in every row with a value: {', '.join(same)}."] if same else []
+    others = [column[0] for column in left_out if not _is_constant(column)]
+    if others:
+        lines.append(
+            f"Left out at {width} columns: {', '.join(others)}. "
+            "A wider terminal shows them, and so does `lme table RUN --format md`."
+        )
+    return lines
+
+
+def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
+    """Width of the table on the terminal, in characters."""
+    widest = (max(len(line) for cell in column for line in cell.split("\n")) for column in columns)
+    return sum(width + gap for width in widest) - gap
+
+
+def _wrap(column: Column) -> Column:
+    """The cells, wrapped to the width of their longest word."""
+    narrow = max(len(word) for cell in column for word in cell.split())
+    return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)
+
+
+def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
+    mean, std = row.stats.get(metric.key, (math.nan, math.nan))
+    if math.isnan(mean):
+        return MISSING
+    spread = metric.spread and not math.isnan(std)
+    return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")

@@ -1,0 +1,284 @@
+"""Encode an episode for the explainer page.
+
+Features and all other inputs of a decision are exact: the page computes scores again and must choose as LME does.
+Values that are only drawn are rounded to the millimetre or to single precision.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.geometry.frames import to_world
+from lme.guides.lme.criteria import SURMOUNT
+from lme.guides.lme.escaper import PAPER_CRITERIA
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.maintenance import Choice
+from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.perception.people.source import People
+from lme.perception.scan_points import obstacle_points
+from lme.robots import Robot
+from lme.types import Floats, Ints
+from lme.worlds.world import World
+from runners.config import build
+from runners.config.schema import SystemConfig
+from runners.reports.explainer.packer import Packer
+from runners.workers.trace import Trace, TracedStep, TraceEnd
+
+CELL_M = 0.05  # side of a cell of the world seen so far
+CHOICES = tuple(Choice)
+NONE = np.full(2, np.nan)
+
+
+class Stretch(NamedTuple):
+    """Successive moments of a drive.
+
+    frames: the steps, and the end if it is among them. track: (F, 10), a row per frame, columns TRAJECTORY_COLUMNS.
+    movers: circles (C, 3) and edges (E, 4) at each frame.
+    """
+
+    robot: Robot
+    steps: Sequence[TracedStep]
+    frames: Sequence[TracedStep | TraceEnd]
+    track: Floats
+    movers: Sequence[tuple[Floats, Floats]]
+
+
+def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str = "") -> str:
+    """An episode, with one sentence per decision, as base64 text. system, play: see `write.write_page`."""
+    packer = Packer()
+    movers = [trace.moving(frame) for frame in trace.frames]
+    stretch = Stretch(trace.robot, trace.steps, trace.frames, trace.episode.trajectory, movers)
+    _drive(packer, stretch)
+    _scans(packer, stretch)
+    add_world(packer, trace.task.world)
+    _movers(packer, stretch)
+    reasons = [step.explanation for step in trace.steps if step.explanation is not None]
+    _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
+    header = _header(trace, system) | ({"play": play} if play else {})
+    header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
+    return packer.text(header)
+
+
+def add_stretch(packer: Packer, stretch: Stretch, planned: bool, tracked: bool) -> None:
+    """Add a part of a drive, without the cells that it sees. planned, tracked: as in the header of the whole."""
+    _drive(packer, stretch)
+    _add_scan(packer, stretch)
+    _movers(packer, stretch)
+    reasons = [step.explanation for step in stretch.steps if step.explanation is not None]
+    _add_thoughts(packer, stretch, reasons, planned, tracked)
+
+
+def _add_thoughts(
+    packer: Packer, stretch: Stretch, reasons: Sequence[Explanation], planned: bool, tracked: bool
+) -> None:
+    """Add what the guide gave at each step. reasons: of those steps that have one."""
+    if planned:
+        _plans(packer, stretch)
+    if tracked:
+        _people(packer, stretch)
+    if reasons:
+        _decisions(packer, reasons)
+        _candidates(packer, reasons)
+        _obstacles(packer, reasons)
+
+
+def title(trace: Trace) -> str:
+    """The name of the episode."""
+    return f"{trace.task.map_name} {trace.world}, run {trace.run}"
+
+
+def _header(trace: Trace, system: str) -> dict[str, Any]:
+    robot, task, episode = trace.robot, trace.task, trace.episode
+    return {
+        "title": title(trace),
+        "system": system,
+        "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(trace).items()),
+        "robot": robot.name,
+        "outcome": str(episode.outcome),
+        "time": episode.time,
+        "steps": len(trace.steps),
+        "planned": plans_paths(trace.steps),
+        "mapped": _is_mapped(trace),
+        "tracked": tracks_people(trace.config),
+        **robot_header(robot),
+        "goal": task.goal.tolist(),
+        "goal_tolerance": task.goal_tolerance,
+        "start": list(task.start),
+    }
+
+
+def robot_header(robot: Robot) -> dict[str, Any]:
+    """What is drawn of a robot, and how long its steps are."""
+    return {"dt": robot.dt, "box": robot.footprint.box, "cell": CELL_M}
+
+
+def _ablation(trace: Trace) -> dict[str, float]:
+    return {name: float(value) for name, value in trace.config.ablation.items()}
+
+
+def policy(first: Explanation) -> dict[str, Any]:
+    """What the page needs to decide. Infinity is a word, since JSON has none."""
+    weights = dict(zip(first.names, first.parameters.weights.tolist(), strict=True))
+    given = {**weights, "d1": first.parameters.d1, "d2": first.parameters.d2}
+    return {
+        "explained": True,
+        "names": first.names,
+        "about": {name: _first_line(name, first) for name in first.names},
+        "parameters": {name: value if math.isfinite(value) else "inf" for name, value in given.items()},
+        "choices": CHOICES,
+    }
+
+
+def _first_line(name: str, first: Explanation) -> str:
+    """The first line of the docstring of a criterion of LME or LME+, in the reading that is in force."""
+    known: Mapping[str, Callable[..., Floats]] = {**PAPER_CRITERIA, "a_mount": SURMOUNT[first.view.surmount]}
+    if PLUS_CRITERIA.keys() == set(first.names):
+        known = PLUS_CRITERIA
+    criterion = known.get(name)
+    return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
+
+
+def _drive(packer: Packer, stretch: Stretch) -> None:
+    """Add poses, twists, clearance and targets of all frames, and commands and subgoals of all steps."""
+    steps, track = stretch.steps, stretch.track
+    packer.add_singles("time", track[:, 0])
+    packer.add_singles("pose", track[:, 1:4])
+    packer.add_singles("twist", track[:, 4:6])
+    packer.add_singles("clearance", track[:, 9])
+    packer.add_singles("command", np.array([step.command for step in steps]))
+    packer.add_singles("subgoal", np.array([step.guidance.subgoal for step in steps]))
+    packer.add_integers("switched", [step.guidance.switched for step in steps])
+    packer.add_singles("target", np.array([frame.observation.target for frame in stretch.frames]))
+
+
+def _scans(packer: Packer, stretch: Stretch) -> None:
+    """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
+    frames = stretch.frames
+    points = _add_scan(packer, stretch)
+    steps = np.repeat(np.arange(len(frames)), [len(some) for some in points])
+    placed = np.concatenate([to_world(some, frame.pose) for some, frame in zip(points, frames, strict=True)])
+    cells, first = np.unique(cells_of(placed), axis=0, return_index=True)
+    seen_at = steps[first]
+    order = np.argsort(seen_at, kind="stable")
+    add_seen(packer, np.bincount(seen_at, minlength=len(frames)), cells[order])
+
+
+def _add_scan(packer: Packer, stretch: Stretch) -> list[Floats]:
+    """Add the scan points of every frame in the robot frame, and return them."""
+    points = [obstacle_points(frame.observation.scan, stretch.robot.lidar.mount) for frame in stretch.frames]
+    _add_points_mm(packer, "scan", points, differences=True)
+    return points
+
+
+def cells_of(points: Floats) -> Ints:
+    """The cells (N, 2) in which points (N, 2) of the world lie."""
+    return np.floor(points / CELL_M).astype(np.int64)
+
+
+def add_seen(packer: Packer, counts: Ints, cells: Ints) -> None:
+    """Add the cells (N, 2) seen for the first time, and how many (F,) each frame adds."""
+    packer.add_integers("seen.count", counts)
+    packer.add_integers("seen.x", cells[:, 0], differences=True)
+    packer.add_integers("seen.y", cells[:, 1], differences=True)
+
+
+def add_world(packer: Packer, world: World) -> None:
+    """Add the true world, which the robot does not know, without what moves in it."""
+    packer.add_singles("world.circles", world.circles)
+    packer.add_singles("world.segments", world.segments)
+    packer.add_counts("polygons", world.polygons)
+    packer.add_singles("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
+
+
+def _movers(packer: Packer, stretch: Stretch) -> None:
+    """Add what moves, at every frame."""
+    for name, moving in zip(("discs", "edges"), zip(*stretch.movers, strict=True), strict=True):
+        packer.add_counts(name, moving)
+        packer.add_singles(name, np.concatenate(moving))
+
+
+def _is_mapped(trace: Trace) -> bool:
+    """Whether the true world is known; that of a real robot is not."""
+    world = trace.task.world
+    parts = (world.circles, world.segments, world.polygons, *trace.moving(trace.frames[0]))
+    return any(len(part) for part in parts)
+
+
+def plans_paths(steps: Sequence[TracedStep]) -> bool:
+    """Whether the guide plans paths."""
+    return any(step.guidance.path is not None for step in steps)
+
+
+def _plans(packer: Packer, stretch: Stretch) -> None:
+    """Add the planned path of every step."""
+    paths = [step.guidance.path for step in stretch.steps]
+    _add_points_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
+
+
+def tracks_people(config: SystemConfig) -> bool:
+    """Whether the system finds people in the scans."""
+    return build.people_of(config) is People.tracked
+
+
+def _people(packer: Packer, stretch: Stretch) -> None:
+    """Add the tracks of every step in the robot frame, with their velocities."""
+    found = [step.observation.pedestrians for step in stretch.steps]
+    packer.add_counts("people", found)
+    packer.add_singles("people", np.concatenate([np.empty((0, 4)), *found]))
+
+
+def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
+    """Add the choice of every step, and the old subgoal that the best candidate was compared with."""
+    old = np.array([NONE if why.old is None else why.old for why in reasons])
+    num_criteria = len(reasons[0].names)
+    nothing = np.full(num_criteria, np.nan)
+    packer.add_integers("new", [why.new for why in reasons])
+    packer.add_integers("choice", [CHOICES.index(why.decision.choice) for why in reasons])
+    packer.add_integers("blocked", [why.decision.blocked for why in reasons])
+    packer.add_singles("old", old)
+    packer.add_doubles("old_distance", [math.hypot(x, y) for x, y in old])
+    features = [nothing if why.old_features is None else why.old_features for why in reasons]
+    packer.add_doubles("old_features", np.array(features))
+
+
+def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
+    _add_points_mm(packer, "candidates", [why.candidates for why in reasons])
+    for row, name in enumerate(reasons[0].names):
+        packer.add_doubles(f"feature.{name}", np.concatenate([why.features[row] for why in reasons]))
+
+
+def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
+    """Add the sectors of the scan, the blocking one, and the recent positions."""
+    sectors = [why.sectors for why in reasons]
+    packer.add_counts("sectors", sectors)
+    packer.add_integers("sectors", np.concatenate(sectors))
+    packer.add_integers("blocking", [_blocking_sector(why) for why in reasons])
+    blockages = [why.view.blockage for why in reasons]
+    ends_at_first = [0 if way is None else np.array_equal(way.A, way.E1) for way in blockages]
+    packer.add_integers("a_is_e1", ends_at_first)
+    packer.add_singles("b", np.array([NONE if way is None else way.B for way in blockages]))
+    history = [why.view.history for why in reasons]
+    packer.add_counts("history", history)
+    packer.add_singles("history", np.concatenate(history))
+
+
+def _blocking_sector(why: Explanation) -> int:
+    """Index of the sector with the ends E1 and E2; −1 if none blocks."""
+    way, points = why.view.blockage, why.view.points
+    if way is None:
+        return -1
+    ends = points[why.sectors]
+    matches = (ends[:, 0] == way.E1).all(axis=1) & (ends[:, 1] == way.E2).all(axis=1)
+    return int(np.argmax(matches))
+
+
+def _add_points_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
+    """Add (N, 2) points [m] of every step, rounded to the millimetre."""
+    packer.add_counts(name, rows)
+    millimetres = np.rint(np.concatenate([np.empty((0, 2)), *rows]) * 1000.0)
+    packer.add_integers(f"{name}.x", millimetres[:, 0], differences)
+    packer.add_integers(f"{name}.y", millimetres[:, 1], differences)

@@ -1,0 +1,203 @@
+"""Explainer pages of a run: which episodes get one, where pages are, and how they are made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from lme.errors import InputError
+from runners.config.schema import Explain
+from runners.records import launch_record, trust
+from runners.records.episode_record import EpisodeKey
+from runners.records.records import read_episodes, read_trajectories
+from runners.reports.analysis.failures import folder, is_failure, page_path, refuse_link
+from runners.workers.executor import SerialConfig, SerialExecutor
+from runners.workers.progress import EpisodeProgress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NEAREST = 3  # worlds that an error names
+_MARK = "<!-- episode {} -->\n"
+
+
+class Page(NamedTuple):
+    """The result of making a page. problem: why it failed; empty on success."""
+
+    key: EpisodeKey
+    path: Path
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class PagePayload:
+    """What a worker needs to make pages of a run.
+
+    places: path of each page. marks: identify the episode of each page. systems: names in tables. trusted: whether
+    code that the run names may be executed.
+    """
+
+    run_dir: Path
+    places: Mapping[EpisodeKey, Path]
+    marks: Mapping[EpisodeKey, str]
+    systems: Mapping[EpisodeKey, str]
+    trusted: bool
+
+
+def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
+    """Make the pages that `explain=` asks for, and their index. Keeps pages that exist.
+
+    Warns once of pages that could not be made. Raises InputError if their folder or the index cannot be written.
+    """
+    if which is Explain.none:
+        return
+    episodes = read_episodes([run_dir])
+    if which is Explain.failures:
+        episodes = episodes[is_failure(episodes)]
+    places = {key: page_path(run_dir, key) for key in keys_of(episodes)}
+    pages = list(make_pages(run_dir, episodes, places, executor, keep=True))
+    if any(not page.problem for page in pages) or folder(run_dir):
+        index(run_dir)
+    elif not pages:
+        print(f"explain={which}: no episode failed, so there is no page")
+    missing = [page for page in pages if page.problem]
+    if missing:
+        warnings.warn(
+            f"{len(missing)} of {len(pages)} pages were not made: {missing[0].problem}", stacklevel=2
+        )
+
+
+def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:
+    """The key of every row."""
+    return [
+        EpisodeKey(int(world), int(run))
+        for world, run in zip(episodes["world"], episodes["run"], strict=True)
+    ]
+
+
+def select_episodes(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
+    """The episodes that the words name: "WORLD" (its run 0), "WORLD/RUN" or "failures"; each once, in order.
+
+    Raises InputError for an episode that does not exist, and names the nearest worlds.
+    """
+    there, wanted = keys_of(episodes), []
+    for word in words:
+        wanted += keys_of(episodes[is_failure(episodes)]) if word == "failures" else [_key(word, there)]
+    if not wanted:
+        raise InputError("failures: no episode of this run failed; name one by its world")
+    by_key = episodes.set_index(["world", "run"], drop=False)
+    return by_key.loc[[(key.world, key.run) for key in dict.fromkeys(wanted)]].reset_index(drop=True)
+
+
+def make_pages(
+    run_dir: Path,
+    episodes: pd.DataFrame,
+    places: Mapping[EpisodeKey, Path],
+    executor: Any,
+    keep: bool = False,
+) -> Iterator[Page]:
+    """Write the page of each episode to its place; yield results as they finish.
+
+    keep: skip a page that exists. Several pages are made by `executor`, with a progress bar; one is made here.
+    """
+    marks = _marks(run_dir, episodes)
+    outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
+    kept = [key for key in places if keep and _has_mark(places[key], marks[key])]
+    yield from (Page(key, places[key], "") for key in kept)
+    todo = [key for key in places if key not in kept]
+    for path in {places[key].parent for key in todo}:
+        refuse_link(path, run_dir)
+        make_folder(path)
+    systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
+    payload = PagePayload(run_dir, dict(places), marks, systems, trust.is_trusted(run_dir))
+    if len(todo) <= 1:
+        yield from SerialExecutor(SerialConfig()).map(initialise, payload, todo)
+        return
+    with EpisodeProgress("Pages", len(todo)) as progress:
+        for page in executor.map(initialise, payload, todo):
+            progress.add(outcomes[page.key])
+            yield page
+
+
+def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
+    """The function that makes one page, for a worker process."""
+    from runners.reports.explainer.write import write_page
+    from runners.workers.trace import rerun_recorded
+
+    run_dir = payload.run_dir
+
+    def make(key: EpisodeKey) -> Page:
+        path = payload.places[key]
+        try:
+            mark = _MARK.format(payload.marks[key])
+            with trust.trusting(run_dir) if payload.trusted else nullcontext():
+                trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
+            write_page(trace, path, payload.systems[key], mark, f"RUN {key.world}/{key.run}")
+        except (InputError, OSError) as error:
+            return Page(key, path, str(error))
+        return Page(key, path, "")
+
+    return make
+
+
+def index(run_dir: Path) -> Path:
+    """Write the index of a run's pages again, and return its path."""
+    from runners.reports.explainer.index import write_index
+
+    return write_index(read_episodes([run_dir]), run_dir)
+
+
+def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
+    world_word, _, run_word = word.partition("/")
+    if not world_word.isdigit() or not (run_word or "0").isdigit():
+        raise InputError(
+            f"{word!r} is not an episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
+        )
+    world, run = int(world_word), int(run_word or 0)
+    runs = sorted(key.run for key in there if key.world == world)
+    if not runs:
+        worlds = sorted({key.world for key in there}, key=lambda other: (abs(other - world), other))
+        nearest = ", ".join(map(str, sorted(worlds[:_NEAREST])))
+        raise InputError(f"world {world} was not driven in this run: those nearest to it are {nearest}")
+    if run not in runs:
+        raise InputError(f"world {world} has no run {run}: it has {', '.join(map(str, runs))}")
+    return EpisodeKey(world, run)
+
+
+def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
+    """A hash for each episode, of the run's config and of how the episode ended."""
+    launch = launch_record.read_launch(run_dir)
+    config = launch.fingerprint if launch is not None else ""
+    columns = [name for name in ("steps", "path_length_m", "final_distance_m") if name in episodes]
+    ends = episodes[["outcome", *columns]].itertuples(index=False)
+    return {
+        key: hashlib.sha256(json.dumps([config, key.world, key.run, *end], default=str).encode()).hexdigest()[
+            :16
+        ]
+        for key, end in zip(keys_of(episodes), ends, strict=True)
+    }
+
+
+def _has_mark(path: Path, mark: str) -> bool:
+    """Whether the file is a complete page of the episode with this mark."""
+    end = _MARK.format(mark).encode()
+    try:
+        with path.open("rb") as page:
+            page.seek(-len(end), 2)
+            return page.read() == end
+    except OSError:
+        return False
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder for pages. Raises InputError."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be made ({error.strerror}): choose another folder") from error

@@ -1,0 +1,314 @@
+"""The input of a figure: the runs of a sweep, or a single run, each with its config and records."""
+
+from __future__ import annotations
+
+import json
+import math
+import textwrap
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import asdict, astuple, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from lme.errors import InputError, require
+from lme.guides.lme.candidates import CandidateConfig
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.guide import Lme
+from lme.guides.lme.maintenance import Choice
+from lme.guides.lme.reasons import reason
+from lme.worlds.world import MapSet
+from runners.config import build
+from runners.config.instantiate import configured
+from runners.config.schema import RecordedConfig, SystemConfig
+from runners.records import launch_record
+from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
+from runners.records.launch_record import Launch
+from runners.records.records import find_runs, read_episodes, read_trajectories
+from runners.reports.figures.style import INK, save
+from runners.workers.steps import step_tables
+from runners.workers.trace import Trace, rerun_recorded
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+LINE_IN, LINE_LETTERS = 0.145, 112  # of a heading on a page of 7 in
+
+
+@dataclass(slots=True)
+class StepConfig:
+    """The decision that a figure shows."""
+
+    step: int | None = None  # null: the most telling; see `telling_step`, or the figure's own
+
+    def __post_init__(self) -> None:
+        if self.step is not None:
+            require("figure.step", self.step, at_least=0)
+
+
+class Shot(NamedTuple):
+    """One decision of an episode. label: of the system. why: explains the decision."""
+
+    label: str
+    trace: Trace
+    step: int
+    why: Explanation
+
+    @property
+    def before(self) -> Explanation | None:
+        """The previous decision; None at the first step."""
+        return None if self.step == 0 else self.trace.steps[self.step - 1].explanation
+
+    @property
+    def history_length(self) -> int:
+        """k, the number of remembered positions."""
+        return int(_guide(self.trace.config).history_length)
+
+
+def telling_step(trace: Trace) -> int:
+    """The step of the most telling decision: the first with the most of these properties.
+
+    A sector blocks the way to the target; both its ends and B are within the candidates' range; a better subgoal
+    replaces the old one; it gains by c_t; it gains by a_mount; recent positions count.
+    """
+    reach = candidate_reach(trace)
+    held = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
+    return held.index(max(held))
+
+
+class Guided(NamedTuple):
+    """The guide whose decisions a figure shows. option: in `conf/guide/`. telling: finds the most telling step."""
+
+    cls: type
+    label: str
+    option: str
+    telling: Callable[[Trace], int]
+
+
+LME = Guided(Lme, "LME", "lme", telling_step)
+
+
+def shots(
+    runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str, by: Guided = LME
+) -> list[Shot]:
+    """The decision to draw for every run and world. Skips runs that another guide guides.
+
+    step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if
+    no run is left, or if an episode has no such step.
+    """
+    check_guided([driven.config for driven in runs], figure, by)
+    guided = [driven for driven in runs if _is_guided(driven.config, by)]
+    asked: list[list[int]] = [[world] for world in worlds] or [[]]
+    return [_shot(driven, world, step, by) for driven in guided for world in asked]
+
+
+def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> None:
+    """Raise InputError if another guide guides all of the systems. figure: name of the kind."""
+    if not any(_is_guided(config, by) for config in configs):
+        guides = ", ".join(sorted(set(map(_target, configs))))
+        raise InputError(
+            f"guide is {guides}: {figure} draws how {by.label} scores candidates; "
+            f"choose guide={by.option}, or a run of {by.label}"
+        )
+
+
+def candidate_reach(trace: Trace) -> float:
+    """The largest distance of a candidate from the robot [m]; LME+, without a setting for it, has LME's default."""
+    candidates = getattr(_guide(trace.config), "candidates", CandidateConfig())
+    return float(min(candidates.max_range, trace.robot.lidar.range_max))
+
+
+def heading(shot: Shot) -> list[str]:
+    """Lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
+    trace = shot.trace
+    where = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
+    when = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
+    words = reason(shot.why, shot.before)
+    return [f"{where} · {when}", *textwrap.wrap(words[0].upper() + words[1:], LINE_LETTERS)]
+
+
+def heading_height(lines: Sequence[str]) -> float:
+    """Height of a heading [in]."""
+    return 0.08 + LINE_IN * len(lines)
+
+
+def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
+    """Write the heading at the top left, its first line in bold."""
+    for number, line in enumerate(lines):
+        look: dict[str, Any] = {"fontsize": 8} if number else {"fontsize": 8.5, "fontweight": "bold"}
+        x, y = 0.08 / figure.get_figwidth(), 1 - (0.05 + number * LINE_IN) / figure.get_figheight()
+        figure.text(x, y, line, va="top", color=INK, **look)
+
+
+def draw_shots(
+    found: Sequence[Shot], figure_of: Callable[[Shot], Figure], stem: Path, formats: Sequence[str]
+) -> list[Path]:
+    """Save one picture per decision, numbered from 1 if there are several; return the paths."""
+    numbered = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(found) + 1)]
+    places = numbered if len(found) > 1 else [stem]
+    return [
+        path for shot, to in zip(found, places, strict=True) for path in save(figure_of(shot), to, formats)
+    ]
+
+
+def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None, by: Guided) -> Shot:
+    world, run = chosen_world(driven, worlds)
+    trace = driven.trace(world, run)
+    number = by.telling(trace) if step is None else step
+    if number >= len(trace.steps):
+        raise InputError(
+            f"figure.step is {number}: world {world}, run {run} of {driven.label} has the steps "
+            f"0 to {len(trace.steps) - 1}"
+        )
+    why = trace.steps[number].explanation
+    if why is None:
+        raise InputError(
+            f"figure.step is {number}: {_target(driven.config)} did not ask {by.label} for a subgoal then"
+        )
+    return Shot(driven.label, trace, number, why)
+
+
+def _signs(why: Explanation, reach: float) -> list[bool]:
+    """Which of the properties that `telling_step` counts a decision has."""
+    blockage = why.view.blockage
+    ends = () if blockage is None else (blockage.E1, blockage.E2, blockage.B)
+    return [
+        blockage is not None,
+        blockage is not None and all(math.hypot(*end) <= reach for end in ends),
+        why.decision.choice is Choice.BETTER,
+        _gain(why, "c_t") > 0,
+        _gain(why, "a_mount") > 0,
+        len(why.view.history) > 0,
+    ]
+
+
+def _gain(why: Explanation, name: str) -> float:
+    """By how much the best candidate exceeds the old subgoal in one criterion; 0 without an old subgoal."""
+    if why.old_features is None:
+        return 0.0
+    row = why.names.index(name)
+    return float(why.features[row, why.new] - why.old_features[row])
+
+
+def _is_guided(config: SystemConfig, by: Guided) -> bool:
+    cls, _ = configured(config.guide, "guide")
+    return isinstance(cls, type) and issubclass(cls, by.cls)
+
+
+def _guide(config: SystemConfig) -> Any:
+    """The checked config of LME."""
+    return configured(config.guide, "guide")[1]
+
+
+def _target(config: SystemConfig) -> str:
+    return str(config.guide["_target_"])
+
+
+class DrivenRun:
+    """One run. frame: its records, one row per episode. worlds_config: its config without the system.
+
+    place: the map's config and the robot's footprint as JSON, equal for runs that share a place.
+    """
+
+    def __init__(self, run_dir: Path, launch: Launch, frame: pd.DataFrame) -> None:
+        self.run_dir = run_dir
+        self.frame = frame
+        self._launch = launch
+        self.worlds_config = launch.worlds_config
+        self.place = json.dumps(
+            [self.worlds_config.map, asdict(self.worlds_config.robot.footprint)], sort_keys=True
+        )
+
+    @cached_property
+    def config(self) -> RecordedConfig:
+        """The config of the run. Raises UntrustedError if it names code that may not be executed."""
+        return self._launch.config
+
+    @property
+    def label(self) -> str:
+        """The name of the system, with its ablation and scale where it has them."""
+        first = self.frame.iloc[0]
+        changes = (str(first.get("ablation", "none")), str(first.get("scale", "")))
+        return ", ".join(
+            [str(first["system"]), *(change for change in changes if change not in ("none", ""))]
+        )
+
+    @cached_property
+    def maps(self) -> MapSet:
+        """The map set of the run."""
+        return build.map_set(self.worlds_config, sorted({int(world) for world in self.frame["world"]}))
+
+    @cached_property
+    def trajectories(self) -> pd.DataFrame:
+        """One row per recorded control step of all episodes."""
+        return read_trajectories([self.run_dir])
+
+    def steps(self, worlds: Collection[int]) -> pd.DataFrame:
+        """One row per control step in these worlds. Episodes that lack theirs are driven again, once.
+
+        Raises InputError if that is not possible.
+        """
+        import pandas as pd
+
+        kept = {*map(tuple, self.trajectories[list(KEY_COLUMNS)].drop_duplicates().to_numpy().tolist())}
+        rows = self.frame[self.frame["world"].isin(worlds)].to_dict("records")
+        lacking = {key: row for row in rows if astuple(key := EpisodeKey.of(row)) not in kept}
+        if lacking:
+            again = (table.to_pandas() for table in step_tables(self.run_dir, lacking))
+            self.trajectories = pd.concat([*([self.trajectories] if kept else []), *again])
+        return self.trajectories[self.trajectories["world"].isin(worlds)]
+
+    def trace(self, world: int, run: int) -> Trace:
+        """Drive an episode again and return its trace. Raises InputError if that is not possible."""
+        return rerun_recorded(self.run_dir, world, run, self.trajectories)
+
+
+class Kind(Protocol):
+    """A kind of figure: one file in `runners/reports/figures/` and one YAML in `conf/figure/`.
+
+    name: stem of its files. drives: whether it needs episodes. guided: the guide whose decisions it draws; None if it
+    draws any system.
+    """
+
+    name: str
+    drives: bool
+    guided: Guided | None
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Draw the runs, save the figure as `stem`.png, …, and return the paths. worlds: as requested, may be empty."""
+
+
+def read_runs(paths: Sequence[Path]) -> list[DrivenRun]:
+    """The runs below these paths of runs and sweeps, in order. Raises InputError for a path without records."""
+    run_dirs = find_runs(paths)
+    frame = read_episodes(run_dirs)
+    return runs_of(frame, run_dirs)
+
+
+def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
+    """The runs of records that are already read. Skips a folder without a launch record."""
+    launches = [(run_dir, launch_record.read_launch(run_dir)) for run_dir in run_dirs]
+    records = {run_dir: frame[frame["run_dir"] == str(run_dir)] for run_dir in run_dirs}
+    return [
+        DrivenRun(run_dir, launch, records[run_dir])
+        for run_dir, launch in launches
+        if launch is not None and not records[run_dir].empty
+    ]
+
+
+def chosen_world(driven: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
+    """(world, run number) of the episode to draw: the first in the first of `worlds`, else the first of all.
+
+    Raises InputError if the run has no episode in that world.
+    """
+    known = sorted(zip(driven.frame["world"].astype(int), driven.frame["run"].astype(int), strict=True))
+    found = [key for key in known if not worlds or key[0] == worlds[0]]
+    if not found:
+        numbers = sorted({world for world, _ in known})
+        shown = ", ".join(map(str, numbers[:12])) + (", …" if len(numbers) > 12 else "")
+        raise InputError(f"world is {worlds[0]}: {driven.run_dir} has only {shown}")
+    return found[0]

@@ -1,0 +1,242 @@
+"""The expected time to the target that LME+ finds at one decision, with its points and candidates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lme.geometry.frames import to_robot
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.maintenance import Choice
+from lme.guides.lme_plus.criteria import Sight
+from lme.guides.lme_plus.guide import LmePlus
+from lme.types import Bools, Floats
+from runners.config import build
+from runners.reports.figures import robot_view as view
+from runners.reports.figures.driven_runs import (
+    DrivenRun,
+    Guided,
+    Shot,
+    StepConfig,
+    candidate_reach,
+    draw_heading,
+    draw_shots,
+    heading,
+    heading_height,
+    shots,
+)
+from runners.reports.figures.robot_view import draw_key, line, mark
+from runners.reports.figures.scene import Box, frame_panel
+from runners.reports.figures.style import BLUE, FRAME, GREEN, INK, VERMILION, new_figure
+from runners.workers.trace import Trace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PAGE_IN, EDGE_IN, GAP_IN, WIDE_IN, BAR_IN = 7.0, 0.08, 0.2, 4.9, 0.1
+CANDIDATES = "viridis"  # as in the other figures
+FIELD, PALEST, DARKEST = "BuPu", 0.05, 0.55  # the pale part of it: points and candidates must stand out
+BESIDE, BEHIND = 0.72, 0.35  # of the view ahead
+LINES, NAMED = 20, 4  # of equal time at most; one of how many has a label
+CLIPPED = (5, 100)  # [percentile] ends of the colour scale of scores
+SAME_M = 1e-6  # [m] a known point this near to one of the scan is that point
+
+
+def telling_step(trace: Trace) -> int:
+    """The step of the most telling decision: the switch to a better subgoal with the longest detour.
+
+    Without such a switch, the step with the longest detour.
+    """
+    seen = sights(trace, len(trace.steps) - 1)
+    return max(range(len(seen)), key=lambda step: (_switched(trace, step), _detour(seen[step]), -step))
+
+
+LME_PLUS = Guided(LmePlus, "LME+", "lme_plus", telling_step)
+
+
+class ExpectedTime:
+    """The field of expected times in the robot frame with the heading up, and what is decided on it."""
+
+    Config = StepConfig
+    name = "expected_time"
+    drives = True
+    guided = LME_PLUS
+
+    def __init__(self, config: StepConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Draw one picture per run guided by LME+ and per requested world; return the paths."""
+        found = shots(runs, worlds, self._config.step, self.name, self.guided)
+        return draw_shots(found, expected_time_figure, stem, formats)
+
+
+def sights(trace: Trace, last: int) -> list[Sight]:
+    """The input of the criteria at each step up to the `last`, from the observations once more."""
+    guide = build.navigator(trace.config).guide
+    assert isinstance(guide, LmePlus)
+    guide.reset(np.random.default_rng(0))  # candidates change nothing of it
+    found = []
+    for step in trace.steps[: last + 1]:
+        guide.guide(step.observation)
+        sight = guide.escaper.sight
+        assert sight is not None
+        found.append(sight._replace(field=sight.field.kept()))
+    return found
+
+
+def expected_time_figure(shot: Shot) -> Figure:
+    """Draw the page of one decision."""
+    why, sight = shot.why, sights(shot.trace, shot.step)[-1]
+    lines, box = heading(shot), _box(shot)
+    tall = WIDE_IN * (box.y1 - box.y0) / (box.x1 - box.x0)
+    height = heading_height(lines) + tall + EDGE_IN
+    figure = new_figure(PAGE_IN, height, layout=None)
+    draw_heading(figure, lines)
+    axes = figure.add_axes((EDGE_IN / PAGE_IN, EDGE_IN / height, WIDE_IN / PAGE_IN, tall / height))
+    frame_panel(axes, box)
+    bars = [_draw_field(axes, sight), _draw_candidates(axes, why)]
+    _draw_points(axes, why, sight)
+    view.draw_range(axes, why, candidate_reach(shot.trace))
+    view.draw_target(axes, why.view.target, written=True)
+    view.draw_robot(axes, shot.trace.robot.footprint)
+    view.draw_subgoals(axes, why)
+    view.draw_scale(axes, box)
+    _draw_side(figure, bars, why, EDGE_IN + tall)
+    return figure
+
+
+def _box(shot: Shot) -> Box:
+    """The range of candidates ahead, part of it to the sides, and behind less, unless the target is there."""
+    far = view.MARGIN * candidate_reach(shot.trace)
+    behind = min(1.1 * float(shot.why.view.target[0]), -BEHIND * far)
+    return Box(-BESIDE * far, max(behind, -far), BESIDE * far, far)
+
+
+def _switched(trace: Trace, step: int) -> bool:
+    why = trace.steps[step].explanation
+    return why is not None and why.decision.choice is Choice.BETTER
+
+
+def _detour(sight: Sight) -> float:
+    """Expected time beyond that of the straight line to the target [s]; 0 if no way is known."""
+    straight = math.dist(sight.field.here, sight.field.target) / sight.v_max
+    return sight.field.robot_time - straight if math.isfinite(sight.field.robot_time) else 0.0
+
+
+def _draw_field(axes: Axes, sight: Sight) -> Any:
+    """Draw T in colours with lines of equal time, and the fastest way; return what the colour bar shows."""
+    times, grid = sight.field.times[1:-1, 1:-1], sight.field.grid
+    edges = grid.cell * np.arange(grid.size + 1)
+    corners, centres = (_on_page(sight, edges + shift) for shift in (0.0, grid.cell / 2))
+    known = np.ma.masked_invalid(times)
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    x, y = centres[:-1, :-1].transpose(2, 0, 1)
+    shown = known[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
+    ends: dict[str, Any] = {"vmin": shown.min(), "vmax": shown.max()}
+    mesh = axes.pcolormesh(
+        *corners.transpose(2, 0, 1), known, cmap=_pale_colormap(), rasterized=True, zorder=0, **ends
+    )
+    levels = _levels(**ends)
+    lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
+    whole = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
+    axes.clabel(lines, levels[whole], fontsize=7, fmt="%g s")
+    way = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size)[0])
+    axes.plot(*np.vstack([[0.0, 0.0], way]).T, color=INK, linestyle="--", linewidth=1.2, zorder=5)
+    return mesh
+
+
+def _on_page(sight: Sight, along: Any) -> Floats:
+    """(K, K, 2) page coordinates of the places with these (K,) distances from the grid's corner on both axes."""
+    grid = sight.field.grid
+    places = np.stack(np.meshgrid(grid.x + along, grid.y + along, indexing="ij"), axis=-1)
+    return view.upwards(to_robot(places.reshape(-1, 2), sight.pose)).reshape(*places.shape)
+
+
+def _pale_colormap() -> Any:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps[FIELD](np.linspace(PALEST, DARKEST, 256)))
+
+
+def _levels(vmin: float, vmax: float) -> Floats:
+    from matplotlib.ticker import MaxNLocator
+
+    return np.asarray(MaxNLocator(LINES, steps=[1, 2.5, 5, 10]).tick_values(vmin, vmax))
+
+
+def _draw_candidates(axes: Axes, why: Explanation) -> Any:
+    """Draw reachable candidates coloured by score, the others as rings; return what the colour bar shows."""
+    reachable = _reachable(why)
+    x, y = view.upwards(why.candidates).T
+    axes.scatter(
+        x[~reachable], y[~reachable], s=14, facecolors="none", edgecolors=INK, linewidths=0.5, zorder=4
+    )
+    below = why.scores[reachable] - why.scores.max()
+    low, high = np.percentile(below, CLIPPED) if len(below) else (0.0, 1.0)
+    look: dict[str, Any] = {"edgecolors": INK, "linewidths": 0.4, "zorder": 6, "vmin": low, "vmax": high}
+    return axes.scatter(x[reachable], y[reachable], s=22, c=below, cmap=CANDIDATES, **look)
+
+
+def _reachable(why: Explanation) -> Bools:
+    return np.asarray(why.features[why.names.index("c_o")] > 0.0)
+
+
+def _draw_points(axes: Axes, why: Explanation, sight: Sight) -> None:
+    """Draw the points of the scan, and those that are remembered."""
+    scan = why.view.points
+    remembered = sight.points
+    if len(scan):
+        remembered = remembered[cKDTree(scan).query(remembered)[0] > SAME_M]
+    for points, colour in ((remembered, BLUE), (scan, VERMILION)):
+        axes.plot(*view.upwards(points).T, "o", color=colour, markersize=2.2, markeredgewidth=0, zorder=3)
+
+
+def _draw_side(figure: Figure, bars: Sequence[Any], why: Explanation, top: float) -> None:
+    """Draw colour bars and the key next to the panel, from `top` [in] down."""
+    height = figure.get_figheight()
+    left, width = EDGE_IN + WIDE_IN + GAP_IN, PAGE_IN - 2 * EDGE_IN - WIDE_IN - 2 * GAP_IN
+    titles = ("expected time to the target [s]", "score below the best")
+    for number, (drawn, title) in enumerate(zip(bars, titles, strict=True)):
+        y = top - 0.3 - 0.55 * number
+        at = (left / PAGE_IN, y / height, width / PAGE_IN, BAR_IN / height)
+        bar = figure.colorbar(drawn, cax=figure.add_axes(at), orientation="horizontal")
+        bar.outline.set_linewidth(0.4)
+        bar.ax.locator_params(nbins=5)
+        bar.ax.tick_params(labelsize=7, labelcolor=INK, length=2, width=0.5, pad=1.5)
+        bar.ax.set_title(title, fontsize=7, color=INK, pad=3)
+    at_key = (left / PAGE_IN, (top - 1.15) / height)
+    look = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
+    draw_key(figure, _key(why), at_key, "upper left", labelspacing=0.45, **look)
+
+
+def _key(why: Explanation) -> list[Any]:
+    from matplotlib.patches import Patch
+
+    rival = view.rival_subgoal(why)
+    outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
+    ring = {"marker": "o", "markersize": 4, "markeredgecolor": INK, "markeredgewidth": 0.5}
+    entries = [
+        mark("chosen subgoal", color=GREEN, **view.STAR),
+        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
+        mark("reachable candidate", color="#21918c", **ring),
+        mark("candidate, not reachable", color="none", **ring),
+        mark("point of the scan", color=VERMILION, marker="o", markersize=3, markeredgewidth=0),
+        mark("remembered point", color=BLUE, marker="o", markersize=3, markeredgewidth=0),
+        Patch(facecolor="white", edgecolor=FRAME, label="no passage, or not searched"),
+        line("fastest way", color=INK, linestyle="--", linewidth=1.2),
+        line("line of equal time", color=INK, linewidth=0.4),
+        line("target direction", color=INK, linewidth=0.9),
+        mark("robot, heading up", marker="s", color="white", markeredgecolor=INK, markersize=6),
+        line("range of candidates", color=INK, linestyle=":", linewidth=0.9),
+    ]
+    return [entry for entry in entries if entry]

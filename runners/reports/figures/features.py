@@ -1,0 +1,227 @@
+"""Each criterion and the score S of the candidates of one decision (paper Figs. "Visualization of features")."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, nearest
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.score import CRITERIA
+from lme.types import Bools, Floats
+from runners.reports.figures import robot_view as view
+from runners.reports.figures.driven_runs import (
+    LME,
+    DrivenRun,
+    Shot,
+    StepConfig,
+    candidate_reach,
+    draw_shots,
+    shots,
+)
+from runners.reports.figures.feature_page import FeaturePage
+from runners.reports.figures.robot_view import draw_key
+from runners.reports.figures.style import BLUE, INK, symbol
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+VALUES = ("raw", "weighted")
+COLOURS = "viridis"  # from dark to light: readable with any colour vision and in grey
+NO, YES = 0.0, 1.0  # on the colour scale, for a feature with two values only
+TWO_NAMES = {  # what 0 and 1 mean for the paper's collision features
+    "c_o": (": way blocked", ": way free"),
+    "c_t": (": target blocked", ": target free"),
+    "c_h": (": visited", ": not visited"),
+}
+UNITS = {"a_close": "m", "a_dev": "rad", "a_mount": "m"}
+
+
+@dataclass(slots=True)
+class FeaturesConfig(StepConfig):
+    """What `lme figure features` shows."""
+
+    criteria: list[str] | None = None  # null: all
+    values: str = "raw"
+    percentiles: list[float] = field(default_factory=lambda: [5.0, 95.0])
+
+    def __post_init__(self) -> None:
+        StepConfig.__post_init__(self)  # super() fails in a dataclass with slots
+        if self.values not in VALUES:
+            raise InputError(f"figure.values is {self.values!r}: must be one of {', '.join(VALUES)}")
+        low, high = (*self.percentiles, math.nan, math.nan)[:2]
+        if len(self.percentiles) != 2 or not 0 <= low < high <= 100:
+            raise InputError(
+                f"figure.percentiles is {self.percentiles}: must be two of 0 to 100, the lower first"
+            )
+
+
+class _Layer(NamedTuple):
+    """One panel. values: (N,), one per candidate. lettered: whether E1, E2, A and B get their names.
+
+    yes: (N,) whether the feature is 1, and names: of 0 and of 1, for a feature with two values only.
+    """
+
+    title: str
+    values: Floats
+    lettered: bool
+    yes: Bools | None = None
+    names: tuple[str, str] = ("", "")
+
+
+class Features:
+    """One panel for each criterion and one for S, in the robot frame with the heading up."""
+
+    Config = FeaturesConfig
+    name = "features"
+    drives = True
+    guided = LME
+
+    def __init__(self, config: FeaturesConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Draw one picture per run guided by LME and per requested world; return the paths."""
+        found = shots(runs, worlds, self._config.step, self.name)
+        return draw_shots(found, lambda shot: features_figure(shot, self._config), stem, formats)
+
+
+def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
+    """Draw the page of one decision. Raises InputError for an unknown criterion."""
+    layers = [_layer(shot.why, name, config.values) for name in chosen_criteria(shot.why, config.criteria)]
+    layers.append(_Layer("$S$, the weighted sum", shot.why.scores, lettered=True))
+    page = FeaturePage(shot, len(layers))
+    for index, layer in enumerate(layers):
+        axes = page.panel(index, layer.title)
+        _draw_scene(axes, shot, layer.lettered)
+        if layer.yes is not None:
+            _draw_two(page, index, axes, layer, shot.why)
+        else:
+            _draw_many(page, index, axes, layer, shot.why, config.percentiles)
+    page.label(config.percentiles)
+    return page.figure
+
+
+def chosen_criteria(why: Explanation, asked: Sequence[str] | None) -> list[str]:
+    """Names of the criteria to draw, without S; all where `asked` is None. Raises InputError for an unknown one."""
+    if asked is None:
+        return list(why.names)
+    names = [name for name in asked if name != "S"]
+    for name in names:
+        if name not in why.names:
+            raise InputError(
+                f"figure.criteria has {name!r}: {nearest(name, why.names)}the criteria are {', '.join(why.names)}"
+            )
+    return names
+
+
+def _layer(why: Explanation, name: str, values: str) -> _Layer:
+    row = why.names.index(name)
+    weight, raw = float(why.parameters.weights[row]), why.features[row]
+    weighted = values == "weighted"
+    letter = f"w_{row + 1}" if name in CRITERIA else "w"
+    unit = "" if weighted or name not in UNITS else f" [{UNITS[name]}]"
+    title = f"{symbol(name)}{unit} (${letter}$ = {weight:g})"
+    layer = _Layer(
+        f"${letter}$ {title}" if weighted else title,
+        raw * weight if weighted else raw,
+        lettered=name == "a_mount",
+    )
+    if not _is_two(name, raw):
+        return layer
+    no, yes = TWO_NAMES.get(name, ("", ""))
+    return layer._replace(yes=raw > 0, names=(f"0{no}", f"{weight if weighted else 1:g}{yes}"))
+
+
+def _is_two(name: str, raw: Floats) -> bool:
+    """Whether a feature has only the values 0 and 1. A custom criterion counts only if both occur."""
+    values = set(np.unique(raw))
+    return values == {0.0, 1.0} or (name in TWO_NAMES and values <= {0.0, 1.0})
+
+
+def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
+    """Draw what all panels share."""
+    why, seen = shot.why, shot.why.view
+    view.draw_range(axes, why, candidate_reach(shot.trace))
+    view.draw_scan(axes, why, 1.6)
+    view.draw_history(axes, seen.history, 2.2)
+    view.draw_robot(axes, shot.trace.robot.footprint)
+    view.draw_target(axes, seen.target)
+    if seen.blockage is not None:
+        view.draw_contour(axes, seen.blockage.points, seen.radius, BLUE)
+        rival = view.rival_subgoal(why)
+        stars = [why.decision.subgoal, *([] if rival is None else [rival[1]])]
+        view.draw_letters(axes, view.letters(seen.blockage, brief=True), 2.6, lettered, stars)
+    view.draw_subgoals(axes, why)
+
+
+def _draw_many(
+    page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Explanation, percentiles: Sequence[float]
+) -> None:
+    """Draw the candidates coloured by value, and a colour bar."""
+    values = layer.values + 0.0  # turns -0.0 into 0.0
+    order = np.argsort(values, kind="stable")  # the best on top
+    if values[order[0]] == values[order[-1]]:
+        _draw_points(axes, why.candidates, np.full(len(values), 0.5))
+        look: dict[str, Any] = {"va": "top", "ha": "center", "fontsize": 7, "color": INK}
+        page.figure.text(*page.below(index), f"\n{values[0]:g} for all candidates", **look)
+        return
+    low, high = clipped_range(values, percentiles)
+    points = _draw_points(axes, why.candidates[order], values[order], low, high)
+    beyond = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
+    bar = page.figure.colorbar(
+        points,
+        cax=page.bar(index),
+        orientation="horizontal",
+        extend=beyond[bool(values.min() < low), bool(values.max() > high)],
+        extendfrac=0.06,
+    )
+    bar.outline.set_linewidth(0.4)
+    bar.ax.locator_params(nbins=4)
+    bar.ax.tick_params(labelsize=7, labelcolor=INK, length=2, width=0.5, pad=1.5)
+
+
+def clipped_range(values: Floats, percentiles: Sequence[float]) -> tuple[float, float]:
+    """Ends of the colour scale: these percentiles, or the extremes if the percentiles are equal."""
+    low, high = np.percentile(values, percentiles)
+    return (float(low), float(high)) if low < high else (float(values.min()), float(values.max()))
+
+
+def _draw_two(page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Explanation) -> None:
+    """Draw the candidates in two colours, and a key with the count of each."""
+    from matplotlib.lines import Line2D
+
+    assert layer.yes is not None
+    look: dict[str, Any] = {
+        "marker": "o",
+        "linestyle": "",
+        "markersize": 3.5,
+        "markeredgecolor": INK,
+        "markeredgewidth": 0.3,
+    }
+    marks = []
+    for which, value, name in ((layer.yes, YES, layer.names[1]), (~layer.yes, NO, layer.names[0])):
+        points = _draw_points(axes, why.candidates[which], np.full(int(which.sum()), value))
+        marks.append(Line2D([], [], color=points.cmap(value), label=f"{name} ({which.sum()})", **look))
+    legend: dict[str, Any] = {
+        "frameon": False,
+        "fontsize": 7,
+        "labelcolor": INK,
+        "borderaxespad": 0.2,
+        "handletextpad": 0.1,
+    }
+    draw_key(page.figure, marks, page.below(index), "upper center", labelspacing=0.15, **legend)
+
+
+def _draw_points(axes: Axes, candidates: Floats, values: Floats, low: float = 0.0, high: float = 1.0) -> Any:
+    edge: dict[str, Any] = {"edgecolors": INK, "linewidths": 0.15}
+    x, y = view.upwards(candidates).T
+    return axes.scatter(x, y, s=7, c=values, cmap=COLOURS, vmin=low, vmax=high, zorder=2, **edge)

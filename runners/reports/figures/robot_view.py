@@ -1,0 +1,304 @@
+"""What the robot sees and decides, drawn in the robot frame with the heading up, as in the paper's figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.surmount import Blockage, sector_points
+from lme.robots import Footprint
+from lme.types import Floats
+from runners.reports.figures.scene import Box, outline
+from runners.reports.figures.style import BLUE, GREEN, INK, PURPLE, VERMILION
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+SECTORS = ((VERMILION, "o"), (PURPLE, "s"), (INK, "^"))  # colour and marker; neighbours never share one
+MARGIN = 1.09  # the view reaches this many times the candidates' range
+CELLS = 240  # of the grid that a contour is traced on, along each side
+# Greens of a history: the oldest position light, the newest dark.
+OLD: Floats = np.array([0.78, 0.91, 0.86])
+YOUNG: Floats = np.array([0.0, 0.30, 0.22])
+LETTER_PT = 8.0
+HALO_PT = 2.5  # white around letters
+STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "markersize": 10, "markeredgecolor": "white"}
+
+
+class Letter(NamedTuple):
+    """A named point. away: (2,) unit vector on the page, from the point to its name."""
+
+    text: str
+    point: Floats
+    away: Floats
+
+
+def upwards(points: Floats) -> Floats:
+    """Points of the robot frame (x ahead, y left) on the page with the heading up: (..., 2)."""
+    return np.stack([-points[..., 1], points[..., 0]], axis=-1)
+
+
+def reach_box(candidates: Floats, reach_m: float) -> Box:
+    """The view of the candidates' range; behind the robot it reaches only as far as the candidates."""
+    far = MARGIN * reach_m
+    low = min(float(candidates[:, 0].min()) - (MARGIN - 1) * reach_m, -0.2 * reach_m)
+    return Box(-far, max(low, -far), far, far)
+
+
+def draw_scale(axes: Axes, box: Box) -> None:
+    """Draw a scale bar of one metre in the lower left corner of a framed panel."""
+    x, y = box.x0 + 0.04 * (box.x1 - box.x0), box.y0 + 0.04 * (box.y1 - box.y0)
+    axes.plot([x, x + 1.0], [y, y], color=INK, linewidth=1.4, zorder=9, path_effects=halo())
+    look: dict[str, Any] = {"fontsize": 7, "color": INK, "va": "center", "zorder": 9, "path_effects": halo()}
+    axes.annotate("1 m", (x + 1.0, y), (3, 0), textcoords="offset points", **look)
+
+
+def sector_styles(count: int) -> list[tuple[str, str]]:
+    """(colour, marker) of each sector around the robot, the last a neighbour of the first."""
+    styles = [SECTORS[index % 3] for index in range(count)]
+    if count > 1 and count % 3 == 1:
+        styles[-1] = SECTORS[1]
+    return styles
+
+
+def draw_scan(axes: Axes, why: Explanation, size_pt: float, markers: bool = False) -> None:
+    """Draw scan points in the colours of their sectors."""
+    styles = sector_styles(len(why.sectors))
+    for sector, (colour, marker) in zip(why.sectors, styles, strict=True):
+        points = upwards(sector_points(why.view.points, sector))
+        shape = marker if markers else "o"
+        axes.plot(*points.T, shape, color=colour, markersize=size_pt, markeredgewidth=0, zorder=3)
+
+
+def draw_contour(axes: Axes, points: Floats, radius: float, colour: str, width_pt: float = 1.2) -> None:
+    """Draw the line at distance `radius` [m] from points of the robot frame."""
+    x0, y0, x1, y1 = _corners(axes)
+    x, y = np.linspace(x0, x1, CELLS), np.linspace(y0, y1, CELLS)
+    page = np.stack(np.meshgrid(x, y), axis=-1)
+    distance = np.asarray(cKDTree(upwards(points)).query(page)[0])
+    if distance.min() < radius < distance.max():
+        axes.contour(x, y, distance, levels=[radius], colors=[colour], linewidths=[width_pt], zorder=5)
+
+
+def draw_robot(axes: Axes, footprint: Footprint) -> None:
+    """Draw the footprint, and the heading as a line to its front."""
+    around = upwards(outline(footprint))
+    axes.fill(*around.T, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=7)
+    axes.plot([0, 0], [0, around[:, 1].max()], color=INK, linewidth=0.8, zorder=7)
+
+
+def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = False) -> None:
+    """Draw a line to the target T with a cross on it, or an arrow to the edge if T is outside the panel."""
+    x, y = upwards(target)
+    part = _share_inside(x, y, Box(*_corners(axes)))
+    tip = target if part == 1.0 else 0.98 * part * target
+    if part == 1.0:
+        axes.plot([0, x], [0, y], color=INK, linewidth=0.9, zorder=4)
+        axes.plot(x, y, "x", color=colour, markersize=6, markeredgewidth=1.8, zorder=8)
+    else:
+        style: dict[str, Any] = {
+            "arrowstyle": "-|>",
+            "color": INK,
+            "linewidth": 0.9,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        }
+        end_x, end_y = upwards(tip)
+        axes.annotate("", (end_x, end_y), (0.0, 0.0), arrowprops={**style, "mutation_scale": 7}, zorder=4)
+    if written:
+        across = np.array([y, -x]) / max(math.hypot(x, y), 1e-9)
+        write(axes, Letter("$T$", tip, across), 9)
+
+
+def draw_range(axes: Axes, why: Explanation, reach_m: float) -> None:
+    """Draw the arc at the candidates' range, over the bearings of the candidates."""
+    bearings = np.arctan2(why.candidates[:, 1], why.candidates[:, 0])
+    around = np.linspace(bearings.min(), bearings.max(), 181)
+    arc = upwards(reach_m * np.column_stack([np.cos(around), np.sin(around)]))
+    axes.plot(*arc.T, color=INK, linestyle=":", linewidth=0.7, zorder=1)
+
+
+def draw_history(axes: Axes, history: Floats, size_pt: float) -> None:
+    """Draw recent positions, oldest first; later ones are darker."""
+    if len(history):
+        look: dict[str, Any] = {"c": greens(len(history)), "edgecolors": INK, "linewidths": 0.3}
+        x, y = upwards(history).T
+        axes.scatter(x, y, s=size_pt**2, zorder=6, **look)
+
+
+def greens(count: int) -> Floats:
+    """(count, 3) colours from the oldest, light, to the newest, dark."""
+    share = np.linspace(0.0, 1.0, count)[:, None] if count > 1 else np.ones((1, 1))
+    return (1 - share) * OLD + share * YOUNG
+
+
+def draw_subgoals(axes: Axes, why: Explanation) -> None:
+    """Draw the chosen subgoal and its rival: the old one after a switch, else the best new one."""
+    rival = rival_subgoal(why)
+    if rival is not None:
+        marker, size = ("*", 9) if why.decision.choice.switched else ("o", 7)
+        look: dict[str, Any] = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
+        axes.plot(*upwards(rival[1]), marker, zorder=9, **look)
+    axes.plot(*upwards(why.decision.subgoal), color=GREEN, zorder=10, **STAR)
+
+
+def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
+    """Name and position of the subgoal that was not chosen; None at the first step."""
+    if why.old is None:
+        return None
+    if why.decision.choice.switched:
+        return "old subgoal, given up", why.old
+    return "best new one, not taken", why.candidates[why.new]
+
+
+def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
+    """E1, E2, A and B. The end that is A is labelled "A = E1" or "A = E2"; `brief`: only "A"."""
+    ends = ((blockage.E1, "$E_1$", 1.0), (blockage.E2, "$E_2$", -1.0))  # clockwise end first
+    named = []
+    for end, name, turn in ends:
+        whole = "$A$" if brief else f"$A$ = {name}"
+        text = whole if np.array_equal(end, blockage.A) else name
+        outwards = upwards(end) / math.hypot(end[0], end[1])
+        named.append(Letter(text, end, turn * np.array([outwards[1], -outwards[0]])))
+    named.append(Letter("$B$", blockage.B, upwards(blockage.A) / math.hypot(*blockage.A)))
+    return named
+
+
+def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
+    """The blocking sector if any of its points lies in the box, else None."""
+    blockage = why.view.blockage
+    if blockage is None or not any(is_inside(point, box) for point in blockage.points):
+        return None
+    return blockage
+
+
+def draw_letters(
+    axes: Axes, marked: Sequence[Letter], size_pt: float, written: bool, clear_of: Sequence[Floats] = ()
+) -> None:
+    """Draw marks at the ends, A and B, with names if `written`. clear_of: (2,) points that no name may hide."""
+    for letter in marked:
+        face = BLUE if letter.text == "$B$" else "white"
+        x, y = upwards(letter.point)
+        axes.plot(x, y, "o", markersize=size_pt, markerfacecolor=face, markeredgecolor=BLUE, zorder=8)
+        if written and is_inside(letter.point, Box(*_corners(axes))):
+            write(axes, _avoid_points(axes, letter, 7 + size_pt / 2, clear_of), 7 + size_pt / 2)
+
+
+def _avoid_points(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
+    """The letter, moved to another side if it would hide one of these points."""
+    dots = axes.figure.dpi / 72
+    point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
+    x, y = letter.away
+    for away in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
+        middle = point + (away_pt + LETTER_PT / 2) * dots * away
+        if all(math.dist(middle, other) >= LETTER_PT * dots for other in others):
+            return letter._replace(away=away)
+    return letter
+
+
+def write(axes: Axes, letter: Letter, away_pt: float) -> None:
+    """Write a name next to its point, moved into the panel if it would leave it."""
+    dots = axes.figure.dpi / 72
+    at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
+    edge = 9 * dots
+    inside = np.clip(at, np.array(axes.bbox.min) + edge, np.array(axes.bbox.max) - edge)
+    x, y = axes.transData.inverted().transform(inside)
+    look: dict[str, Any] = {
+        "fontsize": LETTER_PT,
+        "color": INK,
+        "va": "center",
+        "zorder": 11,
+        "path_effects": halo(),
+    }
+    axes.text(x, y, letter.text, ha=_side(letter.away[0]), **look)
+
+
+def halo() -> list[Any]:
+    """A white outline that keeps text readable on any background."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=HALO_PT, foreground="white")]
+
+
+def is_inside(point: Floats, box: Box) -> bool:
+    """Whether a point of the robot frame lies in this box of the page."""
+    x, y = upwards(point)
+    return _share_inside(x, y, box) == 1.0
+
+
+def _corners(axes: Axes) -> tuple[float, float, float, float]:
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    return x0, y0, x1, y1
+
+
+def _share_inside(x: float, y: float, box: Box) -> float:
+    """The largest t ≤ 1 with t·(x, y) in the box, which contains the origin."""
+    across = (box.x1 if x > 0 else box.x0) / x if x else math.inf
+    along = (box.y1 if y > 0 else box.y0) / y if y else math.inf
+    return min(across, along, 1.0)
+
+
+def _side(x: float) -> str:
+    return "left" if x > 0.35 else "right" if x < -0.35 else "center"
+
+
+def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
+    """Entries of the key, for the marks that the view has."""
+    rival, blockage = rival_subgoal(why), blockage_seen(why, box)
+    outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
+    entries = [
+        mark("chosen subgoal", color=GREEN, **STAR),
+        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
+        mark("robot, heading up", marker="s", color="white", markeredgecolor=INK, markersize=6),
+        line("target direction", color=INK, linewidth=0.9),
+        is_inside(why.view.target, box)
+        and mark("target", marker="x", color=INK, markersize=6, markeredgewidth=1.8),
+        len(why.view.points) and _sectors_mark("scan, by sector", "ooo"),
+        blockage and line("blocking sector", color=BLUE, linewidth=1.2),
+        blockage
+        and mark("its ends $E_1$, $E_2$", color="white", marker="o", markeredgecolor=BLUE, markersize=4),
+        blockage and mark("$B$, $r$ beyond $A$", color=BLUE, marker="o", markersize=4),
+        len(why.view.history) and mark("recent positions", color=greens(2)[1], marker="o", markersize=4),
+        line(f"range of candidates, {reach_m:g} m", color=INK, linestyle=":", linewidth=0.9),
+    ]
+    return [entry for entry in entries if entry]
+
+
+def _sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
+    """One entry of a key with a mark in each sector colour."""
+    colours = [colour for colour, _ in SECTORS]
+    return tuple(
+        mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
+        for colour, marker in zip(colours, markers, strict=True)
+    )
+
+
+def draw_key(figure: Figure, entries: Sequence[Any], at: tuple[float, float], loc: Any, **look: Any) -> None:
+    """Draw a legend with its corner or edge `loc` at this point of the page."""
+    from matplotlib.legend_handler import HandlerTuple
+
+    labels = [(entry[0] if isinstance(entry, tuple) else entry).get_label() for entry in entries]
+    handlers = {tuple: HandlerTuple(ndivide=None, pad=0.0)}
+    figure.legend(entries, labels, loc=loc, bbox_to_anchor=at, handler_map=handlers, **look)
+
+
+def mark(label: str, **look: Any) -> Artist:
+    """An entry of a key: a point."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **{"linestyle": "", **look})
+
+
+def line(label: str, **look: Any) -> Artist:
+    """An entry of a key: a line."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **look)

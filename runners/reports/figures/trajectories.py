@@ -1,0 +1,288 @@
+"""Paths of several systems: side by side, one row per place, or overlaid, one panel per place."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, require
+from runners.config.escaping import plot_text
+from runners.records.trust import UntrustedError
+from runners.reports.figures.driven_runs import DrivenRun, runs_of
+from runners.reports.figures.layout import Around, aspect_of, best_columns, lay_out, wrapped
+from runners.reports.figures.panels import (
+    SCALE,
+    SYSTEMS,
+    Look,
+    Panel,
+    draw_panel,
+    ends_before,
+    episodes_of,
+    footer_height_in,
+    least_in,
+    scale_drop_pt,
+    steps_of,
+)
+from runners.reports.figures.scene import Box, common_box, legend_keys, same_size, scale_bar
+from runners.reports.figures.stage import SUBGOAL, DrivenPlace, places, stage_keys
+from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
+from runners.reports.plots.paths import without_steps
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+NAME = "side_by_side"
+ROWS, COLUMNS = 6, 6  # at most: more cannot be read on a page
+PANEL_IN, TALL_IN = 2.3, 9.6  # of a panel in a sweep's picture; height of all rows, at most
+ROW_IN = 0.35  # approximate height of the texts above and below a row
+WIDEST_IN = 3.5  # a panel alone on its page
+LINE_IN, LETTER_IN, LABEL_IN = 0.16, 0.07, 0.28  # a line of text, a letter, the name of a row
+LEAST_IN = 4.2  # minimum width for the key
+PAGE_IN = (7.2, 5.0)  # page that panels of one system, or of overlaid systems, may fill
+ORDERS = {"faded": "subgoals, later ones stronger", "numbered": "some subgoals in order"}
+SUBGOALS = ("none", *ORDERS)
+LAYOUTS = ("side_by_side", "overlaid")
+KEYS: dict[str, Any] = {"frameon": False, "fontsize": 7.5, "labelcolor": INK}
+_SECONDS = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
+
+
+@dataclass(slots=True)
+class TrajectoriesFigureConfig:
+    """How the paths of several systems are shown."""
+
+    layout: str = "side_by_side"
+    moment: Any = None
+    subgoals: str = "none"
+    width: float = 7.2  # [in]
+
+    def __post_init__(self) -> None:
+        for key, values in (("layout", LAYOUTS), ("subgoals", SUBGOALS)):
+            if getattr(self, key) not in values:
+                raise InputError(f"figure.{key} is {getattr(self, key)!r}: must be {' or '.join(values)}")
+        require("figure.width", self.width, at_least=2.0)
+        moment(self.moment)
+
+
+class Trajectories:
+    """The kind `trajectories` of `lme figure`."""
+
+    Config = TrajectoriesFigureConfig
+    name = "trajectories"
+    drives = True
+    guided = None
+
+    def __init__(self, config: TrajectoriesFigureConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Draw the runs, save the figure as `stem`.png, …, and return the paths.
+
+        worlds: one row or panel each; empty: a sample. Raises InputError if the panels do not fit on a page.
+        """
+        overlaid = self._config.layout == "overlaid"
+        look = Look(moment(self._config.moment), self._config.subgoals, _styles(runs) if overlaid else {})
+        rows = _rows(runs, places(runs, worlds), look, self._config.width)
+        return save(_draw_page(rows, look, self._config.width), stem, formats)
+
+
+def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
+    """Draw the paths of every run of a sweep, save them in `folder` as PNG and PDF, and return the paths.
+
+    Draws nothing for a single system, or for more systems than fit on a page; warns if steps were deleted, and if a
+    run names code or files that may not be used, since tables do without them.
+    """
+    try:
+        runs = runs_of(frame, run_dirs)
+    except UntrustedError as error:
+        warnings.warn(f"no picture of the paths: {error}", stacklevel=2)
+        return []
+    columns = len(_labels(runs))
+    if not 1 < columns <= COLUMNS or without_steps(run_dirs):
+        return []
+    rows = _rows(runs, places(runs)[:ROWS], Look())
+    return save(_draw_page(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
+
+
+def moment(value: Any) -> int | float | None:
+    """Parse `figure.moment`: a step (int), seconds (float) or None. Raises InputError."""
+    seconds = _SECONDS.fullmatch(value) if isinstance(value, str) else None
+    if seconds is not None:
+        return float(seconds[1])
+    if value is None or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
+        return value
+    raise InputError(
+        f"figure.moment is {value!r}: must be null, the number of a step, or a time such as 12.5s"
+    )
+
+
+def _labels(runs: Sequence[DrivenRun]) -> list[str]:
+    return list(dict.fromkeys(run.label for run in runs))
+
+
+def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
+    labels = _labels(runs)
+    if len(labels) > len(SYSTEMS):
+        raise InputError(
+            f"figure.layout is overlaid: {len(labels)} systems cannot be distinguished in one panel, "
+            f"{len(SYSTEMS)} can; choose side_by_side, or fewer systems"
+        )
+    return dict(zip(labels, SYSTEMS, strict=False))
+
+
+def _rows(
+    runs: Sequence[DrivenRun], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
+) -> list[list[Panel]]:
+    """Rows of panels for a page of this width. Raises InputError for too many rows."""
+    labels = _labels(runs)
+    fitting = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
+    columns = int(max(min(fitting, COLUMNS), 1))
+    if look.systems or len(labels) == 1:
+        panels = [Panel(place.name, place, place.runs) for place in shown]
+        aspect = aspect_of(same_size([_box(place) for place in shown])[0])
+        rows = wrapped(panels, min(best_columns(len(panels), aspect, PAGE_IN, Around()), columns))
+    else:
+        rows = [
+            [Panel(label, place, tuple(run for run in place.runs if run.label == label)) for label in part]
+            for place in shown
+            for part in wrapped(labels, columns)
+        ]
+    if len(rows) > ROWS:
+        raise InputError(
+            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
+            "readable on a page: choose fewer with world="
+        )
+    return rows
+
+
+def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
+    panels = [panel for row in rows for panel in row]
+    boxes = {panel.place: _box(panel.place) for panel in panels}
+    if _is_wrapped(rows):
+        boxes = dict(zip(boxes, same_size(list(boxes.values())), strict=True))
+    shown = [[boxes[panel.place] for panel in row] for row in rows]
+    keys = _keys(panels, look)
+    page = _widest_page(rows, shown, look, keys, width_in)
+    figure = new_figure(width_in, TALL_IN, layout=None)
+    all_axes = lay_out(figure, shown, page.panel, page.around, page.width)
+    for row, row_axes in zip(rows, all_axes, strict=True):
+        scale_bar(row_axes[0], boxes[row[0].place], SCALE, scale_drop_pt(panels, look, page.panel))
+        if not _is_wrapped(rows):
+            row_axes[0].set_ylabel(plot_text(row[0].place.name), fontsize=8, color=INK, labelpad=4)
+        for panel, axes in zip(row, row_axes, strict=True):
+            draw_panel(axes, panel, look, boxes[panel.place])
+            if row is rows[0] or not _is_repeated(rows):
+                axes.set_title(plot_text(page.titles[panel.title]), fontsize=8.5, color=INK, pad=3)
+    figure.legend(handles=keys, loc="lower center", ncols=_key_columns(keys, page.width), **KEYS)
+    return figure
+
+
+class _Page(NamedTuple):
+    """Widths of the figure and of a panel, and the space around panels [in]; titles wrapped to fit."""
+
+    width: float
+    panel: float
+    around: Around
+    titles: dict[str, str]
+
+
+def _widest_page(
+    rows: Sequence[Sequence[Panel]],
+    shown: Sequence[Sequence[Box]],
+    look: Look,
+    keys: Sequence[Line2D],
+    width_in: float,
+) -> _Page:
+    """The page with the widest panels that `width_in` and the page height allow."""
+    left = Around().left if _is_wrapped(rows) else LABEL_IN
+    columns = max(map(len, rows))
+    panel = min((width_in - left) / columns - Around().gap, WIDEST_IN)
+    tall = (PAGE_IN[1] if _is_wrapped(rows) else TALL_IN) - ROW_IN * len(rows)
+    least = least_in([run.label for row in rows for each in row for run in each.runs], look)
+    panel = min(panel, max(least, tall / sum(max(map(aspect_of, row)) for row in shown)))
+    width = max(columns * (panel + Around().gap) + left, min(width_in, LEAST_IN))
+    names = dict.fromkeys(each.title for row in rows for each in row)
+    titles = {name: textwrap.fill(name, max(int(panel / LETTER_IN), 8)) for name in names}
+    title = LINE_IN * (1 + max(text.count("\n") for text in titles.values())) + 0.05
+    key_lines = math.ceil(len(keys) / _key_columns(keys, width))
+    foot = footer_height_in([each for row in rows for each in row], look, panel)
+    above = {"title": 0.04, "header": title} if _is_repeated(rows) else {"title": title, "header": 0.04}
+    return _Page(
+        width, panel, Around(foot=foot, left=left, footer=LINE_IN * key_lines + 0.1, **above), titles
+    )
+
+
+def _key_columns(keys: Sequence[Line2D], width_in: float) -> int:
+    longest = max(len(str(key.get_label())) for key in keys)
+    return max(min(len(keys), int(width_in / (0.5 + 0.055 * longest))), 1)
+
+
+def _is_wrapped(rows: Sequence[Sequence[Panel]]) -> bool:
+    """Whether panels show different places instead of different systems."""
+    return rows[0][0].title == rows[0][0].place.name
+
+
+def _is_repeated(rows: Sequence[Sequence[Panel]]) -> bool:
+    """Whether every row has the same titles, so that only the first row needs them."""
+    return all([panel.title for panel in row] == [panel.title for panel in rows[0]] for row in rows)
+
+
+def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
+    """Entries of the key, for the lines and markers that occur."""
+    from matplotlib.lines import Line2D
+
+    shown = [(run, panel.place) for panel in panels for run in panel.runs]
+    found = {str(outcome) for run, place in shown for outcome in episodes_of(run, place)["outcome"]}
+    outcomes = [kind for kind in LEGEND_ORDER if kind in found]
+    systems = [
+        Line2D([], [], color=style.colour, linestyle=style.line, label=plot_text(label))
+        for label, style in look.systems.items()
+    ]
+    keys = [*systems, *legend_keys(outcomes, by_system=bool(look.systems))]
+    if look.subgoals == "none" and look.moment is None:
+        return keys
+    keys.append(_subgoal_key(look))
+    if look.moment is not None:
+        colour = INK if look.systems or len(outcomes) > 1 else STYLES[outcomes[0]].colour
+        keys += _moment_keys(panels, look, look.moment, colour)
+    if any(len(episodes_of(run, place)) > 1 for run, place in shown):
+        what = (
+            "subgoals" if look.moment is None else "robot" if look.subgoals == "none" else "robot, subgoals"
+        )
+        keys.append(Line2D([], [], linestyle="", label=f"{what}: 1st episode"))
+    return keys
+
+
+def _subgoal_key(look: Look) -> Line2D:
+    """The entry for subgoals. Overlaid systems colour those along the path; the one of a moment is yellow."""
+    from matplotlib.lines import Line2D
+
+    if look.subgoals == "none":
+        return Line2D([], [], marker="*", linestyle="", label="subgoal then", **SUBGOAL)
+    star = {**SUBGOAL, "color": "white"} if look.systems else SUBGOAL
+    return Line2D([], [], marker="*", linestyle="", label=ORDERS[look.subgoals], **star)
+
+
+def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str) -> list[Line2D]:
+    """Entries for the robot, its scan and movers."""
+    when = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
+    late = " or its end" if ends_before(panels, moment) else ""
+    movers = any(panel.place.task.world.movers for panel in panels)
+    return stage_keys(f"{when}{late}", colour, scan=not look.systems, movers=movers)
+
+
+def _box(place: DrivenPlace) -> Box:
+    """The box that all panels of a place show."""
+    points = [steps_of(run, place)[["x_m", "y_m"]].to_numpy() for run in place.runs]
+    return common_box([place.task], np.vstack(points))

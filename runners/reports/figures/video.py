@@ -1,0 +1,111 @@
+"""A film of an episode, several systems side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import InputError, require
+from runners.reports.figures.animation import FilmPace, Screen
+from runners.reports.figures.driven_runs import DrivenRun, chosen_world
+from runners.reports.figures.film import GIF, MP4, Picture, find_ffmpeg, write_film
+from runners.workers.trace import Trace
+
+PANELS = 6  # at most: more cannot be seen at once
+ENOUGH_S = 20.0  # longest film if no speed is given
+
+
+@dataclass(slots=True)
+class VideoConfig:
+    """How the film looks."""
+
+    format: str = GIF
+    speed: float | None = None  # simulated time per shown time
+    fps: float = 10.0  # [1/s]
+    width: int = 800  # [px]
+    candidates: bool = False
+
+    def __post_init__(self) -> None:
+        if self.format not in (GIF, MP4):
+            raise InputError(f"figure.format is {self.format!r}: must be {GIF} or {MP4}")
+        if self.format == MP4:
+            find_ffmpeg()
+        if self.speed is not None:
+            require("figure.speed", self.speed, above=0.0)
+        require("figure.fps", self.fps, above=0.0, at_most=50.0)
+        require("figure.width", self.width, at_least=200, at_most=4000)
+
+
+class Video:
+    """The kind `video` of `lme figure`."""
+
+    Config = VideoConfig
+    name = "video"
+    drives = True
+    guided = None
+
+    def __init__(self, config: VideoConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Save the film of the runs as `stem`.gif or `stem`.mp4, and return its path. formats: ignored.
+
+        Raises InputError for too many panels, or for an episode that cannot be driven again.
+        """
+        config = self._config
+        shown = _shown(runs, worlds)
+        traces = [driven.trace(world, run) for driven, world, run in shown]
+        pace, speed = _pace(traces, config)
+        note = "" if speed == 1.0 else f"{speed:.3g}× real time"
+        screen = Screen(traces, _labels(shown), config.width, candidates=config.candidates, note=note)
+        path = stem.with_name(f"{stem.name}.{config.format}")
+        pictures = _counted(screen.pictures(pace.held), len(pace.held))
+        write_film(pictures, path, pace.fps, screen.sample(pace.times))
+        return [path]
+
+
+def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
+    """Pass the pictures on, with a progress bar on standard error."""
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(pictures, "Drawing", total, console=Console(stderr=True))
+
+
+def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
+    """(driven run, world, run number) of each panel; without worlds, the first world of the first run in each place."""
+    shown = []
+    for driven in runs:
+        first = next(other for other in runs if other.place == driven.place)
+        for world in worlds or [chosen_world(first, [])[0]]:
+            shown.append((driven, *chosen_world(driven, [world])))
+    if len(shown) > PANELS:
+        raise InputError(
+            f"{len(runs)} runs make {len(shown)} panels; at most {PANELS} fit at once: choose fewer systems, or "
+            "one world"
+        )
+    return shown
+
+
+def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[FilmPace, float]:
+    """The time of each frame, and the speed relative to real time."""
+    last = max(trace.end.time for trace in traces)
+    speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
+    times = np.arange(0.0, last - 1e-9, speed / config.fps)
+    return FilmPace(np.append(times, last), config.fps), speed
+
+
+def _labels(shown: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
+    """The label above each panel: the system, the map and world, or both, whichever differ."""
+    systems = [driven.label for driven, _, _ in shown]
+    where = [f"{driven.frame['map'].iloc[0]}, world {world}" for driven, world, _ in shown]
+    if len(set(where)) == 1:
+        return systems
+    if len(set(systems)) == 1:
+        return where
+    return [f"{system}: {place}" for system, place in zip(systems, where, strict=True)]

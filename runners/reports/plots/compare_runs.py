@@ -1,0 +1,202 @@
+"""Pictures of a comparison of runs, world by world: two runs against each other, or a heat map of several."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runners.config.escaping import plot_text
+from runners.reports.analysis import paired
+from runners.reports.analysis.compare_report import NAME
+from runners.reports.analysis.compare_runs import MEASURES, Compared, RunComparison
+from runners.reports.analysis.paired import METRIC, TIE
+from runners.reports.figures.robot_view import halo
+from runners.reports.figures.style import FRAME, GREEN, GRID, INK, VERMILION, new_figure, save
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TOP = {METRIC: 0.5}  # highest value of a measure, where it is not 1
+FORMATS = ("png", "pdf")
+PAIR_IN = (9.0, 4.6)
+FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
+BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
+MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
+LABEL = 34  # letters in a line of a name
+LETTERS_PER_IN = 18  # of the note below a picture
+
+
+def compare_figures(found: Sequence[RunComparison], place: Path) -> list[Path]:
+    """Draw each comparison, save it in `place` as PNG and PDF, and return the paths of the PNGs.
+
+    Pictures of an earlier comparison that these do not replace are removed.
+    """
+    drawn: list[Path] = []
+    for number, study in enumerate(found, start=1):
+        figure = _pair(study, study.compared[0]) if len(study.compared) == 1 else _heat_map(study)
+        stem = place / (NAME if len(found) == 1 else f"{NAME}_{number}")
+        drawn += save(figure, stem, FORMATS)
+    for path in set(place.glob(f"{NAME}*.*")) - set(drawn):
+        if re.fullmatch(rf"{NAME}(_\d+)?\.({'|'.join(FORMATS)})", path.name):
+            path.unlink()
+    return [path for path in drawn if path.suffix == ".png"]
+
+
+def _pair(study: RunComparison, other: Compared) -> Figure:
+    figure = new_figure(*PAIR_IN)
+    left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.25])
+    worlds = other.worlds
+    _scatter(left, worlds, TOP.get(study.measure, 1.0))
+    header = MEASURES[study.measure].header
+    left.set_xlabel(_wrapped(f"{header}: {study.reference}"), fontsize=8.5, color=INK)
+    left.set_ylabel(_wrapped(other.name), fontsize=8.5, color=INK)
+    gain = (worlds["other"] - worlds["reference"]).sort_values(kind="stable")
+    _bars(right, gain[gain.abs() > TIE])
+    right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
+    same = len(worlds) - len(other.better) - len(other.worse)
+    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
+    note = (
+        f"{other.name} against {study.reference}, means of the runs in each world: better in {len(other.better)} "
+        f"worlds, worse in {len(other.worse)}, the same in {same}."
+    )
+    figure.supxlabel(_wrapped(note, _letters(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
+    return figure
+
+
+def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
+    """A disc per world, or for worlds at one place a larger one with their number."""
+    rounded = [tuple(np.round(row, 3)) for row in worlds[["reference", "other"]].to_numpy()]
+    axes.plot([0, top], [0, top], color=FRAME, linewidth=1.0, zorder=1)
+    for (x, y), count in Counter(rounded).items():
+        colour = GREEN if y > x else VERMILION if y < x else INK
+        axes.scatter(
+            x, y, s=22 * (1 + 2.5 * math.log10(count)), color=colour, alpha=0.75, linewidths=0, zorder=3
+        )
+        if count > 1:
+            axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, zorder=4, **_inwards(x, y, top))
+    pad = 0.06 * top
+    axes.set(xlim=(-pad, top + pad), ylim=(-pad, top + pad), aspect="equal")
+    _plain(axes, "both")
+
+
+def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
+    """Where a label stands beside its point: towards the middle of the axes, so that it stays within them."""
+    right, above = 2 * x < top, 2 * y < top
+    return {
+        "xytext": (5 if right else -5, 8 if above else -8),
+        "textcoords": "offset points",
+        "ha": "left" if right else "right",
+        "va": "bottom" if above else "top",
+        "path_effects": halo(),
+    }
+
+
+def _bars(axes: Axes, gain: pd.Series) -> None:
+    """The difference in every world that has one, from worst to best; the ends where they are too many."""
+    half = MOST_BARS // 2
+    shown = gain if len(gain) <= MOST_BARS else gain.iloc[[*range(half), *range(-half, 0)]]
+    colours = [GREEN if value > 0 else VERMILION for value in shown]
+    axes.bar(range(len(shown)), shown, color=colours, width=0.8)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    size = 7 if len(shown) <= 25 else 5.5
+    axes.set_xticks(range(len(shown)), [str(world) for world in shown.index], rotation=90, fontsize=size)
+    left_out = f"; {len(gain) - len(shown)} between them are not shown" if len(shown) < len(gain) else ""
+    axes.set_xlabel(
+        f"worlds with a difference{left_out}" if len(gain) else "no world has a difference",
+        fontsize=8.5,
+        color=INK,
+    )
+    spare = max(0, FEWEST_BARS - len(shown)) / 2  # a few bars must not become walls
+    axes.set_xlim(-0.8 - spare, len(shown) - 0.2 + spare)
+    _plain(axes, "y")
+
+
+def _heat_map(study: RunComparison) -> Figure:
+    """Runs × worlds, the worlds from the worst to the best of all runs, in bands."""
+    from matplotlib import colormaps
+
+    means, note = _means(study)
+    bands = [means.iloc[:, first : first + BAND] for first in range(0, means.shape[1], BAND)]
+    longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
+    width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
+    band_in = 0.55 + LINE_IN * len(means) * (1 + 0.35 * any("\n" in _wrapped(name) for name in means.index))
+    note = _wrapped(note, _letters(width))
+    figure = new_figure(width, 0.85 + 0.12 * len(note.split("\n")) + band_in * len(bands))
+    colours = colormaps["viridis"].with_extremes(bad="white")
+    top = TOP.get(study.measure, 1.0)
+    for axes, band in zip(figure.subplots(len(bands), 1, squeeze=False)[:, 0], bands, strict=True):
+        padded = np.full((len(band), len(bands[0].columns)), np.nan)
+        padded[:, : band.shape[1]] = band
+        picture = axes.pcolormesh(padded, cmap=colours, vmin=0.0, vmax=top, edgecolors="white", linewidth=0.6)
+        axes.set_xticks(
+            np.arange(band.shape[1]) + 0.5, [str(world) for world in band.columns], rotation=90, fontsize=6
+        )
+        axes.set_yticks(np.arange(len(band)) + 0.5, [_wrapped(name) for name in band.index], fontsize=7.5)
+        axes.invert_yaxis()
+        axes.tick_params(length=0, colors=INK)
+        axes.spines[:].set_visible(False)
+    bar = figure.colorbar(
+        picture, ax=figure.axes, shrink=min(1.0, 1.6 / (band_in * len(bands))), pad=0.01, aspect=12
+    )
+    bar.set_label(MEASURES[study.measure].header, fontsize=7.5, color=INK)
+    bar.ax.tick_params(labelsize=7, colors=INK)
+    bar.outline.set_visible(False)
+    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
+    figure.supxlabel(note, fontsize=7, color=INK, x=0.01, ha="left")
+    return figure
+
+
+def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
+    """The drawn measure by run and world, worst worlds first, and a note on which worlds these are.
+
+    Worlds in which all runs are the same are left out, unless all are such.
+    """
+    import pandas as pd
+
+    own = paired.values(study.run.frame, study.measure).groupby("world").mean()
+    columns = {study.reference: own, **{each.name: each.worlds["other"] for each in study.compared}}
+    shared = sorted(set().union(*(each.worlds.index for each in study.compared)))
+    table = pd.DataFrame(columns).loc[shared]
+    differs = (table.max(axis=1) - table.min(axis=1) > TIE) | table.isna().any(axis=1)
+    table = table[differs] if differs.any() else table
+    order = table.mean(axis=1).sort_values(kind="stable").index
+    return table.loc[order[:MOST_WORLDS]].T, _note(study, len(order), len(shared) - len(order))
+
+
+def _note(study: RunComparison, differing: int, same: int) -> str:
+    """What is drawn. differing: number of worlds that could be. same: of worlds in which all runs are alike."""
+    header = MEASURES[study.measure].header
+    parts = [
+        f"{header}, mean of the runs in each world, from the world that is worst on average to the best."
+    ]
+    if differing > MOST_WORLDS:
+        parts.append(f"The {MOST_WORLDS} worst of {differing:,} worlds.")
+    if same:
+        parts.append(f"Not drawn: {same:,} worlds in which all are the same.")
+    return " ".join([*parts, "White: not driven."])
+
+
+def _wrapped(text: str, letters: int = LABEL) -> str:
+    return plot_text("\n".join(textwrap.wrap(text, letters)) or text)
+
+
+def _letters(width_in: float) -> int:
+    """How many letters of a note fit into a line of a picture."""
+    return int(LETTERS_PER_IN * width_in)
+
+
+def _plain(axes: Axes, grid: str) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[:].set_color(FRAME)
+    axes.tick_params(labelsize=8, colors=INK, length=0)
+    axes.grid(axis="y" if grid == "y" else "both", color=GRID, linewidth=0.5)
+    axes.set_axisbelow(True)

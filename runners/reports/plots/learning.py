@@ -1,0 +1,54 @@
+"""The curves of `lme learn`: how the network was judged, and the losses, over the training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from runners.reports.figures.style import (
+    BLUE,
+    GREEN,
+    INK,
+    LEGEND_ORDER,
+    ORANGE,
+    PURPLE,
+    STYLES,
+    new_figure,
+    save,
+)
+
+_WIDTH_IN, _PANEL_IN = 7.0, 2.3
+_COLOURS = (BLUE, ORANGE, PURPLE, GREEN)
+
+
+def curves_figure(rows: Sequence[Mapping[str, float]], path: Path) -> Path:
+    """Save `path` as PNG: the outcomes in validation, and a panel of each other quantity that names say is a curve.
+
+    rows: of the curves in their order. The first key is the axis; a name with `loss` is a loss.
+    """
+    axis, *names = rows[0]
+    losses = [name for name in names if "loss" in name]
+    panels = [losses] if losses else []
+    if "return" in names:
+        panels.append(["return"])
+    figure = new_figure(_WIDTH_IN, _PANEL_IN * (1 + len(panels)))
+    top, *others = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    along = [row[axis] for row in rows]
+    for outcome in LEGEND_ORDER:
+        style = STYLES[outcome]
+        shares = [row[outcome] for row in rows]
+        top.plot(along, shares, style.line, color=style.colour, marker=".", label=outcome)
+    top.set(ylim=(0.0, 1.0), ylabel="share in validation")
+    top.set_title(f"best success {rows[-1]['best_success']:.3f}", fontsize=10)
+    for panel, shown in zip(others, panels, strict=True):
+        for name, colour in zip(shown, _COLOURS, strict=False):
+            panel.plot(
+                along, [row[name] for row in rows], color=colour, marker=".", label=name.replace("_", " ")
+            )
+        panel.set_ylabel("loss" if shown is losses else shown[0])
+    for panel in (top, *others):
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.tick_params(labelsize=8.5, colors=INK)
+        panel.legend(frameon=False, fontsize=8.5, ncols=4)
+    (others or [top])[-1].set_xlabel(axis)
+    return save(figure, path.with_suffix(""))[0]

@@ -1,0 +1,254 @@
+"""The paths of a run in a sample of its worlds."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lme.worlds.world import MapSet, Task
+from runners.config.escaping import plot_text
+from runners.config.quoting import lme_command, override
+from runners.records.episode_record import EpisodeKey
+from runners.records.launch_record import trust_flags
+from runners.records.parquet import TRAJECTORIES, lacks_steps
+from runners.records.records import read_trajectories
+from runners.reports.figures.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
+from runners.reports.figures.scene import (
+    BESIDE_PT,
+    Box,
+    common_box,
+    draw_obstacles,
+    draw_paths,
+    draw_task,
+    extremes,
+    legend_keys,
+    same_size,
+    write,
+)
+from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, new_figure, save
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PANELS = 12  # at most: more cannot be read on a page
+RUNS = 30  # paths in a panel at most, for the same reason
+FAILED = 40  # failures at most in the overview of a building
+BUILDING = "world_building"  # column: which of several buildings the world is in
+BUILDING_M = 20.0  # longest side of a building, at least
+FAILURES = 2 / 3  # of a sample at most, if there are enough others
+PAGE_IN = (10.0, 8.0)  # at most
+LEGEND_IN = 6.6  # minimum width for the key
+AROUND = Around(header=0.55, footer=0.42)
+
+
+class _Place(NamedTuple):
+    """A building, or all worlds where they are not in buildings: its records, and its sampled tasks by number."""
+
+    frame: pd.DataFrame
+    tasks: dict[int, Task]
+
+    @property
+    def failures(self) -> list[EpisodeKey]:
+        """What its overview shows; a place without an overview has none."""
+        return failed_episodes(self.frame) if self._is_building else []
+
+    @property
+    def _is_building(self) -> bool:
+        """Whether its worlds are several tasks in one world that is as large as a building."""
+        first, *others = [task.world for task in self.tasks.values()]
+        if self.frame["world"].nunique() < 2 or any(world is not first for world in others):
+            return False
+        return bool(np.ptp(extremes(first), axis=0).max() > BUILDING_M)
+
+
+def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> list[Path]:
+    """Draw the paths of a run in a sample of its worlds, reading only those. Returns the files.
+
+    Warns, and draws nothing, if the steps were deleted. frame: from `read_episodes`. maps: holds at least the worlds
+    of `sample_worlds`.
+    """
+    if without_steps([run_dir]):
+        return []
+    worlds = {number: maps.task(number) for number in sample_worlds(frame)}
+    failures = (key for place in _places(frame, worlds) for key in place.failures)
+    episodes = list(dict.fromkeys([*sample_episodes(frame), *failures]))
+    trajectories_figure(frame, read_trajectories([run_dir], episodes), worlds, path)
+    return [path]
+
+
+def without_steps(run_dirs: Sequence[Path]) -> bool:
+    """Whether the steps of a run were deleted, so that its paths cannot be drawn without driving. Warns if so."""
+    found = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
+    if found is None:
+        return False
+    command = lme_command("figure trajectories", override("run", found), *trust_flags(found))
+    warnings.warn(
+        f"{found}: has no {TRAJECTORIES}, so no paths are drawn; {command} drives them again", stacklevel=3
+    )
+    return True
+
+
+def trajectories_figure(
+    frame: pd.DataFrame, trajectories: pd.DataFrame, worlds: Mapping[int, Task], path: Path
+) -> None:
+    """Draw the paths of a run in a sample of its worlds, all at one scale, and save them as PNG.
+
+    The first panels show buildings, each with the failures that `failed_episodes` names, in all of its worlds.
+    frame: from `read_episodes`. trajectories: from `read_trajectories`, of the episodes to draw (`sample_episodes`).
+    worlds: tasks by number, at least those of `sample_worlds`.
+    """
+    places = _places(frame, worlds)
+    paths = dict(list(trajectories.groupby(["world", "run"])))
+    boxes = same_size([_box(place, trajectories) for place in places])
+    overviews = [(place, box) for place, box in zip(places, boxes, strict=True) if place.failures]
+    numbers = {
+        number: box for place, box in zip(places, boxes, strict=True) for number in sorted(place.tasks)
+    }
+    figure = new_figure(*PAGE_IN, layout=None)
+    panels = _panels(figure, [*(box for _, box in overviews), *numbers.values()])
+    for place, _ in overviews:
+        _draw_failures(panels.pop(0), place, paths)
+    for number, axes in zip(numbers, panels, strict=True):
+        episodes = frame[frame["world"] == number]
+        draw_task(axes, worlds[number])
+        draw_paths(axes, episodes, paths)
+        axes.set_title(f"world {number}", fontsize=8, color=INK, pad=3)
+    _label(figure, frame, len(numbers), boxes[0])
+    save(figure, path.with_suffix(""))
+
+
+def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
+    """At most `limit` worlds, spread over outcomes and numbers. Failures go first but do not fill the sample.
+
+    There is at least one world of each building.
+    """
+    buildings = _buildings(frame)
+    share = max(1, limit // len(buildings))
+    worst = [_worst_outcomes(rows) for rows in buildings]
+    return [
+        number
+        for worlds in worst
+        for number in _sample(
+            {kind: [w for w, one in worlds.items() if one == kind] for kind in STYLES}, share
+        )
+    ]
+
+
+def sample_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
+    """The episodes of `sample_worlds`: at most `RUNS` of each, chosen among its runs in the same way."""
+    episodes = []
+    for world in sample_worlds(frame):
+        runs = frame[frame["world"] == world]
+        kinds = {kind: runs["run"][runs["outcome"] == kind].tolist() for kind in STYLES}
+        episodes += [EpisodeKey(world, run) for run in _sample(kinds, RUNS)]
+    return episodes
+
+
+def failed_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
+    """Failed episodes: the first run that failed in each world, in at most `FAILED` worlds, evenly spaced."""
+    failed = frame[frame["outcome"] != "success"].drop_duplicates("world").sort_values("world")
+    keys = [EpisodeKey(world, run) for world, run in zip(failed["world"], failed["run"], strict=True)]
+    return [keys[index] for index in _spread(range(len(keys)), FAILED)]
+
+
+def _buildings(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    """The records of each building of a map set of several; else all records."""
+    return [rows for _, rows in frame.groupby(BUILDING)] if BUILDING in frame else [frame]
+
+
+def _places(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Place]:
+    chosen = [number for number in sample_worlds(frame) if number in worlds]
+    places = [
+        _Place(rows, {number: worlds[number] for number in chosen if number in set(rows["world"])})
+        for rows in _buildings(frame)
+    ]
+    return [place for place in places if place.tasks]
+
+
+def _box(place: _Place, trajectories: pd.DataFrame) -> Box:
+    """What the panels of a place show."""
+    shown = {*place.tasks, *(key.world for key in place.failures)}
+    steps = trajectories[trajectories["world"].isin(shown)]
+    return common_box(list(place.tasks.values()), steps[["x_m", "y_m"]].to_numpy(float))
+
+
+def _draw_failures(axes: Axes, place: _Place, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
+    """Draw the paths of failed episodes in one panel, with the numbers of their worlds at their ends."""
+    frame, failures = place.frame, place.failures
+    draw_obstacles(axes, next(iter(place.tasks.values())).world)
+    chosen = frame.set_index(["world", "run"], drop=False).index.isin(
+        [(key.world, key.run) for key in failures]
+    )
+    draw_paths(axes, frame[chosen], paths)
+    for key in failures:
+        steps = paths.get((key.world, key.run))
+        if steps is not None and len(steps):
+            write(axes, str(key.world), steps[["x_m", "y_m"]].to_numpy()[-1].tolist(), (0.0, BESIDE_PT))
+    worlds = frame["world"][frame["outcome"] != "success"].nunique()
+    fewer = "" if worlds <= FAILED else f"{FAILED} of "
+    axes.set_title(f"failures in {fewer}{worlds} world{'s' * (worlds > 1)}", fontsize=8, color=INK, pad=3)
+
+
+def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:
+    """At most `limit` of the numbers, which are given by outcome."""
+    good = len(kinds["success"])
+    failures = max(limit - good, math.ceil(limit * FAILURES))
+    # Timeouts are rare and most informative; collisions follow; successes fill the rest.
+    timeouts = min(len(kinds["timeout"]), max(failures - len(kinds["collision"]), failures // 2))
+    collisions = min(len(kinds["collision"]), failures - timeouts)
+    shares = {"timeout": timeouts, "collision": collisions, "success": limit - timeouts - collisions}
+    return sorted(number for kind, share in shares.items() for number in _spread(sorted(kinds[kind]), share))
+
+
+def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
+    """The worst outcome of any run, by world."""
+    by_world = frame.groupby("world")["outcome"].agg(set)
+    return {
+        int(str(world)): next(kind for kind in STYLES if kind in outcomes)
+        for world, outcomes in by_world.items()
+    }
+
+
+def _spread(numbers: Sequence[int], count: int) -> list[int]:
+    """`count` of `numbers`, evenly spaced in their order."""
+    chosen = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int)
+    return [numbers[index] for index in chosen]
+
+
+def _panels(figure: Figure, boxes: Sequence[Box]) -> list[Axes]:
+    """Add panels of one size, as large as the page allows; sets the figure's size."""
+    count, aspect = len(boxes), aspect_of(boxes[0])
+    columns = best_columns(count, aspect, PAGE_IN, AROUND)
+    width = panel_width(columns, count, aspect, PAGE_IN, AROUND)
+    rows = lay_out(figure, wrapped(boxes, columns), width, AROUND, LEGEND_IN)
+    return [axes for row in rows for axes in row]
+
+
+def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
+    """Write the heading and the counts of outcomes above, and the key below."""
+    counts = frame["outcome"].value_counts()
+    outcomes = ", ".join(f"{counts[kind]} {kind}" for kind in LEGEND_ORDER if counts.get(kind, 0))
+    parts = [(shown, frame["world"].nunique(), "worlds"), (RUNS, frame["run"].nunique(), "runs")]
+    fewer = ", ".join(f"{some} of {number} {name}" for some, number, name in parts if some < number)
+    sample = f" · {fewer}, failures first" if fewer else ""
+    summary = f"{len(frame)} episodes: {outcomes}{sample} · panel width {box.x1 - box.x0:.1f} m"
+    for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):
+        y = 1 - from_top_in / figure.get_figheight()
+        figure.text(0.5, y, plot_text(text), ha="center", va="center", fontsize=size, color=INK)
+    keys = legend_keys()
+    figure.legend(
+        handles=keys, loc="lower center", ncols=len(keys), frameon=False, fontsize=8.5, labelcolor=INK
+    )
+
+
+def _names(frame: pd.DataFrame) -> list[str]:
+    columns = [column for column in ("system", "ablation", "map", "subset", "robot") if column in frame]
+    values = [", ".join(map(str, frame[column].unique())) for column in columns]
+    return [value for value in values if value not in ("", "none")]

@@ -1,0 +1,227 @@
+"""The node: passes messages to the driver, asks it for a step once per control period, and publishes the result."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from lme.errors import InputError
+from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.reasons import reason
+from lme.live.config import LiveConfig
+from lme.live.driver import LiveDriver
+from lme.live.messages import SECOND
+from lme.live.step import STILL, LiveState, LiveStep
+from lme.types import Twist
+from runners.ros.clock import SystemClock, TopicClock
+from runners.ros.markers import markers
+from runners.ros.outgoing import OutgoingMessages
+from runners.ros.status import Status
+from runners.ros.topics import IMU_KIND, TF, TF_MESSAGE, LiveTopicsConfig
+from runners.ros.transport import ActionGoal, Delivery, Transport
+from runners.ros.watchdog import Watchdog
+
+_AT_REST = 1.0  # [s] for which zero velocity is repeated without a goal; after that, others may drive
+_SHUTDOWN_STOPS = 3  # times that zero velocity is sent at shutdown
+
+
+@dataclass(slots=True)
+class NodeConfig(LiveConfig):
+    """The driver's config and the node's."""
+
+    use_sim_time: bool | None = None
+
+
+class Node:
+    """A navigation node of either version of ROS."""
+
+    Config = NodeConfig
+
+    def __init__(
+        self,
+        config: NodeConfig,
+        transport: Transport,
+        topics: LiveTopicsConfig,
+        driver: LiveDriver,
+        period: float,
+    ) -> None:
+        """period: between decisions [s], on the node's clock."""
+        self._config, self._ros, self._driver = config, transport, driver
+        self._topics = topics
+        self._period = round(period * SECOND)
+        self._make = OutgoingMessages(transport)
+        self._due = 0  # [ns] when the next decision is due
+        self._goal: ActionGoal | None = None
+        self._goal_time = 0  # [ns] when it arrived
+        self._before: Explanation | None = None
+        self._resting: int | None = None  # [ns] since when the robot has had no goal; None while it has one
+        self._status = Status()
+        self._listeners: list[Callable[[LiveStep], None]] = []
+        self._clock = self._connect()
+        self._watchdog = Watchdog(config.stale, self._halt)
+
+    def listen(self, listener: Callable[[LiveStep], None]) -> None:
+        """Call `listener(step)` after every control period."""
+        self._listeners.append(listener)
+
+    def run(self) -> None:
+        """Drive until an exception, such as KeyboardInterrupt; then stop the robot."""
+        try:
+            with self._watchdog:
+                while True:
+                    self._ros.handle(self._left())
+                    self._act()
+                    self._watchdog.feed()
+        finally:
+            self._shut_down()
+
+    def _left(self) -> float:
+        """Maximum real time to wait for a message [s]."""
+        now = self._clock.now()
+        if now is None or isinstance(self._clock, TopicClock):
+            return self._config.stale / 4
+        return min(max(self._due - now, 0), self._period) / SECOND
+
+    def _act(self) -> None:
+        """Ask the driver for a step if one is due, and also while the clock stands still, so that it notices."""
+        now = self._clock.now()
+        if now is None:
+            return
+        waits = self._due - self._period <= now < self._due  # otherwise it is due, or time has jumped
+        if waits and self._clock.seconds_still < self._config.stale / 4:
+            return
+        if not waits:
+            late = now - self._due
+            self._due = (self._due if 0 <= late < self._period else now) + self._period
+        self._publish(self._driver.tick(now))
+
+    def _publish(self, step: LiveStep) -> None:
+        """Send the command and its explanation, and report to the action's client."""
+        if step.state in (LiveState.DRIVING, LiveState.STOPPED):
+            self._resting = None
+        elif self._resting is None:
+            self._resting = step.stamp
+        rested = 0 if self._resting is None else step.stamp - self._resting
+        if step.state is not LiveState.IDLE and rested < _AT_REST * SECOND:
+            self._send(step.command, step.stamp)
+        self._explain(step)
+        self._report(step)
+        for listener in self._listeners:
+            listener(step)
+        self._status.count(step)
+        if self._status.due:
+            self._diagnostics(self._status.message(step, self._driver.soft_stops, self._make))
+
+    def _halt(self) -> None:
+        """Stop the robot while the node is blocked, for example by a planner that does not return."""
+        if self._resting is None:
+            self._send(STILL, self._clock.now() or 0)
+
+    def _send(self, command: Twist, stamp: int) -> None:
+        kind, base = self._topics.command_type, self._driver.frames.base
+        self._command(self._make.command(kind, stamp, base, command))
+
+    def _explain(self, step: LiveStep) -> None:
+        """Publish subgoal, markers and reason of a decision, or why there is none. Cheap if nobody subscribes."""
+        if step.observation is None or step.guidance is None:
+            self._before = None
+            if step.reason and self._reason.watched:
+                self._reason(self._make.text(f"{step.state}: {step.reason}"))
+            return
+        base, make = self._driver.frames.base, self._make
+        self._subgoal(make.point(step.stamp, base, step.guidance.subgoal))
+        if not (self._markers.watched or self._reason.watched):
+            self._before = None
+            return
+        why = step.explanation
+        if self._markers.watched:
+            found = markers(step.observation, step.guidance, why)
+            self._markers(make.markers(step.stamp, base, found))
+        if why is not None and self._reason.watched:
+            self._reason(make.text(step.reason or reason(why, self._before)))
+        self._before = why
+
+    def _report(self, step: LiveStep) -> None:
+        """Send feedback and result to the client of the action."""
+        if self._goal is None:
+            return
+        if step.state is LiveState.ARRIVED:
+            self._goal.succeed()
+            self._goal = None
+        elif step.observation is not None:
+            seen = step.observation
+            pose = self._make.pose(step.stamp, self._driver.frames.odom, seen.odometry)
+            self._goal.feedback(pose, math.hypot(*seen.target), step.stamp - self._goal_time)
+
+    def _take_goal(self, pose: Any, goal: ActionGoal | None = None) -> None:
+        """Drive to a PoseStamped instead of the previous goal."""
+        now, point = self._clock.now() or 0, pose.pose.position
+        try:
+            self._driver.set_goal((point.x, point.y), pose.header.frame_id, now)
+        except InputError as error:
+            print(error, file=sys.stderr)
+            if goal is not None:
+                goal.abort(str(error))
+            return
+        if self._goal is not None:
+            self._goal.cancel("another goal replaces it")
+        self._goal, self._goal_time = goal, now
+
+    def _cancel(self, goal: ActionGoal | None = None) -> None:
+        """Cancel a goal; None: the current one, if any. Ignores a goal that is no longer the current one."""
+        if goal is not None and goal is not self._goal:
+            return
+        if self._goal is not None:
+            self._goal.cancel("cancelled")
+        self._goal = None
+        self._driver.cancel()
+
+    def _shut_down(self) -> None:
+        step = self._driver.stop("the node shuts down")
+        for _ in range(_SHUTDOWN_STOPS):
+            self._send(step.command, step.stamp)
+            time.sleep(0.02)
+        if self._goal is not None:
+            self._goal.abort("the node shuts down")
+            self._ros.handle(0.1)  # in which ROS sends the result
+
+    def _connect(self) -> SystemClock | TopicClock:
+        """Subscribe and advertise; returns the node's clock."""
+        ros, topics, driver = self._ros, self._topics, self._driver
+        self._command = ros.publisher(topics.command, topics.command_kind)
+        self._subgoal = ros.publisher(topics.subgoal, "geometry_msgs/PointStamped")
+        self._markers = ros.publisher(topics.markers, "visualization_msgs/MarkerArray")
+        self._reason = ros.publisher(topics.reason, "std_msgs/String")
+        self._diagnostics = ros.publisher(topics.diagnostics, "diagnostic_msgs/DiagnosticArray")
+        clock = self._connect_clock()
+
+        def stamped(take: Any) -> Any:
+            return lambda message: take(message, clock.now() or 0)
+
+        ros.subscribe(topics.scan, topics.scan_kind, stamped(driver.take_scan), Delivery.NEWEST)
+        if topics.pose != TF:
+            ros.subscribe(topics.pose, topics.pose_kind, stamped(driver.take_odometry), Delivery.NEWEST)
+        if topics.imu is not None:
+            ros.subscribe(topics.imu, IMU_KIND, stamped(driver.take_imu), Delivery.NEWEST)
+        if topics.pose == TF or ros.has(TF_MESSAGE):
+            fixed = partial(driver.take_transforms, static=True)
+            ros.subscribe(topics.tf, TF_MESSAGE, stamped(driver.take_transforms), Delivery.ALL)
+            ros.subscribe(topics.tf_static, TF_MESSAGE, stamped(fixed), Delivery.LATCHED)
+        ros.subscribe(topics.goal_in(ros.version), "geometry_msgs/PoseStamped", self._take_goal, Delivery.ALL)
+        ros.subscribe(topics.cancel, "std_msgs/Empty", lambda _: self._cancel(), Delivery.ALL)
+        action = topics.action_in(ros.version)
+        self.serves_action = ros.serve(action, lambda goal: self._take_goal(goal.pose, goal), self._cancel)
+        return clock
+
+    def _connect_clock(self) -> SystemClock | TopicClock:
+        asked = self._config.use_sim_time
+        if not (self._ros.sim_time if asked is None else asked):
+            return SystemClock()
+        clock = TopicClock()
+        self._ros.subscribe(self._topics.clock, "rosgraph_msgs/Clock", clock.take, Delivery.NEWEST)
+        return clock

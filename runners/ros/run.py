@@ -1,0 +1,145 @@
+"""Runs `lme live`: the node, or the simulated robot."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.live.config import ScanConfig
+from lme.live.frames import FramesConfig
+from lme.worlds.check import check_task
+from lme.worlds.world import Task
+from runners.config import build
+from runners.config.instantiate import configured, fill_dataclass
+from runners.config.job import Job
+from runners.config.schema import LiveCommandConfig, Record
+from runners.ros import ros1, ros2
+from runners.ros.drive import drive_robot
+from runners.ros.outcomes import Outcomes
+from runners.ros.simulator import SimulatedRobot
+from runners.ros.topics import LiveTopicsConfig
+from runners.ros.transport import Transport
+from runners.workers.episodes import episode_rng
+from runners.workers.mcap_file import check_installed as check_mcap
+
+SIMULATOR = "simulator"
+_INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}
+_NODES_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "scan", "people", "record")
+_SIMULATOR_ONLY = ("map", "sim", "runs")
+
+
+def validate(job: Job[LiveCommandConfig]) -> None:
+    """Check the job, and that its version of ROS is installed. Raises InputError."""
+    config = job.config
+    if config.ros not in _INSTALLED:
+        raise InputError(
+            f"ros is {config.ros}: must be 1 or 2; lme live ros1, lme live ros2 and --ros1, --ros2 set it"
+        )
+    _check_keys(job)
+    require("seed", config.seed, at_least=0)
+    fill_dataclass(LiveTopicsConfig, config.topics, "topics")
+    configured(config.live, "live")
+    if _simulates(job):
+        require("runs", config.runs, at_least=1)
+        maps = build.map_set(config)
+        check_task(maps.task(maps.numbers[0]), config.robot)
+        build.simulator(_finely_stepped(config))
+    else:
+        fill_dataclass(ScanConfig, config.scan, "scan")
+        fill_dataclass(FramesConfig, config.frames, "frames")
+        if config.record is Record.mcap:
+            check_mcap()
+        build.refuse_truth(config)
+        build.navigator(config)
+    _INSTALLED[config.ros]()
+
+
+def drive(job: Job[LiveCommandConfig], arguments: Sequence[str] = ()) -> None:
+    """Drive until Ctrl-C, or until the simulator has driven all worlds. arguments: ROS's own."""
+    came: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        """End as Ctrl-C does, with the robot at rest."""
+        came.append(number)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in _ends()}
+    transport = None
+    try:
+        transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", arguments)
+        (_simulate if _simulates(job) else drive_robot)(job, transport)
+    except (KeyboardInterrupt, RuntimeError) as error:
+        # pybind11, in rclpy, turns an interrupt during a conversion into a RuntimeError.
+        if isinstance(error, RuntimeError) and not came:
+            raise
+        print("stopped")
+    finally:
+        if transport is not None:
+            transport.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def connect(version: int | None, name: str, arguments: Sequence[str]) -> Transport:
+    """A node of ROS 1 or 2. Raises InputError if it is not installed, or if ROS 1 has no master."""
+    return ros1.Ros1(name, arguments) if version == 1 else ros2.Ros2(name, arguments)
+
+
+def _simulate(job: Job[LiveCommandConfig], transport: Transport) -> None:
+    config = job.config
+    maps = build.map_set(config)
+    own = configured(config.live, "live")[1]
+    topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
+    robot = SimulatedRobot(own, transport, topics, config.robot, build.simulator(_finely_stepped(config)))
+    print(
+        f"simulated {config.robot.name} in ROS {config.ros}: waits for commands on {topics.command}",
+        flush=True,
+    )
+    keys = _keys(maps.numbers, config.runs)
+    with Outcomes(job.run_dir) as outcomes:
+        for (world, run), driven in zip(keys, robot.drive(_tasks(config)), strict=False):
+            outcomes.add(world, run, driven)
+
+
+def _tasks(config: LiveCommandConfig) -> Iterator[tuple[Task, np.random.Generator]]:
+    """Every task with the simulator's random numbers, as `lme eval` draws them."""
+    maps = build.map_set(config)
+    for world, run in _keys(maps.numbers, config.runs):
+        task = maps.task(world)
+        check_task(task, config.robot)
+        yield task, episode_rng(config.seed, world, run).spawn(2)[1]
+
+
+def _keys(worlds: Sequence[int], runs: int) -> list[tuple[int, int]]:
+    return [(world, run) for run in range(runs) for world in worlds]
+
+
+def _finely_stepped(config: LiveCommandConfig) -> LiveCommandConfig:
+    """The config with the simulator's step instead of the control period: commands may come at any time."""
+    return replace(config, robot=replace(config.robot, control_rate=1.0 / config.live["step"]))
+
+
+def _simulates(job: Job[Any]) -> bool:
+    return job.choices["live"] == SIMULATOR
+
+
+def _check_keys(job: Job[LiveCommandConfig]) -> None:
+    """Raise InputError for a key that has no meaning for the node, or for the simulator."""
+    foreign, reader = (
+        (_NODES_ONLY, "the nodes read") if _simulates(job) else (_SIMULATOR_ONLY, "the simulator reads")
+    )
+    for override in job.overrides:
+        if override.lstrip("+").partition("=")[0].partition(".")[0] in foreign:
+            raise InputError(f"{override}: only {reader} this; omit it")
+
+
+def _ends() -> list[signal.Signals]:
+    """Signals that end the command. A terminal that closes sends SIGHUP, which nohup ignores."""
+    hears = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hears else [])]

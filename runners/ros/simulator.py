@@ -1,0 +1,191 @@
+"""The simulator behind the topics of a real robot: publishes clock, scans, odometry, tf, goals; takes commands."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.geometry.frames import relative
+from lme.live.messages import SECOND, twist_of
+from lme.navigation.episode import Progress
+from lme.robots import Robot
+from lme.simulation.simulator import Simulator
+from lme.types import Observation, Outcome, Pose, Twist
+from lme.worlds.world import Task
+from runners.ros.outgoing import OutgoingMessages
+from runners.ros.topics import TF_MESSAGE, LiveTopicsConfig
+from runners.ros.transport import Delivery, Publisher, Transport
+
+ODOM, BASE = "odom", "base_link"
+GOALS = ("topic", "action", "none")
+_REST = Twist(0.0, 0.0)
+
+
+@dataclass(slots=True)
+class SimulatorConfig:
+    """How the simulator runs and what it publishes."""
+
+    speed: float = 1.0  # simulated seconds per second
+    step: float = 0.02  # [s]
+    scan_rate: float = 50.0  # [Hz]
+    watchdog: float = 0.5  # [s]
+    goal: str = "topic"
+    pause: float = 1.0  # [s]
+    scan_frame: str = "laser"
+
+    def __post_init__(self) -> None:
+        require("live.speed", self.speed, above=0.0)
+        require("live.step", self.step, above=0.0, at_most=0.1)
+        require("live.scan_rate", self.scan_rate, above=0.0, at_most=1.0 / self.step)
+        require("live.watchdog", self.watchdog, above=0.0)
+        require("live.pause", self.pause, at_least=0.0)
+        if self.goal not in GOALS:
+            raise InputError(f"live.goal is {self.goal}: must be one of {', '.join(GOALS)}")
+        if self.scan_frame in ("", ODOM, BASE):
+            raise InputError(
+                f"live.scan_frame is {self.scan_frame!r}: must be another name than {ODOM} and {BASE}"
+            )
+
+
+class Driven(NamedTuple):
+    """An episode over ROS. time: on the task's clock [s]. path_length, min_clearance, final_distance: [m]."""
+
+    task: Task
+    outcome: Outcome
+    time: float
+    path_length: float
+    min_clearance: float
+    final_distance: float
+
+
+class SimulatedRobot:
+    """A robot in one world after another. `robot`: of the config; `simulator`: of the robot with dt = step."""
+
+    Config = SimulatorConfig
+
+    def __init__(
+        self,
+        config: SimulatorConfig,
+        transport: Transport,
+        topics: LiveTopicsConfig,
+        robot: Robot,
+        simulator: Simulator,
+    ) -> None:
+        self._config, self._ros, self._topics = config, transport, topics
+        self._robot, self._simulator = robot, simulator
+        self._make = OutgoingMessages(transport)
+        self._now = 0  # [ns] simulated time; it never goes backwards
+        self._step = round(config.step * SECOND)
+        self._period = config.step / config.speed  # [s] of real time
+        self._steps = 0
+        self._scans = max(1, round(1.0 / (config.scan_rate * config.step)))  # steps between scans
+        self._next = time.monotonic()  # [s] when the next step is due
+        self._command, self._commanded = _REST, 0
+        self._connect()
+
+    def drive(self, tasks: Iterable[tuple[Task, np.random.Generator]]) -> Iterator[Driven]:
+        """Drive each task with its random numbers; yield the results."""
+        for task, rng in tasks:
+            yield self._episode(task, rng)
+            for _ in range(round(self._config.pause / self._config.step)):
+                self._wait()
+                self._clock(self._make.clock(self._now))
+
+    def _episode(self, task: Task, rng: np.random.Generator) -> Driven:
+        """An episode. Its time begins with the first command that moves the robot."""
+        observation = self._simulator.reset(task, rng)
+        progress = Progress(task, self._simulator.state)
+        self._command = _REST
+        goal = relative(Pose(float(task.goal[0]), float(task.goal[1]), task.start.yaw), task.start)
+        sent = begun = False
+        waited = 0.0
+        while (outcome := progress.outcome(self._simulator.state)) is None and waited < task.time_limit:
+            self._publish(observation)
+            sent = sent or self._send(goal)
+            self._wait()
+            command = self._current_command()
+            begun = begun or command != _REST
+            if begun:
+                before = self._simulator.state
+                observation = self._simulator.step(command)
+                progress.moved(before, self._simulator.state)
+            else:
+                waited += self._config.step
+        self._publish(observation)  # so that a node with the task's tolerance sees that it has arrived
+        state = self._simulator.state
+        return Driven(
+            task,
+            outcome or Outcome.TIMEOUT,
+            progress.time(state) if begun else task.time_limit,
+            progress.path_length,
+            progress.min_clearance,
+            math.dist(state.pose[:2], task.goal),
+        )
+
+    def _current_command(self) -> Twist:
+        """The last command; zero if it is older than the watchdog allows."""
+        fresh = self._now - self._commanded <= self._config.watchdog * SECOND
+        return self._command if fresh else _REST
+
+    def _wait(self) -> None:
+        """Wait for the next step and take the commands that arrive meanwhile. A late step delays the others."""
+        while (left := self._next - time.monotonic()) > 0.0:
+            self._ros.handle(left)
+        self._ros.handle(0.0)
+        self._next = max(self._next, time.monotonic() - self._period) + self._period
+        self._now += self._step
+
+    def _publish(self, observation: Observation) -> None:
+        """Publish the sensors' data, and then the time, so that a node has all data of that time."""
+        now, make, pose = self._now, self._make, observation.odometry
+        self._odometry(make.odometry(now, ODOM, BASE, pose, observation.twist))
+        if self._tf is not None:
+            self._tf(make.transform(now, ODOM, BASE, pose))
+        if self._steps % self._scans == 0:
+            period = self._scans * self._config.step
+            self._scan(make.scan(now, self._config.scan_frame, observation.scan, period))
+        self._steps += 1
+        self._clock(make.clock(now))
+
+    def _send(self, goal: Pose) -> bool:
+        """Send the goal if somebody subscribes; returns whether it was sent."""
+        if self._goal is None:
+            return True
+        if not self._goal.watched:
+            return False
+        self._goal(self._make.pose(self._now, ODOM, goal))
+        return True
+
+    def _connect(self) -> None:
+        ros, topics = self._ros, self._topics
+        self._clock = ros.publisher(topics.clock, "rosgraph_msgs/Clock")
+        self._odometry = ros.publisher(topics.pose, "nav_msgs/Odometry")
+        self._scan = ros.publisher(topics.scan, "sensor_msgs/LaserScan")
+        self._tf: Publisher | None = None
+        if ros.has(TF_MESSAGE):
+            self._tf = ros.publisher(topics.tf, TF_MESSAGE)
+            mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.mount)
+            self._mount = ros.publisher(topics.tf_static, TF_MESSAGE, latched=True)
+            self._mount(mount)
+        self._goal = self._goal_publisher()
+        ros.subscribe(topics.command, topics.command_kind, self._take, Delivery.NEWEST)
+
+    def _goal_publisher(self) -> Publisher | None:
+        topics = self._topics
+        if self._config.goal == "topic":
+            return self._ros.publisher(topics.goal_in(self._ros.version), "geometry_msgs/PoseStamped")
+        return (
+            self._ros.client(topics.action_in(self._ros.version)) if self._config.goal == "action" else None
+        )
+
+    def _take(self, message: Any) -> None:
+        """Take a command. A command that is not finite stops the robot."""
+        twist = twist_of(message, f"geometry_msgs/msg/{self._topics.command_type}")
+        self._command = twist if all(map(math.isfinite, twist)) else _REST
+        self._commanded = self._now

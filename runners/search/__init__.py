@@ -1,5 +1,0 @@
-"""Black-box search for parameters: samplers, the study and its journal."""
-
-from runners.search.samplers import Cmaes, Gp, Random, Tpe
-
-__all__ = ["Cmaes", "Gp", "Random", "Tpe"]

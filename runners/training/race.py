@@ -1,0 +1,239 @@
+"""A race over worlds: the best candidates of a search drive more and more worlds, until the best one is known.
+
+Every candidate drives the same worlds with the same random numbers, so differences are paired. A rung keeps the best
+candidates, without those that are worse than the best one beyond the noise of these differences, as in F-Race
+(Birattari et al. 2002). The starting weights stay until the end, so that nothing worse than them can win unnoticed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from statistics import fmean
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.types import Floats
+from runners.config.schema import RaceConfig
+from runners.training.samplers import restart_of
+from runners.workers.trials import Attempt, Place, Score
+
+START = -1  # the number of the starting weights, which are not a trial
+_FEWEST = 8  # worlds on which a difference can be beyond the noise
+_NOISE = 2.0  # standard errors
+
+Drive = Callable[[Sequence[Attempt]], Iterable[Score]]
+
+
+class Candidate(NamedTuple):
+    """Values by dotted config key, and the number of their trial, or START."""
+
+    number: int
+    values: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One round of the race. values: mean rewards over `places` by number, the best first; places: all so far.
+
+    worse: numbers of those that are worse than the best one beyond the noise; none in the search, whose own worlds
+    favour those that it came to.
+    """
+
+    places: tuple[Place, ...]
+    values: dict[int, float]
+    worse: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Race:
+    """A finished race. rungs: the first one is the search. rewards: by candidate and place."""
+
+    rungs: tuple[Rung, ...]
+    rewards: Mapping[int, Mapping[Place, float]]
+
+    @property
+    def winner(self) -> int:
+        """The number of the best candidate of the last rung."""
+        return next(iter(self.rungs[-1].values))
+
+    @property
+    def best_trial(self) -> int:
+        """The number of the best candidate that is not the starting weights; START if there is no other."""
+        trials = (number for rung in reversed(self.rungs) for number in rung.values if number != START)
+        return next(trials, START)
+
+
+def check_race(config: RaceConfig) -> None:
+    """Raise InputError for rungs that are none."""
+    if len(config.candidates) != len(config.worlds) or not config.worlds:
+        raise InputError(
+            f"race.candidates is {config.candidates} and race.worlds {config.worlds}: must have one number per rung; "
+            "race=null for no race"
+        )
+    for key, counts in (("candidates", config.candidates), ("worlds", config.worlds)):
+        for count in counts:
+            require(f"race.{key}", count, at_least=1)
+    if sorted(config.candidates, reverse=True) != config.candidates:
+        raise InputError(f"race.candidates is {config.candidates}: must not grow from rung to rung")
+
+
+def run_race(
+    candidates: Sequence[Candidate],
+    scores: Iterable[Score],
+    places: Sequence[Sequence[Place]],
+    config: RaceConfig,
+    drive: Drive,
+    restarts: int = 1,
+) -> Race:
+    """Race to the end.
+
+    candidates: those of the search, and perhaps the start. scores: of the search. places: of the search, and of each
+    rung. drive: runs attempts. restarts: of the search; the best of each enter the first rung.
+    """
+    rewards: dict[int, dict[Place, float]] = {each.number: {} for each in candidates}
+    for score in scores:
+        rewards[score.trial][score.place] = score.reward
+    field, driven = list(candidates), tuple(places[0])
+    _complete(field, driven, rewards, drive)
+    rungs = [replace(_rung(field, driven, rewards), worse=frozenset())]
+    for count, more in zip(config.candidates, places[1:], strict=True):
+        kept = _survivors(rungs[-1], count, restarts if len(rungs) == 1 else 1)
+        field = [each for each in field if each.number in kept]
+        driven += tuple(more)
+        _complete(field, driven, rewards, drive)
+        rungs.append(_rung(field, driven, rewards))
+    return Race(tuple(rungs), rewards)
+
+
+def mean_reward(rewards: Mapping[Place, float], places: Iterable[Place]) -> float:
+    """Mean of the families' mean rewards."""
+    by_family: dict[str, list[float]] = {}
+    for place in places:
+        by_family.setdefault(place[0], []).append(rewards[place])
+    return fmean(map(fmean, by_family.values()))
+
+
+def _complete(
+    field: Sequence[Candidate], places: Sequence[Place], rewards: dict[int, dict[Place, float]], drive: Drive
+) -> None:
+    """Drive what the candidates have not driven yet."""
+    attempts = [
+        Attempt(each.number, *place, tuple(each.values.items()))
+        for each in field
+        for place in places
+        if place not in rewards[each.number]
+    ]
+    for score in drive(attempts) if attempts else ():
+        rewards[score.trial][score.place] = score.reward
+
+
+def _rung(
+    field: Sequence[Candidate], places: tuple[Place, ...], rewards: Mapping[int, Mapping[Place, float]]
+) -> Rung:
+    values = {each.number: mean_reward(rewards[each.number], places) for each in field}
+    ranked = dict(sorted(values.items(), key=lambda item: (-item[1], item[0])))
+    best = _vector(rewards[next(iter(ranked))], places)
+    worse = {number for number in ranked if _is_worse(_vector(rewards[number], places) - best)}
+    return Rung(places, ranked, frozenset(worse))
+
+
+def _survivors(rung: Rung, count: int, restarts: int) -> set[int]:
+    """The best trials that are not worse than the best, at most `count`, and the start.
+
+    restarts: as many trials of each of these searches, as far as there are.
+    """
+    trials = [number for number in rung.values if number != START and number not in rung.worse]
+    ranks = [itertools.count() for _ in range(restarts)]
+    rank = {number: next(ranks[restart_of(number, restarts)]) for number in trials}  # within its own search
+    trials.sort(key=rank.__getitem__)  # stable: the better one of equal ranks comes first
+    return {*trials[:count], *({START} & rung.values.keys())}
+
+
+def _is_worse(differences: Floats) -> bool:
+    """Whether paired differences from the best candidate (P,) lie below zero beyond their noise."""
+    count = len(differences)
+    if count < _FEWEST:
+        return False
+    error = float(differences.std(ddof=1)) / math.sqrt(count)
+    return float(differences.mean()) < -_NOISE * error
+
+
+def _vector(rewards: Mapping[Place, float], places: Sequence[Place]) -> Floats:
+    return np.array([rewards[place] for place in places])
+
+
+_LONGEST = 20  # characters of the name of the starting weights, which may be a path
+
+
+class End(StrEnum):
+    """Why a candidate went no further."""
+
+    won = "winner"
+    finished = "finished"
+    worse = "worse beyond the noise"
+    outranked = "outranked"
+
+
+@dataclass(frozen=True, slots=True)
+class Racer:
+    """A candidate. number: of its trial, or START. values: its mean reward by rung, as far as it came."""
+
+    number: int
+    values: tuple[float, ...]
+    end: End
+
+    @property
+    def raced(self) -> bool:
+        """Whether it drove more than the worlds of the search."""
+        return len(self.values) > 1
+
+
+def racers(race: Race) -> list[Racer]:
+    """All candidates: the winner first, then those that came furthest, then by their last value."""
+    found = [_racer(race, number) for number in race.rungs[0].values]
+    return sorted(
+        found, key=lambda one: (one.end is not End.won, -len(one.values), -one.values[-1], one.number)
+    )
+
+
+def name_of(number: int, start: str) -> str:
+    """A candidate in words. start: the name of the starting weights."""
+    short = start if len(start) <= _LONGEST else f"…{start[1 - _LONGEST :]}"
+    return f"{short} (start)" if number == START else f"trial {number}"
+
+
+def worlds_by_family(rung: Rung) -> dict[str, int]:
+    """How many worlds of each family the candidates of a rung have driven."""
+    return dict(Counter(family for family, _ in rung.places))
+
+
+def driven_label(race: Race) -> str:
+    """What `worlds_driven` counts."""
+    several = len(worlds_by_family(race.rungs[0])) > 1
+    return f"worlds {'of each family ' if several else ''}driven"
+
+
+def worlds_driven(rung: Rung) -> str:
+    """The same in words: "10" if the families have equally many, else "10 + 8"."""
+    counts = list(worlds_by_family(rung).values())
+    return " + ".join(map(str, counts if len(set(counts)) > 1 else counts[:1]))
+
+
+def _racer(race: Race, number: int) -> Racer:
+    driven = [rung for rung in race.rungs if number in rung.values]
+    return Racer(number, tuple(rung.values[number] for rung in driven), _end(race, number, driven[-1]))
+
+
+def _end(race: Race, number: int, last: Rung) -> End:
+    if number == race.winner:
+        return End.won
+    if number in last.worse:
+        return End.worse
+    return End.finished if last is race.rungs[-1] else End.outranked

@@ -1,0 +1,107 @@
+"""The scores of a race, on disk: one line of JSON per episode, appended when it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from lme.errors import InputError
+from lme.inputs.guarded_file import LOG_BYTES, decode_json, read_bytes
+from runners.records.append_log import cut_torn_line
+from runners.workers.trials import Attempt, Score
+
+RACE_LOG = "race.jsonl"
+
+
+class RaceLog:
+    """The scores by candidate and place. Lines of a killed run are read first; use it as a context manager."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError for a line that does not hold a score."""
+        self._path = path
+        self._scores: dict[tuple[int, str, int], Score] = {}
+        self._file: TextIO | None = None
+        if path.is_file():
+            cut_torn_line(path)
+            for number, line in enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1):
+                self._keep(_decode(line, path, number))
+
+    def __enter__(self) -> RaceLog:
+        self._file = self._path.open("a", encoding="utf-8")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def get(self, attempt: Attempt) -> Score | None:
+        """The score of an attempt, if it was driven."""
+        return self._scores.get((attempt.trial, attempt.family, attempt.world))
+
+    def add(self, score: Score) -> None:
+        """Append a score."""
+        assert self._file is not None
+        self._file.write(json.dumps(score, separators=(",", ":")) + "\n")
+        self._file.flush()
+        self._keep(score)
+
+    def __iter__(self) -> Iterator[Score]:
+        """All scores, in the order in which they were driven."""
+        return iter(self._scores.values())
+
+    def _keep(self, score: Score) -> None:
+        self._scores[score.trial, score.family, score.world] = score
+
+
+def _decode(line: bytes, path: Path, number: int) -> Score:
+    try:
+        trial, world, outcome, steps, reward, family = decode_json(line)
+        return Score(int(trial), int(world), str(outcome), int(steps), float(reward), str(family))
+    except (ValueError, TypeError, OverflowError):
+        raise InputError(
+            f"{path} line {number} does not hold the score of an episode: remove that line"
+        ) from None
+
+
+SCORE_LOG = "scores.jsonl"
+
+
+class ScoreLog:
+    """One line per trial: its values and its scores. Lines of a killed run are read first.
+
+    path: None if the study itself is on that disk.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        """Raises InputError for a line that does not hold scores."""
+        self._path = path
+        self._scores: dict[frozenset[tuple[str, float]], list[Any]] = {}
+        if path is not None and path.is_file():
+            cut_torn_line(path)
+            for number, line in enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1):
+                values, scores = _decode_score(line, path, number)
+                self._scores[values] = scores
+
+    def get(self, values: Mapping[str, float]) -> list[Any] | None:
+        """The scores of the trial with these values; equal values have equal scores."""
+        return self._scores.get(frozenset(values.items()))
+
+    def add(self, values: Mapping[str, float], scores: Sequence[Any]) -> None:
+        """Append the scores of a trial."""
+        if self._path is not None:
+            with self._path.open("a") as file:
+                file.write(json.dumps([dict(values), list(scores)]) + "\n")
+
+
+def _decode_score(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
+    try:
+        values, scores = decode_json(line)
+        return frozenset((key, float(value)) for key, value in values.items()), [
+            list(score) for score in scores
+        ]
+    except (ValueError, TypeError, AttributeError, OverflowError):
+        raise InputError(
+            f"{path} line {number} does not hold the scores of a trial: remove that line"
+        ) from None

@@ -1,0 +1,172 @@
+"""The report of a training as one HTML file: is the result better, where it comes from, and where it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from runners.config.space import Space
+from runners.config.wording import counted
+from runners.reports.analysis.shared_worlds import WorstWorld
+from runners.reports.explainer.leaderboard import breakable, escaped
+from runners.reports.explainer.write import document_parts, fill, write_html
+from runners.training.race import START, Race, racers
+from runners.training.report_charts import figure, race_chart, race_key, scatter, short
+from runners.training.report_tables import (
+    HeldOut,
+    candidate_table,
+    held_out_table,
+    parameter_table,
+    rung_table,
+    worst_table,
+)
+from runners.training.study import Trial
+
+_SCRIPTS = ("theme.js", "training.js")
+_STYLES = ("index.css", "training.css")
+_SIGNS = {1: "better", 0: "level", -1: "worse"}
+_PAIRED_NOTE = " Differences are paired, world by world, with their 95 % intervals."
+_RACE_NOTE = (
+    "Every candidate drives the same worlds with the same random numbers, so differences are paired. Worse: dropped "
+    "because the difference from the best is beyond the noise; outranked: because others were better."
+)
+_START_NOTE = " The start stays to the end."
+_SCATTER_NOTE = (
+    "A dot is a trial, with its mean reward in the search; those in colour entered the race. The ring is around the "
+    "best trial, and the dashed line is the start."
+)
+_PLAIN_SCATTER_NOTE = (
+    "A dot is a trial, with its mean reward. The ring is around the best one; dashed: the start."
+)
+_IMPORTANCE_NOTE = (
+    "Importance (PED-ANOVA): share of a parameter in what sets the best tenth of the trials apart from all."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingReport:
+    """What the page shows.
+
+    title, facts: its heading. sentence, sign: the verdict, and -1, 0 or 1. start: the name of the starting weights.
+    winner: number of the result's trial, or START. best: of the best trial, also where the start won.
+    training_reward, training_worlds: of the result, where it was found. gap: this reward minus the mean of the held-out
+    maps' rewards. held_out: the last row is of all maps. regressions: episodes that fail where the start succeeded.
+    commands: what one can do next, by what it is for. files: of the run, to link.
+    """
+
+    title: str
+    facts: str
+    sentence: str
+    sign: int
+    start: str
+    winner: int
+    best: int
+    training_reward: float
+    training_worlds: str
+    gap: float
+    held_out: Sequence[HeldOut]
+    race: Race | None
+    trials: Sequence[Trial]
+    space: Space
+    start_values: Mapping[str, float | None]
+    importances: Mapping[str, float]
+    worst: Sequence[WorstWorld]
+    failures: int
+    regressions: int
+    commands: Mapping[str, str]
+    files: Sequence[Path]
+
+
+def write_report(report: TrainingReport, path: Path) -> None:
+    """Write the page. Links are relative to it. Raises InputError if it cannot be written."""
+    parts = {
+        **document_parts(report.title, _STYLES, _SCRIPTS),
+        "TITLE": escaped(report.title),
+        "FACTS": breakable(report.facts),
+        "VERDICT": _verdict(report),
+        "TILES": "".join(_tiles(report)),
+        "HELDOUT": held_out_table(report.held_out, report.winner == START),
+        "PAIRED": "" if report.winner == START else _PAIRED_NOTE,
+        "RACE": _race(report),
+        "PARAMETERS": _parameters(report),
+        "WORST": _worst(report, path.parent),
+        "COMMANDS": "".join(
+            f"<dt>{escaped(what)}</dt><dd><code>{breakable(command)}</code></dd>"
+            for what, command in report.commands.items()
+        ),
+        "FILES": ", ".join(f'<a href="{file.name}">{escaped(file.name)}</a>' for file in report.files),
+    }
+    write_html(path, fill("training.html", parts))
+
+
+def _verdict(report: TrainingReport) -> str:
+    word, _, rest = report.sentence.partition(": ")
+    return (
+        f'<p class="verdict {_SIGNS[report.sign]}"><strong>{escaped(word)}</strong> '
+        f"<span>{escaped(rest[:1].upper() + rest[1:])}.</span></p>"
+    )
+
+
+def _tiles(report: TrainingReport) -> Iterator[str]:
+    """The four figures that one looks for first."""
+    overall = report.held_out[-1]
+    is_start = report.winner == START
+    yield _tile(
+        "Success, held out",
+        figure(overall.success),
+        "the start is the result" if is_start else f"start {figure(overall.start_success)}",
+    )
+    yield _tile(
+        "Reward, held out",
+        figure(overall.reward),
+        "" if is_start else f"start {figure(overall.start_reward)}",
+    )
+    gap = f"{figure(abs(report.gap))} {'above' if report.gap >= 0.0 else 'below'} that of the held-out maps"
+    yield _tile("Reward in training", figure(report.training_reward), gap)
+    found = "the start" if is_start else f"trial {report.winner}"
+    yield _tile("Found by", found, f"of {counted(len(report.trials), 'trial')}, {report.training_worlds}")
+
+
+def _tile(name: str, value: str, below: str) -> str:
+    return f"<div><dt>{name}</dt><dd>{value}<small>{escaped(below)}</small></dd></div>"
+
+
+def _race(report: TrainingReport) -> str:
+    race = report.race
+    if race is None:
+        return "<p>There was no race: the best trial of the search is the result.</p>"
+    raced = sum(racer.raced for racer in racers(race))
+    stays = _START_NOTE if START in race.rungs[0].values else ""
+    return (
+        f'<div class="wide" tabindex="0" role="region" aria-label="The race">{race_chart(race, report.start)}</div>'
+        f"{race_key(race)}<p>{_RACE_NOTE}{stays}</p>{rung_table(race, report.start)}"
+        f"<details><summary>{counted(raced, 'candidate')} that raced, rung by rung</summary>"
+        f"{candidate_table(race, report.start)}</details>"
+    )
+
+
+def _parameters(report: TrainingReport) -> str:
+    race = report.race
+    raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()
+    panels = "".join(
+        f"<figure><figcaption>{breakable(short(key))}</figcaption>"
+        + scatter(key, found, report.trials, raced, report.start_values.get(key), report.best)
+        + "</figure>"
+        for key, found in report.space.items()
+    )
+    note = f"<p>{_IMPORTANCE_NOTE}</p>" if report.importances else ""
+    values = next(trial.values for trial in report.trials if trial.number == report.best)
+    name = f"Trial {report.best}"
+    table = parameter_table(report.space, report.start_values, values, name, report.importances)
+    about = _SCATTER_NOTE if raced else _PLAIN_SCATTER_NOTE
+    return (
+        f'{table}{note}<h3>Parameters against the reward</h3><div class="panels">{panels}</div><p>{about}</p>'
+    )
+
+
+def _worst(report: TrainingReport, place: Path) -> str:
+    episodes = sum(row.worlds * row.runs for row in report.held_out[:-1])
+    worse = f", {report.regressions} of them where the start succeeded" if report.winner != START else ""
+    said = f"{report.failures} of {counted(episodes, 'episode')} failed{worse if report.failures else ''}."
+    return f"<p>{said}</p>{worst_table(report.worst, place)}"

@@ -1,0 +1,217 @@
+"""The tables on the page of a training: held-out worlds, rungs, candidates, parameters and the worst worlds."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote
+
+from runners.config.space import Space
+from runners.reports.analysis.failures import page_path
+from runners.reports.analysis.paired import Difference, interval, signed
+from runners.reports.analysis.shared_worlds import WorstWorld
+from runners.reports.analysis.summary import DASH, TIMES
+from runners.reports.explainer.leaderboard import breakable, escaped
+from runners.training.race import START, End, Race, name_of, racers, worlds_by_family, worlds_driven
+from runners.training.report_charts import bar, change_bar, figure, short, track
+
+_DIGITS = 4  # significant ones, of a parameter
+_LEFT = (
+    "difference",
+    "Worlds driven so far",
+    "Best so far",
+    "End",
+    "Range",
+    "Importance",
+    "Worst run",
+    "With the start",
+)
+
+
+class HeldOut(NamedTuple):
+    """Result and start on one held-out map, or on all. The changes are paired, result minus start."""
+
+    place: str
+    worlds: int
+    runs: int
+    success: float
+    start_success: float
+    success_change: Difference
+    reward: float
+    start_reward: float
+    reward_change: Difference
+
+
+def held_out_table(rows: Sequence[HeldOut], is_start: bool) -> str:
+    """One line per map, then all if there are several. is_start: the start is the result, with nothing to compare."""
+    rows = rows if len(rows) > 2 else rows[:1]
+    if is_start:
+        lines = [[_th(row.place), _episodes(row), figure(row.success), figure(row.reward)] for row in rows]
+        return _table(["Map", "Episodes", "Success", "Reward"], lines, "held-out")
+    success, reward = (
+        _widest(changes) for changes in zip(*((r.success_change, r.reward_change) for r in rows), strict=True)
+    )
+    lines = [
+        [
+            _th(row.place),
+            _episodes(row),
+            figure(row.start_success),
+            f"<b>{figure(row.success)}</b>",
+            _change(row.success_change, success),
+            figure(row.start_reward),
+            f"<b>{figure(row.reward)}</b>",
+            _change(row.reward_change, reward),
+        ]
+        for row in rows
+    ]
+    heads = ["Map", "Episodes", "start", "result", "difference", "start", "result", "difference"]
+    groups = (
+        '<tr class="groups"><td colspan="2"></td><th colspan="3">Success</th><th colspan="3">Reward</th></tr>'
+    )
+    return _table(heads, lines, "held-out", groups)
+
+
+def rung_table(race: Race, start: str) -> str:
+    """One line per rung: what was driven, who was dropped after it, and the best and the start so far."""
+    found, started = racers(race), START in race.rungs[0].values
+    lines = []
+    for index, rung in enumerate(race.rungs):
+        ends = [racer.end for racer in found if len(racer.values) == index + 1]
+        best = next(iter(rung.values))
+        families = ", ".join(f"{escaped(name)} {count}" for name, count in worlds_by_family(rung).items())
+        lines.append([
+            _th("Search" if index == 0 else f"Rung {index}"),
+            families,
+            str(len(rung.values)),
+            _count(ends.count(End.worse)),
+            _count(ends.count(End.outranked)),
+            f"{escaped(name_of(best, start))} <b>{figure(rung.values[best])}</b>",
+            *([figure(rung.values[START])] if started else []),
+        ])  # fmt: skip
+    heads = [
+        "",
+        "Worlds driven so far",
+        "Candidates",
+        "Worse",
+        "Outranked",
+        "Best so far",
+        *["Start"] * started,
+    ]
+    return _table(heads, lines, "rungs")
+
+
+def candidate_table(race: Race, start: str) -> str:
+    """One line per candidate that raced, with its mean reward after each rung, the best first."""
+    lines = [
+        [
+            _th(name_of(racer.number, start), "start" if racer.number == START else ""),
+            *map(figure, racer.values),
+            *[DASH] * (len(race.rungs) - len(racer.values)),
+            f"<b>{racer.end}</b>" if racer.end is End.won else str(racer.end),
+        ]
+        for racer in racers(race)
+        if racer.raced
+    ]
+    heads = ["Candidate", *(f"{worlds_driven(rung)} worlds" for rung in race.rungs), "End"]
+    return _table(heads, lines, "candidates")
+
+
+def parameter_table(
+    space: Space,
+    start: Mapping[str, float | None],
+    best: Mapping[str, float],
+    name: str,
+    importances: Mapping[str, float],
+) -> str:
+    """One line per searched key: both values, their place in the range, and the importance of the key.
+
+    best: values of the best trial. name: what it is called.
+    """
+    most = max(importances.values(), default=0.0)
+    lines = []
+    for key, found in space.items():
+        ends = (
+            f"<small>{found.low:g}</small>",
+            f"<small>{found.high:g}{' log' if found.log else ''}</small>",
+        )
+        weight = importances.get(key)
+        lines.append([
+            f'<th scope="row">{breakable(short(key))}</th>',
+            _value(start.get(key)),
+            f"<b>{_value(best[key])}</b>",
+            f'<span class="range">{ends[0]}{track(found, start.get(key), best[key], name)}{ends[1]}</span>',
+            *([f"{bar(weight, most)}{weight:.2f}" if weight is not None else DASH] if importances else []),
+        ])  # fmt: skip
+    heads = ["Parameter", "Start", name, "Range", *["Importance"] * bool(importances)]
+    return _table(heads, lines, "parameters")
+
+
+def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
+    """One line per world, with a link to its page if it has one. place: the folder that links start from."""
+    compared = any(world.start_failed is not None for world in worlds)
+    lines = []
+    for world in worlds:
+        flag = ' <span class="flag">start was better</span>' if world.lost else ""
+        lines.append([
+            f'<th scope="row">{escaped(world.run_dir.name)} {world.key.world}{_page(world, place)}</th>',
+            f'<span class="outcome {escaped(world.outcome)}">{escaped(world.outcome)}</span>',
+            figure(world.reward),
+            f"{world.time_s:.1f}",
+            f"{world.failed} of {world.runs}",
+            *([f"{world.start_failed} of {world.runs}{flag}"] if compared else []),
+        ])  # fmt: skip
+    heads = ["World", "Worst run", "Reward", "Time [s]", "Failed runs", *["With the start"] * compared]
+    return _table(heads, lines, "worst")
+
+
+def _table(heads: Sequence[str], lines: Iterable[Sequence[str]], kind: str, above: str = "") -> str:
+    """Lines of cells; a cell that begins with <th is one already. Numbers are on the right, other columns left."""
+    sides = [' class="left"' if head in _LEFT else "" for head in heads]
+    head = "".join(f'<th scope="col"{side}>{head}</th>' for head, side in zip(heads, sides, strict=True))
+    body = "\n".join(f"<tr>{''.join(map(_cell, line, sides))}</tr>" for line in lines)
+    return (
+        f'<div class="wide" tabindex="0" role="region" aria-label="{kind}"><table class="{kind}">\n'
+        f"<thead>{above}<tr>{head}</tr></thead>\n<tbody>{body}</tbody>\n</table></div>"
+    )
+
+
+def _cell(text: str, side: str) -> str:
+    return text if text.startswith("<th") else f"<td{side}>{text}</td>"
+
+
+def _th(text: str, kind: str = "") -> str:
+    return f'<th scope="row"{f" class={kind}" if kind else ""}>{escaped(text)}</th>'
+
+
+def _episodes(row: HeldOut) -> str:
+    return f"{row.worlds} {TIMES} {row.runs}" if row.runs > 1 else str(row.worlds)
+
+
+def _widest(changes: Iterable[Difference]) -> float:
+    """The end of a scale on which all intervals lie."""
+    ends = [abs(end) for change in changes for end in (change.low, change.high) if not math.isnan(end)]
+    return max(ends, default=0.0) or 1.0
+
+
+def _change(change: Difference, most: float) -> str:
+    bounds = interval(change)
+    below = f"<small>{bounds}</small>" if bounds else ""
+    return f"{change_bar(change, most)}<span>{signed(change.mean)}{below}</span>"
+
+
+def _count(number: int) -> str:
+    return str(number) if number else DASH
+
+
+def _value(value: float | None) -> str:
+    return DASH if value is None else f"{value:.{_DIGITS}g}"
+
+
+def _page(world: WorstWorld, place: Path) -> str:
+    path = page_path(world.run_dir, world.key)
+    if not path.is_file():
+        return ""
+    return f' <a href="{quote(os.path.relpath(path, place))}">why</a>'

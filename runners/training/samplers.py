@@ -1,0 +1,233 @@
+"""Optuna's samplers, which propose the next trial, with a new seed for every trial.
+
+A sampler is made from the seed and the number of the trial. All other state is in the study, so a killed study
+resumes with the same proposals.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.requirements import install
+from runners.training.optuna_private import Part
+
+if TYPE_CHECKING:
+    from optuna import Study
+    from optuna.distributions import BaseDistribution
+    from optuna.samplers import BaseSampler
+    from optuna.trial import FrozenTrial
+
+    Distributions = dict[str, BaseDistribution]
+
+
+class Search(Protocol):
+    """A search algorithm; `conf/search/` has one file for each."""
+
+    @property
+    def batch(self) -> int:
+        """Number of trials proposed before any of their rewards is known."""
+
+    def sampler(self, seed: int) -> BaseSampler:
+        """A new sampler."""
+
+
+@dataclass(slots=True)
+class TpeConfig:
+    """startup: random trials before the model is used. multivariate: one joint model of all parameters."""
+
+    batch: int = 4
+    startup: int = 10
+    multivariate: bool = True
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=1)
+        require("search.startup", self.startup, at_least=1)
+
+
+class Tpe:
+    """Tree-structured Parzen estimator (Bergstra et al. 2011; multivariate: Falkner et al. 2018)."""
+
+    Config = TpeConfig
+
+    def __init__(self, config: TpeConfig) -> None:
+        self._config = config
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        from optuna.samplers import TPESampler
+
+        return TPESampler(
+            n_startup_trials=self._config.startup,
+            multivariate=self._config.multivariate,
+            constant_liar=True,  # running trials count as bad, so a batch does not cluster at one point
+            seed=seed,
+        )
+
+
+@dataclass(slots=True)
+class GpConfig:
+    """startup: random trials before the model is used."""
+
+    batch: int = 1
+    startup: int = 10
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=1)
+        require("search.startup", self.startup, at_least=1)
+
+
+class Gp:
+    """Gaussian process, Matérn 5/2 kernel, log expected improvement (paper §III.F; Snoek et al. 2012)."""
+
+    Config = GpConfig
+
+    def __init__(self, config: GpConfig) -> None:
+        _require_package("torch", "gp")
+        self._config = config
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        import torch
+        from optuna.samplers import GPSampler
+
+        torch.set_num_threads(
+            1
+        )  # the order of sums, and so the result, must not depend on the number of cores
+        return GPSampler(n_startup_trials=self._config.startup, deterministic_objective=False, seed=seed)
+
+
+@dataclass(slots=True)
+class CmaesConfig:
+    """batch: number of trials at once, and the size of a generation."""
+
+    batch: int = 10
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=2)
+
+
+class Cmaes:
+    """Covariance matrix adaptation evolution strategy (Hansen 2016); each batch is a generation."""
+
+    Config = CmaesConfig
+
+    def __init__(self, config: CmaesConfig) -> None:
+        _require_package("cmaes", "cmaes")
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        from optuna.samplers import CmaEsSampler
+
+        return CmaEsSampler(popsize=self.batch, warn_independent_sampling=False, seed=seed)
+
+
+@dataclass(slots=True)
+class RandomConfig:
+    """batch: number of trials at once; it does not change the result."""
+
+    batch: int = 8
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=1)
+
+
+class Random:
+    """Independent random draws."""
+
+    Config = RandomConfig
+
+    def __init__(self, config: RandomConfig) -> None:
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        from optuna.samplers import RandomSampler
+
+        return RandomSampler(seed=seed)
+
+
+def per_trial(
+    make: Callable[[int], BaseSampler],
+    seed: int,
+    first: Mapping[str, float] | None = None,
+    restarts: int = 1,
+) -> BaseSampler:
+    """A sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would.
+
+    first: values of trial 0; the search chooses the others. restarts: number of searches, to which trials belong in
+    turn (`restart_of`); each knows its own trials alone.
+    """
+    from optuna.samplers import BaseSampler as Base
+
+    class PerTrial(Base):
+        _number: int | None = None
+        _sampler: BaseSampler
+
+        def _sampler_for(self, trial: FrozenTrial) -> BaseSampler:
+            number = _origin(trial)
+            if number != self._number:
+                self._number, self._sampler = number, _make_quietly(make, trial_seed(seed, number))
+            return self._sampler
+
+        def _known(self, study: Study, trial: FrozenTrial) -> Any:
+            """The study as the search of this trial knows it."""
+            mine = restart_of(_origin(trial), restarts)
+            return (
+                Part(study, lambda other: restart_of(_origin(other), restarts) == mine)
+                if restarts > 1
+                else study
+            )
+
+        def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
+            if first and _origin(trial) == 0:
+                return {}
+            return self._sampler_for(trial).infer_relative_search_space(self._known(study, trial), trial)
+
+        def sample_relative(
+            self, study: Study, trial: FrozenTrial, search_space: Distributions
+        ) -> dict[str, Any]:
+            return self._sampler_for(trial).sample_relative(self._known(study, trial), trial, search_space)
+
+        def sample_independent(
+            self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
+        ) -> Any:
+            if first and param_name in first and _origin(trial) == 0:
+                return first[param_name]
+            known = self._known(study, trial)
+            return self._sampler_for(trial).sample_independent(known, trial, param_name, param_distribution)
+
+    return PerTrial()
+
+
+def _origin(trial: FrozenTrial) -> int:
+    """Number of the trial, or of the original trial of a killed process that this one repeats."""
+    # RetryHeartbeatStaleTrialCallback writes this name.
+    return int(trial.system_attrs.get("failed_trial", trial.number))
+
+
+def restart_of(number: int, restarts: int) -> int:
+    """The search that trial `number` belongs to."""
+    return number % restarts
+
+
+def trial_seed(seed: int, number: int) -> int:
+    """A 32-bit seed from the study's seed and the trial's number."""
+    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+
+
+def _make_quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
+    """Make a sampler without Optuna's warning that it is experimental."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return make(seed)
+
+
+def _require_package(package: str, search: str) -> None:
+    if find_spec(package) is None:
+        raise InputError(f"search={search} needs {package}: {install(package)}, or choose search=tpe")

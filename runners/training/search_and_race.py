@@ -1,0 +1,173 @@
+"""What a training does until it has a result: the search, and the race of its best trials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+from runners.config import ablations, build, instantiate
+from runners.config.catalogue import Catalogue
+from runners.config.flatten import flatten
+from runners.config.job import Job
+from runners.config.schema import TrainConfig
+from runners.config.space import Space, own_values, read_space
+from runners.records.launch_record import identity
+from runners.training.families import Families, training_worlds, with_worlds
+from runners.training.held_out import Places, held_out_places
+from runners.training.opening import open_study, run_trials
+from runners.training.race import START, Candidate, Race, run_race
+from runners.training.race_log import RACE_LOG, RaceLog
+from runners.training.study import CONFIGURATIONS, Study, Trial
+from runners.workers import trials
+from runners.workers.executor import Item, Map
+from runners.workers.progress import RaceProgress, TrialProgress
+from runners.workers.trials import Attempt, Place, Score
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a training has found. number: of the best trial, or START. values: by dotted config key; {} for START.
+
+    configurations: the worlds of the search. told: the finished trials. num_elsewhere: trials that other machines
+    still run. reward: its mean over the worlds that it drove. worlds: how many of each family.
+    """
+
+    space: Space
+    configurations: list[int]
+    told: list[Trial]
+    importances: dict[str, float]
+    num_elsewhere: int
+    race: Race | None
+    number: int
+    values: dict[str, float]
+    reward: float
+    worlds: int
+
+
+def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
+    """Run the study until it has all its trials, and the race; trials and scores of an earlier run count."""
+    config, run_dir = job.config, job.run_dir
+    search = instantiate.build(config.search, "search")
+    space = search_space(job)
+    start = own_values(config, space) if config.start_from_config else None
+    where = config.storage, config.study, run_dir
+    study = open_study(*where, identity(config), space, search, start or {}, config.restarts)
+    rungs = world_numbers(job, trained)
+    check_configurations(study, trained, rungs[0], run_dir)
+    places = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
+    training = with_worlds(trained, [world for worlds in rungs for world in worlds])
+    with ExitStack() as workers:
+        run_all = _started_when_needed(config, training, workers)
+        with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
+            progress.skip(len(study.told), study.best)
+            if study.num_told < config.trials:
+                run_trials(study, config.trials, search.batch, places[0], run_all, progress.set_done)
+        race = _race(job, study, places, start, run_all) if config.race else None
+    return _found(study, space, race, rungs, own_values(config, space))
+
+
+def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:
+    """A `map` that starts the workers when it is first called."""
+    opened: list[Map] = []
+
+    def run_all(items: Any) -> Iterator[Item]:
+        if not opened:
+            executor = instantiate.build(config.executor, "executor")
+            opened.append(workers.enter_context(executor.open(trials.initialise, training)))
+        return opened[0](items)
+
+    return run_all
+
+
+def _race(
+    job: Job[TrainConfig],
+    study: Study,
+    places: Sequence[Sequence[Place]],
+    start: Mapping[str, float] | None,
+    run_all: Map,
+) -> Race:
+    """Race the trials of the study and, if they begin from the config, its own values: `start`."""
+    config = job.config
+    assert config.race is not None
+    told = [trial for trial in study.told if trial.values != start]
+    candidates = [Candidate(trial.number, trial.values) for trial in told]
+    candidates += [Candidate(START, {})] if start is not None else []
+    scores = [score for trial in told for score in trial.scores]
+    with RaceLog(job.run_dir / RACE_LOG) as log, RaceProgress() as progress:
+
+        def drive(attempts: Sequence[Attempt]) -> Iterator[Score]:
+            known = {attempt: log.get(attempt) for attempt in attempts}
+            progress.begin(len(attempts), len({attempt.trial for attempt in attempts}))
+            for score in filter(None, known.values()):
+                progress.add()
+                yield score
+            for score in run_all([attempt for attempt, score in known.items() if score is None]):
+                log.add(score)
+                progress.add()
+                yield score
+
+        return run_race(candidates, scores, places, config.race, drive, config.restarts)
+
+
+def _found(
+    study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]], start: Mapping[str, float]
+) -> Found:
+    told = study.told
+    best = max(told, key=lambda trial: (trial.reward, -trial.number))
+    number, reward = best.number, best.reward
+    if race is not None:
+        number, reward = race.winner, race.rungs[-1].values[race.winner]
+    values = {trial.number: trial.values for trial in told}.get(number, {})
+    if values == start:  # the trial that begins the search
+        number, values = START, {}
+    driven = sum(map(len, rungs))
+    elsewhere = study.num_elsewhere
+    return Found(space, rungs[0], told, study.importances(), elsewhere, race, number, values, reward, driven)
+
+
+def check_configurations(study: Study, trained: Families, worlds: list[int], run_dir: Path) -> None:
+    """Keep the worlds of the search in the study. Raises InputError if a map has changed since they were drawn."""
+    drawn = []
+    for name, family in trained.items():
+        maps = build.map_set(family, worlds)
+        for task in map(maps.task, worlds):
+            place = {"world": task.number, "start": list(task.start), "goal": task.goal.tolist()}
+            drawn.append(place if len(trained) == 1 else {"family": name, **place})
+    kept = study.get_or_set(CONFIGURATIONS, drawn)
+    if kept != drawn:
+        changed = next((new for old, new in zip(kept, drawn, strict=False) if old != new), drawn[0])
+        name = changed.get("family", next(iter(trained)))
+        raise InputError(
+            f"{run_dir}: its study was trained on other configurations of map {name}, which has changed "
+            "since: start another study"
+        )
+
+
+def start_name(job: Job[TrainConfig]) -> str:
+    """What the training starts from: the weight set, if the guide has one."""
+    return job.weights if job.config.guide.get("parameters") else "the config's own values"
+
+
+def search_space(job: Job[TrainConfig]) -> Space:
+    """The search space: the ranges of the config, without the keys that the ablation fixes."""
+    ablated = ablations.settings(job.choices.get(ablations.GROUP, ""), Catalogue(job.folders))
+    return read_space(job.config, dict(flatten(ablated)))
+
+
+def evaluation_places(job: Job[TrainConfig], trained: Families) -> Places:
+    """What the result is evaluated on: `held_out`, or the own worlds of every family."""
+    return held_out_places(job) if job.config.held_out else trained
+
+
+def world_numbers(job: Job[TrainConfig], trained: Families) -> list[list[int]]:
+    """The numbers of the worlds of the search, and of each rung of the race. Raises InputError."""
+    config = job.config
+    counts = [config.configurations, *(config.race.worlds if config.race else [])]
+    numbers = training_worlds(config, evaluation_places(job, trained).values(), sum(counts))
+    with_worlds(trained, numbers)
+    return [numbers[first:last] for first, last in pairwise([0, *accumulate(counts)])]

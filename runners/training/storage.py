@@ -1,0 +1,270 @@
+"""The storage of a study that several machines share, at an Optuna URL."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
+
+from optuna.storages.journal import BaseJournalBackend
+
+from lme.errors import InputError
+from lme.inputs.guarded_file import LOG_BYTES, decode_json, read_bytes
+from lme.requirements import install
+from runners.config.urls import HIDDEN, fault_of_password, masked, reveals_password
+from runners.training.optuna_private import id_of
+
+if TYPE_CHECKING:
+    import optuna
+    from optuna.storages import BaseStorage, RDBStorage
+    from sqlalchemy.exc import OperationalError
+
+
+HEARTBEAT_S = 10  # between heartbeats of a running trial
+GRACE_S = 60  # after this long without a heartbeat, another process takes a trial
+_LIBRARIES = ("optuna", "sqlalchemy", "redis")  # their errors come from a storage
+_REDIS = ("redis://", "rediss://", "unix://")
+_PACKAGES = {"MySQLdb": "mysqlclient", "psycopg2": "psycopg2-binary"}  # by the name of their module
+_RIGHT = "must be an Optuna storage URL such as postgresql://user@host/optuna, or null for a journal"
+_CREATIONS = 6  # attempts to create the tables while other processes do the same
+
+
+def open_storage(url: str) -> BaseStorage:
+    """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if it cannot be used."""
+    with _as_input_error(url, "cannot be used", _RIGHT), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Optuna's warnings that Redis and heartbeats are experimental
+        return _redis(url) if url.startswith(_REDIS) else _database(url)
+
+
+@contextmanager
+def storage_errors(url: str | None, advice: str) -> Iterator[None]:
+    """Turn a storage error in the block into an InputError. advice: what the user can do."""
+    try:
+        yield
+    except Exception as error:
+        if url is None or type(error).__module__.partition(".")[0] not in _LIBRARIES:
+            raise
+        with _as_input_error(url, "no longer answers", advice):
+            raise
+
+
+def _redis(url: str) -> BaseStorage:
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalRedisBackend
+
+    return JournalStorage(JournalRedisBackend(url))
+
+
+def _database(url: str) -> RDBStorage:
+    """Open a database. Processes that start together all create its tables, and all but one of them fail."""
+    from optuna.exceptions import StorageInternalError
+    from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
+    from sqlalchemy.exc import IntegrityError, OperationalError, ProgrammingError
+
+    # SQLAlchemy 2.0 and 2.1 choose different drivers for this.
+    named = url.replace("postgresql://", "postgresql+psycopg://", 1)
+    for attempt in range(1, _CREATIONS + 1):
+        try:
+            return RDBStorage(
+                named,
+                engine_kwargs=_engine_options(url),
+                heartbeat_interval=HEARTBEAT_S,
+                grace_period=GRACE_S,
+                heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
+            )
+        except (IntegrityError, OperationalError, ProgrammingError, StorageInternalError) as error:
+            refused = isinstance(error, OperationalError) and not _already_in_mysql(error)
+            if refused or attempt == _CREATIONS:
+                raise
+            time.sleep(random.uniform(0.1, 0.5))
+    raise AssertionError("unreachable: the last attempt returns or raises")
+
+
+def _already_in_mysql(error: OperationalError) -> bool:
+    """Whether MySQL says that another process has already created the table or the index."""
+    return error.orig is not None and error.orig.args[:1] in ((1050,), (1061,))
+
+
+def _engine_options(url: str) -> dict[str, Any]:
+    """Options of the engine: give up on an unreachable server within seconds, survive the restart of a server."""
+    if url.startswith(("postgresql", "mysql")):
+        return {"connect_args": {"connect_timeout": 10}, "pool_pre_ping": True}
+    return {"connect_args": {"timeout": 30}} if url.startswith("sqlite") else {}
+
+
+@contextmanager
+def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
+    """Turn any error of the block into an InputError of one line."""
+    try:
+        yield
+    except Exception as error:
+        *_, cause = _causes(error)
+        if isinstance(cause, ImportError) and cause.name is not None:
+            trouble, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
+        reason = " ".join(str(cause).split()) or type(cause).__name__
+        if reveals_password(reason, url):
+            reason = fault_of_password(url) or type(cause).__name__
+        elif url == masked(url) and f":{HIDDEN}@" in url:  # as a run keeps it that is resumed
+            advice = (
+                "its password is not kept with the run: give storage=URL again, or let the driver read it"
+            )
+        raise InputError(f"storage is {masked(url)}: {trouble} ({reason[:200]}); {advice}") from None
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    """The error and its causes."""
+    while error is not None:
+        yield error
+        error = error.__cause__
+
+
+_SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that is used as a mark
+_MARK = "lme:entries"
+_BEGINNING = b'{"op_code":'
+
+
+class Journal(BaseJournalBackend):
+    """The journal of one study. Raises InputError if the file is not a journal, or if lines are missing."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._entries = list(_complete_steps(path))
+        self._waiting: list[str] = []
+
+    def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
+        """Entries from this number on, in order."""
+        return iter(self._entries[log_number_from:])
+
+    def append_logs(self, logs: list[dict[str, Any]]) -> None:
+        """Keep entries until the next flush."""
+        lines = [json.dumps(entry, separators=(",", ":")) for entry in logs]
+        # Decoded again so that this process sees the same values as one that resumes from the file.
+        self._entries += map(json.loads, lines)
+        self._waiting += lines
+
+    def flush(self) -> None:
+        """Write the waiting entries to disk as one step."""
+        if not self._waiting:
+            return
+        last = self._entries[-1]
+        mark = {"op_code": _SET_STUDY_SYSTEM_ATTR, "worker_id": last["worker_id"], "study_id": 0}
+        self.append_logs([{**mark, "system_attr": {_MARK: len(self._entries) + 1}}])
+        with self._path.open("ab") as file:
+            file.write("".join(f"{line}\n" for line in self._waiting).encode())
+            file.flush()
+            os.fsync(file.fileno())
+        self._waiting.clear()
+
+
+def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the entries of a journal up to its last mark, and cut off the rest of the file."""
+    try:
+        content = read_bytes(path, LOG_BYTES)
+    except FileNotFoundError:
+        content = b""
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # another file: leave it as it is
+        raise _not_an_entry(path, 1)
+    lines = content.splitlines(keepends=True)
+    mark = f'"{_MARK}":'.encode()
+    while lines and not (mark in lines[-1] and lines[-1].endswith(b"\n")):
+        lines.pop()
+    if path.is_file():
+        os.truncate(path, sum(map(len, lines)))
+    for number, line in enumerate(lines, start=1):
+        entry = _decode(line, path, number)
+        counted = (entry.get("system_attr") or {}).get(_MARK, number)
+        if counted != number:
+            raise InputError(
+                f"{path} line {number}: should be line {counted!r:.40}, so lines are missing or were added; "
+                "restore the file, or start another study"
+            )
+        yield entry
+
+
+def _decode(line: bytes, path: Path, number: int) -> dict[str, Any]:
+    try:
+        entry: dict[str, Any] = decode_json(line)
+        _ = entry["op_code"], entry["worker_id"], dict(entry.get("system_attr") or {})
+        if not all(isinstance(value, int | float) for value in entry.get("values") or []):
+            raise TypeError("a reward must be a number")
+    except (ValueError, KeyError, TypeError):
+        raise _not_an_entry(path, number) from None
+    return entry
+
+
+def _not_an_entry(path: Path, number: int) -> InputError:
+    return InputError(
+        f"{path} line {number}: is not an entry of an Optuna journal; restore the file, or start another study"
+    )
+
+
+class Heartbeat:
+    """The heartbeats of this process's trials. storage: None if it does not store any (a journal).
+
+    Optuna sends them only from `Study.optimize`, which runs one trial at a time. `RDBStorage.record_heartbeat` is
+    public, and so is `fail_stale_trials`.
+    """
+
+    def __init__(self, storage: RDBStorage | None) -> None:
+        self._storage = storage
+        self._running: set[int] = set()
+        self._seen: set[int] = set()
+
+    @property
+    def finds_killed(self) -> bool:
+        """Whether the trials of killed processes are found."""
+        return self._storage is not None
+
+    def begin(self, trial_id: int) -> None:
+        """Start the heartbeat of a trial that this process runs."""
+        if self._storage is not None:
+            self._storage.record_heartbeat(trial_id)
+            self._seen.add(trial_id)
+            self._running.add(trial_id)
+
+    def end(self, trial_id: int) -> None:
+        """Stop the heartbeat of a trial."""
+        self._running.discard(trial_id)
+
+    @contextmanager
+    def send_heartbeats(self) -> Iterator[None]:
+        """Send heartbeats while the block runs."""
+        stop = Event()
+        if self._storage is not None:
+            Thread(target=self._beat, args=(self._storage, stop), daemon=True).start()
+        try:
+            yield
+        finally:
+            stop.set()
+
+    def requeue_killed(self, study: optuna.Study) -> None:
+        """Queue the trials of killed processes again, with their parameters and scores."""
+        from optuna.storages import fail_stale_trials
+        from optuna.trial import TrialState
+
+        if self._storage is None:
+            return
+        for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+            # Its process may have been killed before the first heartbeat, and Optuna only misses a trial that had one.
+            if id_of(trial) not in self._seen:
+                self._storage.record_heartbeat(id_of(trial))
+                self._seen.add(id_of(trial))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Optuna's warning that it is experimental
+            fail_stale_trials(study)
+
+    def _beat(self, storage: RDBStorage, stop: Event) -> None:
+        interval = storage.get_heartbeat_interval()
+        while not stop.wait(interval):
+            for trial_id in tuple(self._running):
+                with suppress(Exception):  # if the storage does not answer, the search itself reports it
+                    storage.record_heartbeat(trial_id)

@@ -1,0 +1,163 @@
+"""Whether what a training found is better than what it started from, on held-out worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from statistics import fmean
+from typing import TYPE_CHECKING, Any, cast
+
+from runners.config import build
+from runners.config.schema import DriveConfig, TrainConfig
+from runners.reports.analysis.paired import SUCCESS, Difference, difference, signed
+from runners.training.held_out import Places
+from runners.workers.trials import episode_reward
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_REWARD = "reward"
+_FEWEST = 10  # worlds: the bootstrap of fewer is too narrow
+_WORDS = {1: "better", 0: "level", -1: "worse"}
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutComparison:
+    """Result and start on the same worlds, paired. success, reward: of the result."""
+
+    success: float
+    reward: float
+    success_difference: Difference
+    reward_difference: Difference
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """by_place: by held-out map. overall: of all worlds. training_reward: of the result, where it was found."""
+
+    by_place: dict[str, HeldOutComparison]
+    overall: HeldOutComparison
+    training_reward: float
+    is_start: bool
+
+    @property
+    def sign(self) -> int:
+        """−1 if success on a map or the reward on all is worse beyond the noise, 1 if the reward is better, else 0."""
+        if self.overall.success_difference.worlds < _FEWEST:
+            return 0
+        if any(each.success_difference.high < 0.0 for each in (*self.by_place.values(), self.overall)):
+            return -1
+        change = self.overall.reward_difference
+        return -1 if change.high < 0.0 else 1 if change.low > 0.0 else 0
+
+    @property
+    def mean_reward(self) -> float:
+        """The mean of the maps' mean rewards: in training, too, a family counts as much as another one."""
+        return fmean(each.reward for each in self.by_place.values())
+
+    @property
+    def gap(self) -> float:
+        """The reward in training minus that on the held-out maps."""
+        return self.training_reward - self.mean_reward
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether one should keep what one has."""
+        return self.sign < 0
+
+    def lines(self, start: str) -> list[str]:
+        """The comparison in words. start: name of the weights started from."""
+        gap = f"Reward in training {self.training_reward:.3f}, on held-out maps {self.mean_reward:.3f}"
+        if self.is_start:
+            return [gap, f"Level: no trial was better than the weights started from ({start}); keep them"]
+        lines = [f"Against {start}, paired:"]
+        for place, each in {**self.by_place, "all": self.overall}.items():
+            success, reward = (_text(part) for part in (each.success_difference, each.reward_difference))
+            lines.append(f"  {place}: success {success}, reward {reward}")
+        return [*lines, gap, self._sentence(start)]
+
+    def _sentence(self, start: str) -> str:
+        if self.sign > 0:
+            return f"Better: the new weights earn more than {start}, beyond the noise, and fail no more often"
+        if self.sign == 0:
+            return f"Level: the new weights and {start} differ by no more than the noise"
+        return f"Worse: keep what you have ({start})"
+
+    def content(self) -> dict[str, Any]:
+        """For the weight file."""
+        places = {
+            place: {
+                "worlds": each.success_difference.worlds,
+                "success": _rounded(each.success),
+                "success_difference": _numbers(each.success_difference),
+                "reward": _rounded(each.reward),
+                "reward_difference": _numbers(each.reward_difference),
+            }
+            for place, each in {**self.by_place, "all": self.overall}.items()
+        }
+        return {"verdict": _WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": places}
+
+
+def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_reward: float) -> Verdict:
+    """Compare the records of the result with those of the start, both with rewards.
+
+    places: the configs by held-out map. training_reward: of the result, on the training worlds.
+    """
+    import pandas as pd
+
+    one, other = (_by_place(places, frame) for frame in (start, found))
+    by_place = {place: _comparison(one[place], other[place]) for place in places}
+    overall = _comparison(*(pd.concat(frames.values(), ignore_index=True) for frames in (one, other)))
+    return Verdict(by_place, overall, training_reward, start is found)
+
+
+def with_rewards(places: Places, frame: pd.DataFrame) -> pd.DataFrame:
+    """The held-out records with a column `reward`."""
+    names = [Path(folder).name for folder in frame["run_dir"]]
+    limits = {name: _limits(places[name]) for name in set(names)}
+    ends = zip(names, frame["world"], frame["outcome"], frame["steps"], strict=True)
+    rewards = [
+        episode_reward(cast(TrainConfig, places[name]), limits[name](int(world)), outcome, steps)
+        for name, world, outcome, steps in ends
+    ]
+    return frame.assign(**{_REWARD: rewards})
+
+
+def _limits(config: DriveConfig) -> Callable[[int], float]:
+    """The time limit [s] of each world by its number."""
+    given = config.map.get("time_limit")
+    if given is not None:
+        return lambda world: float(given)
+    maps = build.map_set(config)
+    return cache(lambda world: maps.task(world).time_limit)
+
+
+def _by_place(places: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The records of each map, with worlds that have its name: maps have worlds of the same number."""
+    names = frame["run_dir"].map(lambda folder: Path(folder).name)
+    named = frame.assign(world=names + " " + frame["world"].astype(str))
+    return {place: named[names == place] for place in places}
+
+
+def _comparison(start: pd.DataFrame, found: pd.DataFrame) -> HeldOutComparison:
+    success, reward = (difference(start, found, quantity) for quantity in (SUCCESS, _REWARD))
+    assert success is not None
+    assert reward is not None  # both drove the same worlds
+    return HeldOutComparison(
+        float((found["outcome"] == SUCCESS).mean()), float(found[_REWARD].mean()), success, reward
+    )
+
+
+def _text(change: Difference) -> str:
+    return f"{signed(change.mean)} ({signed(change.low)} to {signed(change.high)})"
+
+
+def _numbers(change: Difference) -> list[float]:
+    """Mean and interval."""
+    return [_rounded(value) for value in (change.mean, change.low, change.high)]
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 6)

@@ -1,0 +1,130 @@
+"""Robots and parameters by name, without Hydra."""
+
+import warnings
+
+import numpy as np
+import pytest
+import yaml
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from lme.config.presets import load_map_set, load_parameters, load_robot, load_simulator
+from lme.errors import InputError
+from lme.guides.lme.score import CRITERIA
+from lme.robots import Robot
+from runners.config.instantiate import build, configured, fill_dataclass
+from tests.places import ROOT
+
+ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
+STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("ignore:.*robot.collision_radius")
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_a_robot_is_what_hydra_makes_of_its_file(path):
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        given = OmegaConf.to_container(compose(f"robot/{path.stem}").robot)
+    expected = fill_dataclass(Robot, given, "robot")
+    assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
+    assert type(load_robot(path.stem).lidar.num_beams) is int
+
+
+def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its_radius(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for path in ROBOTS:
+            load_robot(path.stem)
+    own = tmp_path / "mine.yaml"
+    own.write_text(
+        (ROOT / "conf" / "robot" / "go2.yaml").read_text().replace("radius: 0.3 ", "radius: 0.25 ")
+    )
+    with pytest.warns(UserWarning, match=r"mine\.yaml: robot\.collision_radius 0\.25 m is less than"):
+        load_robot(own)
+
+
+def test_a_key_omitted_from_a_robots_file_is_the_default(tmp_path):
+    path = tmp_path / "mine.yaml"
+    left_out = ("  noise_std", "  x:", "  y:", "  yaw", "  length", "  width", "collision_radius")
+    path.write_text("\n".join(line for line in STAGE.splitlines() if not line.startswith(left_out)))
+    assert load_robot(path) == load_robot("stage")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("v_max: 0.5", "vmax: 0.5", "unknown key 'vmax': did you mean v_max"),
+        ("v_max: 0.5", "", "v_max is missing"),
+        ("v_max: 0.5", "v_max: fast", "v_max is 'fast': must be a finite number"),
+        ("v_max: 0.5", "v_max: null", "v_max is empty: must be a finite number"),
+        ("v_max: 0.5", "v_max: -1", "robot.v_max is -1: must be greater than 0"),
+        ("num_beams: 540", "num_beams: 5.5", "lidar: num_beams is 5.5: must be a whole number"),
+        ("num_beams: 540", "num_beams: true", "num_beams is True: must be a whole number"),
+        ("  range_max: 15.0", "  range: 15.0", "lidar: unknown key 'range'"),
+        ("footprint:", "footprint: round\nrest:", "rest"),
+    ],
+)
+def test_a_mistake_in_a_robots_file_is_one_line_that_names_it(tmp_path, old, new, said):
+    path = tmp_path / "mine.yaml"
+    assert old in STAGE
+    path.write_text(STAGE.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_robot(path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_published_parameters(tmp_path):
+    published = load_parameters("published")
+    assert load_parameters() == published
+    assert list(published) == [*CRITERIA, "d1", "d2"]
+    assert (published["c_o"], published["d1"]) == (999.8, 0.51)  # paper §IV.D
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"parameters": published | {"d1": 2}}))
+    assert load_parameters(path) == published | {"d1": 2.0}
+
+
+def test_an_unknown_name_says_which_there_are():
+    with pytest.raises(InputError, match=r"robot is 'jakal': did you mean jackal.*go2, jackal.*or the path"):
+        load_robot("jakal")
+    with pytest.raises(InputError, match="weights is 'mine': must be one of lme_plus, published"):
+        load_parameters("mine")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        p
+        for p in sorted((ROOT / "conf" / "map").glob("[!_]*.yaml"))
+        if p.stem not in ("building", "file", "tracks")
+    ],
+    ids=lambda path: path.stem,
+)
+def test_a_map_set_is_what_hydra_makes_of_its_file(path):
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        given = OmegaConf.to_container(compose(f"map/{path.stem}").map)
+    robot = load_robot("stage")
+    if "radius" in given:
+        given["radius"] = robot.hull.r_max
+    expected, made = build(given, "map"), load_map_set(path.stem, None, robot)
+    assert type(made) is type(expected)
+    assert made.numbers == expected.numbers
+    number = made.numbers[-1]
+    np.testing.assert_array_equal(made.task(number).world.circles, expected.task(number).world.circles)
+    assert made.task(number).optimal_time == expected.task(number).optimal_time
+
+
+def test_keys_of_fresh_worlds_are_refused_with_official_ones():
+    assert load_map_set("barn", {"subset": "fresh", "count": 2, "fresh_seed": 5}).numbers == (1000, 1001)
+    assert load_map_set("social", {"count": 2}, load_robot("stage")).numbers == (0, 1)
+    for keys in ({"count": 100}, {"subset": "hard100", "fresh_seed": 5}):
+        with pytest.raises(InputError, match=r"^map\.\w+ is \d+ with map\.subset=\w+: must be left out, or"):
+            load_map_set("barn", keys)
+
+
+@pytest.mark.parametrize("name", ["fast", "physics", "skid", "walking"])
+def test_a_simulator_is_what_hydra_makes_of_its_file(name):
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        given = OmegaConf.to_container(compose(f"sim/{name}").sim)
+    assert load_simulator(name) == configured(given, "sim")
+    target, config = load_simulator(name, {"latency": 0.1, "goal_rate": None})
+    assert (target, config.latency, config.goal_rate) == (configured(given, "sim")[0], 0.1, None)

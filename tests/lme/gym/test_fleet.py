@@ -1,0 +1,242 @@
+"""Many robots at once: each sees and does to the last bit what it would alone."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lme.config.presets import load_map_set, load_robot
+from lme.errors import InputError
+from lme.geometry.frames import wrap_angle
+from lme.gym.fleet import Fleet
+from lme.gym.kernels import RUNNING, wrapped
+from lme.gym.reward import CODES, Reward
+from lme.navigation.episode import Progress
+from lme.robots import Footprint
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.types import Outcome, Twist
+
+HARD = load_map_set("barn", {"worlds": [200, 250, 299], "time_limit": 4.0})
+ROOM = load_map_set("env1", {"radius": 0.3, "worlds": [0, 1, 2], "time_limit": 2.0, "clock_distance": 0.3})
+NEAR = load_map_set(
+    "barn", {"worlds": [0, 1], "goal": [-2.25, 4.2], "goal_tolerance": 0.4, "time_limit": 2.0}
+)
+TRAPS = load_map_set("traps", {"kind": "u", "radius": 0.3, "starts": 3, "time_limit": 5.0})
+
+
+def any_robot(rng):
+    """A Jackal of random size and limits, disc or rectangle."""
+    jackal = load_robot("jackal")
+    length, width = rng.uniform(0.1, 0.5, 2)
+    footprint = Footprint(radius=width / 2) if rng.random() < 0.3 else Footprint(length=length, width=width)
+    jackal.lidar = replace(jackal.lidar, num_beams=90, yaw=2.5, noise_std=0.02)
+    v_max, alpha_v, omega_max = rng.uniform(0.3, 3.0, 3)
+    return replace(jackal, footprint=footprint, v_max=v_max, alpha_v=alpha_v, omega_max=omega_max)
+
+
+class Alone:
+    """One robot of a fleet, driven by the simulator itself."""
+
+    def __init__(self, map_set, robot, seed, config, reward):
+        self.map_set, self.robot, self.rng = map_set, robot, np.random.default_rng(seed)
+        self.config, self.reward = config, reward
+
+    def reset(self):
+        numbers = self.map_set.numbers
+        self.task = self.map_set.task(numbers[self.rng.integers(len(numbers))])
+        robot = self.robot(self.rng) if callable(self.robot) else self.robot
+        self.box = robot.hull.box
+        self.simulator = FastSimulator(self.config, robot)
+        seen = self.simulator.reset(self.task, self.rng)
+        self.progress, self.steps = Progress(self.task, self.simulator.state), 0
+        return seen
+
+    def step(self, command):
+        before = self.simulator.state
+        seen = self.simulator.step(Twist(*command))
+        after, self.steps = self.simulator.state, self.steps + 1
+        self.progress.moved(before, after)
+        outcome = self.progress.outcome(after)
+        goal = self.task.goal
+        nearer = np.hypot(*(goal - before.pose[:2])) - np.hypot(*(goal - after.pose[:2]))
+        ends = {None: 0.0, Outcome.SUCCESS: self.reward.success, Outcome.COLLISION: self.reward.collision}
+        ends[Outcome.TIMEOUT] = self.reward.timeout
+        return seen, self.reward.progress * nearer + (self.reward.step + ends[outcome]), outcome
+
+    def result(self, outcome):
+        time, length = self.progress.time(self.simulator.state), self.progress.path_length
+        return (outcome, self.task.number, time, length, self.steps, self.task.optimal_time)
+
+
+def assert_sees(views, i, seen, box):
+    np.testing.assert_array_equal(views.ranges[i], seen.scan.ranges)
+    np.testing.assert_array_equal(views.targets[i], seen.target)
+    assert tuple(views.twists[i]) == seen.twist
+    assert tuple(views.limits[i]) == seen.limits[:4]
+    assert tuple(views.boxes[i]) == box
+
+
+@pytest.mark.parametrize(
+    ("map_set", "robot", "config"),
+    [
+        (HARD, load_robot("jackal"), FastConfig()),
+        (HARD, any_robot, FastConfig(max_step=0.1)),
+        (ROOM, load_robot("stage"), FastConfig()),
+        (ROOM, any_robot, FastConfig(even_ramp=True)),
+        (TRAPS, load_robot("jackal_slow"), FastConfig()),
+        (NEAR, any_robot, FastConfig()),
+    ],
+)
+def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config):
+    n, reward = 6, Reward(progress=2.0, success=10.0, collision=-10.0, timeout=-0.5, step=-0.01)
+    fleet = Fleet(map_set, robot, n, config, reward)
+    alone = [Alone(map_set, robot, 100 + i, config, reward) for i in range(n)]
+    views = fleet.reset(range(100, 100 + n))
+    for i, single in enumerate(alone):
+        assert_sees(views, i, single.reset(), single.box)
+    rng, kinds = np.random.default_rng(0), set()
+    for _ in range(150):
+        commands = rng.normal([0.6, 0.0], [0.5, 1.0], (n, 2))
+        moved = fleet.step(commands)
+        ended = moved.ended.tolist()
+        for i, single in enumerate(alone):
+            seen, gain, outcome = single.step(commands[i])
+            assert moved.rewards[i] == gain
+            assert moved.outcomes[i] == CODES[outcome]
+            assert moved.terminated[i] == (outcome in (Outcome.SUCCESS, Outcome.COLLISION))
+            assert moved.truncated[i] == (outcome is Outcome.TIMEOUT)
+            assert (i in ended) == (outcome is not None)
+            if outcome is not None:
+                kinds.add(outcome)
+                assert_sees(moved.last_views, ended.index(i), seen, single.box)
+                assert tuple(moved.results[ended.index(i)]) == single.result(outcome)
+                seen = single.reset()
+            assert_sees(moved.views, i, seen, single.box)
+    assert (
+        (Outcome.SUCCESS in kinds) if map_set is NEAR else len(kinds) == 2
+    )  # the comparison has seen these ends
+
+
+class _Reached:
+    """Two rooms whose goals are reached wherever the robot is."""
+
+    rooms = load_map_set("env1", {"radius": 0.3})
+    numbers = rooms.numbers
+
+    def task(self, number):
+        return replace(self.rooms.task(number), goal_tolerance=20.0)
+
+
+def test_a_goal_is_reached_and_measured():
+    fleet = Fleet(_Reached(), load_robot("stage"), 2)
+    fleet.reset([0, 1])
+    moved = fleet.step(np.zeros((2, 2)))
+    assert moved.terminated.all()
+    assert not moved.truncated.any()
+    assert moved.rewards.tolist() == [20.0, 20.0]
+    for result in moved.results:
+        info = result.info()
+        assert info["outcome"] == "success"
+        assert info["is_success"] is True
+        assert info["barn_metric"] == 0.5
+        assert info["time"] == 0.2  # a control period
+        assert info["optimal_time"] > 1.0
+
+
+def test_the_same_seeds_give_the_same_episodes_and_no_array_is_shared():
+    fleet, other = (Fleet(HARD, load_robot("jackal"), 3) for _ in range(2))
+    kept = [fleet.reset([4, 5, 6])]
+    copies = [tuple(part.copy() for part in kept[0])]
+    other.reset([4, 5, 6])
+    for k in range(60):
+        commands = np.full((3, 2), [1.0, 0.1 * k])
+        kept.append(fleet.step(commands).views)
+        copies.append(tuple(part.copy() for part in kept[-1]))
+        for mine, its in zip(kept[-1], other.step(commands).views, strict=True):
+            np.testing.assert_array_equal(mine, its)
+    for views, copy in zip(kept, copies, strict=True):
+        for part, old in zip(views, copy, strict=True):
+            np.testing.assert_array_equal(part, old)
+
+
+def test_without_seeds_the_random_streams_continue_and_a_world_can_be_chosen():
+    fleet = Fleet(HARD, load_robot("jackal"), 2)
+    first = fleet.reset([1, 2])
+    assert (first.ranges != fleet.reset().ranges).any()
+    np.testing.assert_array_equal(fleet.reset([1, 2]).ranges, first.ranges)
+    fleet.reset(world=250)
+    assert [task.number for task in fleet.tasks] == [250, 250]
+    with pytest.raises(InputError, match="world is 7: must be one of 200, 250, 299"):
+        fleet.reset(world=7)
+
+
+def test_worlds_of_any_size_share_the_arrays():
+    fleet = Fleet(load_map_set("barn", {"subset": "all"}), load_robot("stage"), 1)
+    for world in (0, 299, 5):
+        (alone,) = (load_map_set("barn", {"worlds": [world]}),)
+        expected = FastSimulator(FastConfig(), load_robot("stage")).reset(
+            alone.task(world), np.random.default_rng(0)
+        )
+        np.testing.assert_array_equal(fleet.reset(world=world).ranges[0], expected.scan.ranges)
+
+
+@given(st.floats(-1e6, 1e6) | st.sampled_from([k * math.pi / 2 for k in range(-9, 10)]))
+def test_angles_are_wrapped_as_in_python(angle):
+    for near in (angle, math.nextafter(angle, math.inf), math.nextafter(angle, -math.inf)):
+        assert wrapped(near) == wrap_angle(near)
+
+
+def test_what_the_compiled_step_does_not_cover_is_refused():
+    stage, jackal = load_robot("stage"), load_robot("jackal")
+    for config, key in (
+        (FastConfig(latency=0.1), "sim.latency is 0.1"),
+        (FastConfig(slip=0.1), "sim.slip is 0.1"),
+        (FastConfig(natural_frequency=7.0), "sim.natural_frequency is 7.0"),
+        (FastConfig(tilt=0.1), "sim.tilt is 0.1"),
+        (FastConfig(odometry_error=0.1), "sim.odometry_error is 0.1"),
+        (FastConfig(scan_noise=0.1), "sim.scan_noise is 0.1"),
+        (FastConfig(scan_dropout=0.1), "sim.scan_dropout is 0.1"),
+        (FastConfig(goal_noise_yaw=0.1), "sim.goal_noise_yaw is 0.1"),
+        (FastConfig(goal_rate=0.0), "sim.goal_rate is 0.0"),
+    ):
+        with pytest.raises(InputError, match=f'{key}: .* vectorization_mode="sync"'):
+            Fleet(HARD, jackal, 2, config)
+    with pytest.raises(InputError, match=r"robot\.lidar\.native_beams is 540"):
+        Fleet(ROOM, load_robot("turtlebot2"), 2)
+    moving = Fleet(load_map_set("dynabarn"), jackal, 2)
+    with pytest.raises(InputError, match=r"map dynabarn_medium, world \d+ has moving obstacles"):
+        moving.reset()
+    with pytest.raises(InputError, match="num_envs is 0: must be at least 1"):
+        Fleet(ROOM, stage, 0)
+
+
+def test_wrong_commands_and_seeds_are_refused():
+    fleet = Fleet(ROOM, load_robot("stage"), 2)
+    with pytest.raises(InputError, match="call reset before step"):
+        fleet.step(np.zeros((2, 2)))
+    with pytest.raises(InputError, match="seeds has 3 numbers: must have 2"):
+        fleet.reset([1, 2, 3])
+    fleet.reset()
+    with pytest.raises(InputError, match=r"the command of robot 1 is \[0.0, nan\]: must be finite"):
+        fleet.step(np.array([[0.0, 0.0], [0.0, np.nan]]))
+    with pytest.raises(InputError, match=r"the commands have shape \(2, 3\): must be \(2, 2\)"):
+        fleet.step(np.zeros((2, 3)))
+    assert (fleet.step(np.zeros((2, 2))).outcomes == RUNNING).all()
+
+
+def test_robots_that_are_drawn_have_the_same_lidar():
+    def draw(rng):
+        robot = load_robot("stage")
+        robot.lidar.num_beams = 540 if rng.random() < 0.5 else 360
+        return robot
+
+    with pytest.raises(InputError, match=r"robot\.lidar of a randomly drawn robot is Lidar\(num_beams"):
+        Fleet(ROOM, draw, 30).reset(range(30))
+
+
+def test_a_robot_that_cannot_start_is_refused():
+    with pytest.raises(InputError, match="world 200: robot jackal is in collision at the start"):
+        Fleet(HARD, replace(load_robot("jackal"), footprint=Footprint(radius=3.0)), 1).reset(world=200)

@@ -1,0 +1,98 @@
+"""Gymnasium's vector environment against Gymnasium's own row of single ones."""
+
+import numpy as np
+import pytest
+
+gym = pytest.importorskip("gymnasium")
+from gymnasium.vector import AutoresetMode  # noqa: E402
+
+from lme.config.presets import load_robot  # noqa: E402
+from lme.errors import InputError  # noqa: E402
+from lme.gym.vector import NavigationVectorEnv  # noqa: E402
+
+SHORT = {"worlds": [0, 150, 299], "time_limit": 2.5}
+
+
+def any_limits(rng):
+    robot = load_robot("jackal")
+    robot.v_max, robot.alpha_v = rng.uniform(0.5, 2.0, 2).tolist()
+    return robot
+
+
+def plain(infos):
+    """Infos whose last observations are a list, which NumPy's comparison can look into."""
+    return {key: list(value) if key == "final_obs" else value for key, value in infos.items()}
+
+
+@pytest.mark.parametrize(
+    ("env_id", "keywords"),
+    [
+        ("Barn", {"map_config": SHORT}),
+        ("Barn", {"map_config": SHORT, "robot": any_limits, "reward": {"progress": 3.0, "step": -0.1}}),
+        ("Env1", {"map_config": {"time_limit": 3.0, "worlds": [0, 1]}, "sim_config": {"even_ramp": True}}),
+    ],
+)
+def test_a_vector_environment_is_a_row_of_single_ones_bit_by_bit(env_id, keywords):
+    name, n = f"lme:lme/{env_id}-v0", 4
+    same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    row = gym.make_vec(name, n, vectorization_mode="sync", vector_kwargs=same_step, **keywords)
+    many = gym.make_vec(name, n, **keywords)
+    assert isinstance(many, NavigationVectorEnv)
+    assert many.observation_space == row.observation_space
+    assert many.action_space == row.action_space
+    assert many.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    np.testing.assert_equal(many.reset(seed=5), row.reset(seed=5))
+    many.action_space.seed(0)
+    ended = 0
+    for _ in range(80):
+        actions = np.abs(many.action_space.sample())
+        one, other = many.step(actions), row.step(actions)
+        for mine, its in zip(one[:4], other[:4], strict=True):
+            np.testing.assert_equal(mine, its)
+        assert one[4].keys() == other[4].keys()
+        np.testing.assert_equal(plain(one[4]), plain(other[4]))
+        assert one[0] in many.observation_space
+        ended += int((one[2] | one[3]).sum())
+    assert ended > n
+    np.testing.assert_equal(many.reset(seed=[1, 2, 3, 4])[0], row.reset(seed=[1, 2, 3, 4])[0])
+    world = {"world": keywords["map_config"]["worlds"][1]}
+    np.testing.assert_equal(many.reset(seed=1, options=world), row.reset(seed=1, options=world))
+
+
+def test_observations_are_not_overwritten_by_later_steps():
+    many = NavigationVectorEnv(3, map_config=SHORT)
+    kept = [many.reset(seed=0)[0]]
+    copies = [{name: part.copy() for name, part in kept[0].items()}]
+    for _ in range(30):
+        kept.append(many.step(np.full((3, 2), 0.5))[0])
+        copies.append({name: part.copy() for name, part in kept[-1].items()})
+    np.testing.assert_equal(kept, copies)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "said"),
+    [
+        ({"sim": "physics"}, "sim is 'physics': only sim=fast has a compiled step"),
+        ({"sim_config": {"latency": 0.1}}, "sim.latency is 0.1: the compiled step"),
+        ({"map": "dynabarn"}, "has moving obstacles"),
+        ({"robot": "turtlebot2"}, "robot.lidar.native_beams is 540"),
+        ({"people": "tracked"}, "people is 'tracked': nobody is in the worlds of many robots"),
+        ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': cannot render many robots"),
+    ],
+)
+def test_the_vector_env_refuses_what_it_does_not_cover_and_says_what_does(keywords, said):
+    with pytest.raises(InputError) as caught:
+        NavigationVectorEnv(2, **keywords).reset()
+    assert said in str(caught.value)
+    assert 'vectorization_mode="sync"' in str(caught.value)
+
+
+def test_mistakes_while_driving():
+    many = NavigationVectorEnv(2, map_config=SHORT)
+    with pytest.raises(InputError, match="call reset before step"):
+        many.step(np.zeros((2, 2)))
+    many.reset()
+    with pytest.raises(InputError, match=r"must be numbers in \[-1, 1\], of shape \(2, 2\)"):
+        many.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+    with pytest.raises(InputError, match="options has 'reset_mask'"):
+        many.reset(options={"reset_mask": np.ones(2, bool)})

@@ -1,0 +1,238 @@
+"""The report of a training: its figures, marks and links; names are only text; and how it looks in a browser."""
+
+import html
+import re
+from dataclasses import replace
+
+import pytest
+
+from runners.config.space import Range
+from runners.records.episode_record import EpisodeKey
+from runners.reports.analysis.paired import Difference
+from runners.reports.analysis.shared_worlds import WorstWorld
+from runners.training.race import START, Race, Rung
+from runners.training.report_charts import share, ticks
+from runners.training.report_page import TrainingReport, write_report
+from runners.training.report_tables import HeldOut
+from tests.made_training import RACE, SPACE, TRIALS
+
+HOSTILE = '{{RACE}}"><script>alert("1")</script><img src=x onerror=alert(1)>'
+BETTER = Difference(0.1, 0.05, 0.15, 0.01, 20, 60)
+WORSE = Difference(-0.2, -0.3, -0.1, 0.01, 20, 60)
+ALONE = Difference(0.1, float("nan"), float("nan"), float("nan"), 1, 1)
+
+
+def row(place, success_change=BETTER, reward_change=WORSE):
+    worlds = success_change.worlds
+    runs = success_change.pairs // worlds
+    return HeldOut(place, worlds, runs, 0.9, 0.8, success_change, 0.4, 0.6, reward_change)
+
+
+def world(folder, number, outcome="collision", lost=1, start_failed=0):
+    failed = 3 if outcome == "collision" else 0
+    return WorstWorld(folder, EpisodeKey(number, 2), outcome, -0.2, 12.0, 3, failed, start_failed, lost)
+
+
+def report_of(place, **changes):
+    made = TrainingReport(
+        title="Training of LME on stage",
+        facts="5 trials",
+        sentence="Better: the new weights earn more",
+        sign=1,
+        start="published",
+        winner=3,
+        best=3,
+        training_reward=0.65,
+        training_worlds="4 worlds",
+        gap=0.25,
+        held_out=[row("env1"), row("fresh"), row("all")],
+        race=RACE,
+        trials=TRIALS,
+        space=SPACE,
+        start_values={"guide.parameters.c_o": 2000.0, "planner.kp": None},
+        importances={"guide.parameters.c_o": 0.75, "planner.kp": 0.25},
+        worst=[world(place / "env1", 7), world(place / "fresh", 8, "success", 0)],
+        failures=3,
+        regressions=2,
+        commands={"Compare": "lme compare a b"},
+        files=[place / "race.png"],
+    )
+    return replace(made, **changes)
+
+
+def written(place, **changes):
+    path = place / "report.html"
+    write_report(report_of(place, **changes), path)
+    return path
+
+
+def cells(path, kind):
+    """The text of a table, row by row."""
+    table = re.search(rf'<table class="{kind}">.*?</table>', path.read_text(encoding="utf-8"), re.S)[0]
+    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", re.sub(r"<svg.*?</svg>", "", table, flags=re.S), re.S)
+    plain = [
+        [re.sub(r"<[^>]+>", " ", cell) for cell in re.findall(r"<t[hd].*?</t[hd]>", row)] for row in rows
+    ]
+    return [[" ".join(html.unescape(cell).split()) for cell in row] for row in plain]
+
+
+def test_the_headline_is_the_verdict(tmp_path):
+    text = written(tmp_path).read_text(encoding="utf-8")
+    assert (
+        '<p class="verdict better"><strong>Better</strong> <span>The new weights earn more.</span></p>'
+        in text
+    )
+    assert "0.250 above that of the held-out maps" in text
+    assert 'class="verdict worse"' in written(tmp_path, sign=-1).read_text(encoding="utf-8")
+
+
+def test_held_out_maps_show_both_and_the_paired_difference(tmp_path):
+    table = cells(written(tmp_path), "held-out")
+    assert table[2] == [
+        "env1", "20 × 3", "0.800", "0.900", "+0.100 +0.050 to +0.150", "0.600", "0.400", "−0.200 −0.300 to −0.100",
+    ]  # fmt: skip
+    assert [line[0] for line in table[2:]] == ["env1", "fresh", "all"]
+
+
+def test_one_map_has_one_line_and_perhaps_no_interval(tmp_path):
+    rows = [row("env1", ALONE, ALONE), row("all", ALONE, ALONE)]
+    (line,) = cells(written(tmp_path, held_out=rows), "held-out")[2:]
+    assert line[:2] == ["env1", "1"]
+    assert line[4] == "+0.100"
+
+
+def test_the_race_says_who_was_dropped_and_why(tmp_path):
+    path = written(tmp_path)
+    assert cells(path, "rungs")[1:] == [
+        ["Search", "env1 1, fresh 1", "6", "1", "1", "trial 1 0.800", "0.500"],
+        ["Rung 1", "env1 2, fresh 2", "4", "1", "1", "trial 3 0.600", "0.550"],
+        ["Rung 2", "env1 4, fresh 3", "2", "–", "–", "trial 3 0.650", "0.600"],
+    ]
+    assert cells(path, "candidates")[1:] == [
+        ["trial 3", "0.700", "0.600", "0.650", "winner"],
+        ["published (start)", "0.500", "0.550", "0.600", "finished"],
+        ["trial 2", "0.600", "0.500", "–", "outranked"],
+        ["trial 1", "0.800", "0.400", "–", "worse beyond the noise"],
+    ]
+    chart = re.search(r'<svg class="race".*?</svg>', path.read_text(encoding="utf-8"), re.S)[0]
+    assert chart.count("<polyline") == 4
+    assert chart.count('class="cross"') == 1
+    assert chart.count('class="ring"') == 1
+    assert '<g class="won"><title>trial 3' in chart
+    assert '<g class="start"><title>published (start)' in chart
+    assert "2 more below" in chart
+
+
+def test_a_race_without_the_start_has_no_column_for_it(tmp_path):
+    rungs = [
+        Rung(rung.places, {n: value for n, value in rung.values.items() if n != START}, rung.worse)
+        for rung in RACE.rungs
+    ]
+    path = written(tmp_path, race=Race(tuple(rungs), {}))
+    assert cells(path, "rungs")[0][-1] == "Best so far"
+    assert "The start stays" not in path.read_text(encoding="utf-8")
+
+
+def test_without_a_race_the_page_says_so(tmp_path):
+    text = written(tmp_path, race=None, importances={}).read_text(encoding="utf-8")
+    assert "There was no race" in text
+    assert '<svg class="race"' not in text
+    assert "PED-ANOVA" not in text
+
+
+def test_where_the_start_wins_the_best_trial_is_still_shown(tmp_path):
+    path = written(tmp_path, winner=START, best=2)
+    assert cells(path, "held-out")[0] == ["Map", "Episodes", "Success", "Reward"]
+    assert cells(path, "parameters")[0][:3] == ["Parameter", "Start", "Trial 2"]
+    assert "where the start succeeded" not in path.read_text(encoding="utf-8")
+
+
+def test_parameters_have_their_values_ranges_and_importance(tmp_path):
+    path = written(tmp_path)
+    assert cells(path, "parameters")[1:] == [
+        ["c_ o", "2000", "1", "1 1000 log", "0.75"],
+        ["planner. kp", "–", "2", "0 4", "0.25"],
+    ]
+    text = path.read_text(encoding="utf-8")
+    assert "start: 2000, outside the range" in text
+    assert text.count('<svg class="scatter"') == 2
+
+
+def test_the_worst_worlds_link_to_pages_that_exist(tmp_path):
+    (tmp_path / "env1" / "explain").mkdir(parents=True)
+    (tmp_path / "env1" / "explain" / "7-2.html").write_text("")
+    path = written(tmp_path)
+    assert 'href="env1/explain/7-2.html"' in path.read_text(encoding="utf-8")
+    assert cells(path, "worst")[1:] == [
+        ["env1 7 why", "collision", "−0.200", "12.0", "3 of 3", "0 of 3 start was better"],
+        ["fresh 8", "success", "−0.200", "12.0", "0 of 3", "0 of 3"],
+    ]
+    assert "3 of 120 episodes failed, 2 of them where the start succeeded." in path.read_text(
+        encoding="utf-8"
+    )
+
+
+def test_the_same_report_gives_the_same_bytes(tmp_path):
+    assert written(tmp_path).read_bytes() == written(tmp_path).read_bytes()
+
+
+@pytest.fixture
+def hostile(tmp_path):
+    """A page on which every name is markup."""
+    key = f"planner.{HOSTILE}"
+    trials = [trial._replace(values={key: trial.reward}) for trial in TRIALS]
+    rungs = [
+        Rung(tuple((HOSTILE, n) for _, n in rung.places), rung.values, rung.worse) for rung in RACE.rungs
+    ]
+    return written(
+        tmp_path, title=HOSTILE, facts=HOSTILE, sentence=f"Better: {HOSTILE}", start=HOSTILE[:19],
+        training_worlds=HOSTILE, held_out=[row(HOSTILE), row("all")], race=Race(tuple(rungs), {}), trials=trials,
+        space={key: Range(-1.0, 1.0)},
+        start_values={key: 0.5}, importances={key: 1.0}, commands={HOSTILE: HOSTILE},
+        worst=[world(tmp_path / HOSTILE.replace("/", ""), 1, HOSTILE)],
+    )  # fmt: skip
+
+
+def test_names_are_only_text(hostile, open_page):
+    text = hostile.read_text(encoding="utf-8")
+    assert not re.search(r"<img|<script>alert|https?:", text)
+    page = open_page(hostile)
+    assert page.locator("h1").inner_text() == HOSTILE
+    assert page.watch.said == []
+    assert page.watch.strangers() == []
+
+
+@pytest.mark.parametrize("width", [400, 1200, 1600])
+def test_the_page_fits_any_window_in_both_themes(tmp_path, open_page, width):
+    page = open_page(written(tmp_path), width=width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    before = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.get_by_role("button", name="Switch between light and dark").click()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != before
+    assert page.watch.said == []
+    assert page.watch.strangers() == []
+
+
+@pytest.mark.parametrize(
+    ("space", "value", "at"),
+    [
+        (Range(0.0, 4.0), 1.0, 0.25),
+        (Range(1.0, 100.0, log=True), 10.0, 0.5),
+        (Range(1.0, 100.0, log=True), 0.0, 0.0),
+        (Range(0.0, 4.0), 9.0, 1.0),
+    ],
+)
+def test_a_value_has_a_place_in_its_range(space, value, at):
+    assert share(space, value) == pytest.approx(at)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "found"),
+    [
+        (0.0, 1.0, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
+        (-0.23, 0.81, [0.0, 0.5]),
+        (0.641, 0.659, [0.645, 0.65, 0.655]),
+    ],
+)
+def test_ticks_are_round(low, high, found):
+    assert ticks(low, high, 5) == pytest.approx(found)

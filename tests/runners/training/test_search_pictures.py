@@ -1,0 +1,48 @@
+"""The pictures of a race and of its parameters: whole, the same every time, and of every shape of search."""
+
+import pytest
+from matplotlib.image import imread
+
+from runners.config.space import Range
+from runners.training.race import START, Race, Rung
+from runners.training.search_pictures import draw_parameters, draw_race
+from tests.made_training import RACE, SPACE, TRIALS
+
+RACED = frozenset(RACE.rungs[1].values)
+
+
+def test_the_same_race_gives_the_same_bytes(tmp_path):
+    paths = [tmp_path / "one.png", tmp_path / "two.png"]
+    for path in paths:
+        draw_race(RACE, "published", path)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert imread(paths[0]).std() > 0.05
+
+
+def test_a_race_looks_different_with_another_winner(tmp_path):
+    last = RACE.rungs[-1]
+    other = Race((*RACE.rungs[:-1], Rung(last.places, {START: 0.65, 3: 0.6}, frozenset())), {})
+    draw_race(RACE, "published", tmp_path / "one.png")
+    draw_race(other, "published", tmp_path / "two.png")
+    assert (tmp_path / "one.png").read_bytes() != (tmp_path / "two.png").read_bytes()
+
+
+def test_a_start_may_have_any_name(tmp_path):
+    draw_race(RACE, r"$\frac{a}$_{", tmp_path / "race.png")
+    assert (tmp_path / "race.png").is_file()
+
+
+@pytest.mark.parametrize("keys", [1, 2])
+@pytest.mark.parametrize("raced", [RACED, frozenset()], ids=["race", "no race"])
+def test_parameters_are_drawn_for_any_number_of_keys(tmp_path, keys, raced):
+    space = dict(list(SPACE.items())[:keys])
+    draw_parameters(TRIALS, space, 3, {"guide.parameters.c_o": 0.0}, raced, tmp_path / "parameters.png")
+    assert imread(tmp_path / "parameters.png").std() > 0.05
+
+
+def test_nine_parameters_need_three_rows(tmp_path):
+    space = {f"planner.key{number}": Range(0.0, 9.0) for number in range(9)}
+    trials = [trial._replace(values=dict.fromkeys(space, float(trial.number))) for trial in TRIALS]
+    draw_parameters(trials, space, 3, {}, RACED, tmp_path / "nine.png")
+    draw_parameters(TRIALS, SPACE, 3, {}, RACED, tmp_path / "two.png")
+    assert imread(tmp_path / "nine.png").shape[0] > 2 * imread(tmp_path / "two.png").shape[0]
