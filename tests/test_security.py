@@ -116,7 +116,7 @@ def test_an_append_log_holds_no_objects(tmp_path):
 
 
 def test_the_pages_scripts_make_no_markup_and_run_no_text():
-    scripts = (ROOT / "runners" / "explainer" / "assets").glob("*.js")
+    scripts = (ROOT / "runners" / "reports" / "explainer" / "assets").glob("*.js")
     text = "\n".join(path.read_text(encoding="utf-8") for path in scripts)
     assert "textContent" in text
     assert not re.search(

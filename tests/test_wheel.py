@@ -25,7 +25,7 @@ def test_every_config_and_map_is_in_the_wheel(wheel):
         for path in (ROOT / folder).rglob("*"):
             if path.is_file() and "__pycache__" not in path.parts:
                 assert f"lme/_data/{path.relative_to(ROOT)}" in packed
-    for path in (ROOT / "runners" / "explainer" / "assets").rglob("*.*"):
+    for path in (ROOT / "runners" / "reports" / "explainer" / "assets").rglob("*.*"):
         assert str(path.relative_to(ROOT)) in packed
     assert {"lme/py.typed", "runners/py.typed"} <= packed
     assert "lme/pyproject.toml" not in packed  # of the installation for robots

@@ -49,7 +49,7 @@ def test_kernels_are_compiled_once(installed, elsewhere):
 
 @pytest.mark.parametrize("later_s", [3600, -3600])  # than the index; an update may bring an older file
 def test_the_report_agrees_with_numba_on_touched_and_changed_sources(installed, later_s):
-    source = installed / "lme" / "kernels" / "motion.py"
+    source = installed / "lme" / "geometry" / "motion.py"
     drive(installed)
     now = time.time()
     os.utime(source, (now + later_s, now + later_s))
