@@ -25,7 +25,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from lme import numba_cache
-from lme.gym import registration as discovery
+from lme.gym import discovery
 
 if TYPE_CHECKING:
     from lme.config.presets import load_map_set as load_map_set

@@ -139,11 +139,11 @@ def test_a_kernel_follows_a_change_of_a_kernel_that_it_calls(tmp_path):
     """Numba alone would keep using the old one, because the caller's own file is the same."""
     copy = tmp_path / "lme"
     shutil.copytree(ROOT / "lme", copy, ignore=shutil.ignore_patterns("__pycache__"))
-    (copy / "kernels" / "caller.py").write_text(CALLER.format(name="called"))
+    (copy / "geometry" / "caller.py").write_text(CALLER.format(name="called"))
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": ""}
     command = [sys.executable, "-c", "from lme.geometry.caller import caller; print(caller())"]
     for value in ("1", "2"):
-        (copy / "kernels" / "called.py").write_text(CALLED.format(value=value))
+        (copy / "geometry" / "called.py").write_text(CALLED.format(value=value))
         done = subprocess.run(
             command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=300
         )
