@@ -42,12 +42,13 @@ _SHOWN = 3  # most differing keys that a message names
 class Launch:
     """How a run was started.
 
-    configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
-    option of every config group. changes: keys whose values differ from those in their options' files. Both are in
-    the order of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the
-    user's own options. job: its number within a sweep. num_jobs: of the whole sweep. worlds: their number, by config
-    of `lme eval`. inputs: the user's own files that were read. started: date and time. code: the version that drove
-    it, as text. seal: by which a user's own runs are known. directory: in which it was found, which is not recorded.
+    configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the option of
+    every config group. changes: keys whose values differ from those in their options' files. Both are in the order of
+    configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the user's own
+    options. job: its number within a sweep. num_jobs: of the whole sweep. num_worlds: that a run of `lme eval` was to
+    drive; None for a sweep. inputs: the user's own files that were read. started: date and time. code: the version that
+    drove it, as text. seal: by which a user's own runs are known. directory: in which it was found, which is not
+    recorded.
     """
 
     command: str
@@ -62,7 +63,7 @@ class Launch:
     config_name: str | None = None
     job: int | None = None
     num_jobs: int | None = None
-    worlds: list[int] = field(default_factory=list)
+    num_worlds: int | None = None
     inputs: list[Input] = field(default_factory=list)
     started: str = ""
     code: str = ""
@@ -177,7 +178,7 @@ def recorded_config(
 
 def launch_of(
     command: str,
-    jobs: Sequence[Job[SystemConfig]],
+    jobs: Sequence[Job[Any]],
     overrides: list[str],
     multirun: bool,
     config_name: str | None,
@@ -187,6 +188,8 @@ def launch_of(
 
     overrides: those that decide results. kept: what the run reads; None to look for it.
     """
+    from runners.config import build
+
     configs = [identity(job.config) for job in jobs]
     own = jobs[0].folders[1:]
     return Launch(
@@ -200,23 +203,11 @@ def launch_of(
         weights=[job.weights for job in jobs],
         config_dir=str(own[0]) if own else None,
         config_name=config_name,
-        worlds=_numbers_of_worlds(jobs) if command == "eval" else [],
+        num_worlds=len(build.map_set(jobs[0].config).numbers) if command == "eval" and not multirun else None,
         inputs=input_search.gather(jobs, config_name) if kept is None else list(kept),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         code=code(),
     )
-
-
-def _numbers_of_worlds(jobs: Sequence[Job[Any]]) -> list[int]:
-    """How many worlds each job drives; counted once for those of one map."""
-    from runners.config import build
-
-    counted: dict[str, int] = {}
-    keys = [repr((job.config.map, job.config.crowd, job.config.robot.hull)) for job in jobs]
-    for key, job in zip(keys, jobs, strict=True):
-        if key not in counted:
-            counted[key] = len(build.map_set(job.config).numbers)
-    return [counted[key] for key in keys]
 
 
 def identity(config: SystemConfig) -> dict[str, Any]:
@@ -266,14 +257,14 @@ def _is_complete(launch: Launch) -> bool:
     """Whether a launch that was read holds what `launch_of` writes, for every job."""
     texts = [launch.command, launch.fingerprint, launch.started, launch.code]
     texts += [launch.config_dir or "", launch.config_name or ""]
+    numbers = (launch.job, launch.num_jobs, launch.num_worlds)
     parts = (launch.configs, launch.choices, launch.changes)
     return (
         all(isinstance(text, str) for text in texts)
         and isinstance(launch.multirun, bool)
-        and all(number is None or isinstance(number, int) for number in (launch.job, launch.num_jobs))
+        and all(number is None or isinstance(number, int) for number in numbers)
         and _is_list_of(str, launch.overrides)
         and _is_list_of(str, launch.weights)
-        and _is_list_of(int, launch.worlds)
         and isinstance(launch.seal, str)
         and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
         and all(isinstance(name, str) for choices in launch.choices for name in choices.values())

@@ -33,7 +33,7 @@ from runners.records.append_log import (
     read_log,
 )
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
-from runners.records.launch_record import DEFAULTS, Launch, read_launch
+from runners.records.launch_record import DEFAULTS, LAUNCH, Launch, read_launch
 from runners.records.parquet import (
     EPISODES,
     entries_in_files,
@@ -43,13 +43,14 @@ from runners.records.parquet import (
     trajectory_table,
     write_files,
 )
-from runners.records.planned import planned_columns
 from runners.records.whole_file import what_is_full
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
+# Columns, equal in all episodes of a run.
+PLANNED_WORLDS, PLANNED_EPISODES = "planned_worlds", "planned_episodes"
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
 
 
@@ -204,6 +205,14 @@ def _people(frame: pd.DataFrame) -> pd.Series | str:
     return frame["people"].fillna(truth) if "people" in frame else truth
 
 
+def planned(episodes: pd.DataFrame, column: str) -> int:
+    """Sum one of the planned numbers over the runs of these episodes; 0 without launch records."""
+    if column not in episodes:
+        return 0
+    runs = episodes.drop_duplicates("run_dir") if "run_dir" in episodes else episodes.iloc[:1]
+    return int(runs[column].sum())
+
+
 def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, object]]]:
     """Of each run: the records as its files hold them, and the columns that `read_episodes` adds.
 
@@ -317,8 +326,20 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
         **_likeness(launch),
         "changes": describe_changes(launch.changes[0]),
         **{key: str(values.get(key, "")) for key in changed},
-        **planned_columns(launch),
+        **_planned(launch),
     }
+
+
+def _planned(launch: Launch) -> dict[str, int]:
+    """The numbers of worlds and episodes that a run of `lme eval` was to drive; a killed run has driven fewer."""
+    if launch.command != "eval":
+        return {}
+    num_worlds, runs = launch.num_worlds, launch.configs[0].get("runs")
+    if num_worlds is None or not isinstance(runs, int):
+        raise InputError(
+            f"{launch.directory}: its {LAUNCH}, of an earlier lme, does not give num_worlds and runs: drive it again"
+        )
+    return {PLANNED_WORLDS: num_worlds, PLANNED_EPISODES: num_worlds * runs}
 
 
 def _likeness(launch: Launch) -> dict[str, str]:

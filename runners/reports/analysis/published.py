@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runners.config.systems import System
-from runners.records.planned import WORLDS, planned
+from runners.records.records import PLANNED_WORLDS, planned
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +89,7 @@ def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
         place = _BARN_PLACES.get(subset, "")
     elif subset:
         place = ""
-    all_worlds = group["world"].nunique() >= planned(group, WORLDS)
+    all_worlds = group["world"].nunique() >= planned(group, PLANNED_WORLDS)
     if not (whole and place and all_worlds):
         return None
     robot = first.get("robot", "")

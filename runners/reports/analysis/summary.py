@@ -16,7 +16,7 @@ from lme.perception.people.source import People
 from runners.config import ablations
 from runners.config.systems import System
 from runners.config.systems import systems as named_systems
-from runners.records.planned import EPISODES, WORLDS, planned
+from runners.records.records import PLANNED_EPISODES, PLANNED_WORLDS, planned
 from runners.reports.analysis import published
 
 if TYPE_CHECKING:
@@ -284,10 +284,10 @@ def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
 
 def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
     """ "12 of 100 worlds", or "250 of 300 episodes" if no world is missing; empty for a finished run."""
-    all_worlds = max(worlds, planned(group, WORLDS))
+    all_worlds = max(worlds, planned(group, PLANNED_WORLDS))
     if worlds < all_worlds:
         return f"{worlds} of {all_worlds} worlds"
-    all_episodes = max(worlds * runs, planned(group, EPISODES))
+    all_episodes = max(worlds * runs, planned(group, PLANNED_EPISODES))
     return f"{len(group)} of {all_episodes} episodes" if len(group) < all_episodes else ""
 
 

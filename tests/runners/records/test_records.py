@@ -23,9 +23,12 @@ from runners.records.episode_record import EpisodeKey, EpisodeResult
 from runners.records.launch_record import LAUNCH, Launch, read_launch
 from runners.records.parquet import EPISODES, TRAJECTORIES
 from runners.records.records import (
+    PLANNED_EPISODES,
+    PLANNED_WORLDS,
     RecordsWriteError,
     RecordWriter,
     find_runs,
+    planned,
     read_episodes,
     read_trajectories,
 )
@@ -291,8 +294,9 @@ def test_runs_are_found_in_a_sweep_in_their_order(tmp_path):
 def test_config_keys_that_a_run_has_changed_become_columns(tmp_path):
     for name, kp, changes in (("a", 4.0, {}), ("b", 8.0, {"planner.kp": 8.0})):
         write(tmp_path / name, KEYS[:1])
-        config = {"seed": 0, "planner": {"kp": kp, "kd": 0.1}}
-        Launch("eval", "0", False, [], [config], [{"sim": "physics"}], [changes]).write(tmp_path / name)
+        config = {"seed": 0, "runs": 2, "planner": {"kp": kp, "kd": 0.1}}
+        launch = Launch("eval", "0", False, [], [config], [{"sim": "physics"}], [changes], num_worlds=3)
+        launch.write(tmp_path / name)
     write(tmp_path / "c", KEYS[:1])  # tells of no config
     frame = read_episodes([tmp_path / name for name in "abc"]).fillna("")
     assert frame["planner.kp"].tolist() == ["4.0", "8.0", ""]
@@ -301,6 +305,21 @@ def test_config_keys_that_a_run_has_changed_become_columns(tmp_path):
     assert "planner.kd" not in frame
     frame = read_episodes([tmp_path / "a"])
     assert not [column for column in frame.columns if "." in column]
+
+
+def test_the_planned_numbers_are_sums_over_runs(tmp_path):
+    for name in "ab":
+        write(tmp_path / name, KEYS[:1])
+        Launch("eval", "0", False, [], [{"runs": 2}], num_worlds=3).write(tmp_path / name)
+    frame = read_episodes([tmp_path / "a", tmp_path / "b"])
+    assert (planned(frame, PLANNED_WORLDS), planned(frame, PLANNED_EPISODES)) == (6, 12)
+
+
+def test_a_run_of_an_earlier_version_is_to_be_driven_again(tmp_path):
+    write(tmp_path, KEYS[:1])
+    Launch("eval", "0", False, [], [{"runs": 2}]).write(tmp_path)
+    with pytest.raises(InputError, match=r"launch\.json, of an earlier lme, does not give num_worlds"):
+        read_episodes([tmp_path])
 
 
 def test_missing_and_garbage_files_are_named(tmp_path):
