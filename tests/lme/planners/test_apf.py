@@ -9,16 +9,11 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.planners.apf import Apf, ApfConfig, repulsion
-from lme.types import Outcome, Pose, Twist
+from lme.types import Outcome, Pose
 from lme.worlds.world import World
-from tests.builders import SHIPPED, observation, room, shipped, stage
-from tests.lme.planners import checks
-from tests.lme.planners.checks import (
-    assert_finite_within_limits,
-    assert_mirrored,
-    assert_straight_to_rest,
-    plan,
-)
+from tests.builders import observation, shipped, stage
+from tests.lme.planners import drives
+from tests.lme.planners.drives import plan
 from tests.tolerances import KERNEL
 
 R, REACH, CLOSEST, SPREAD = 0.2, 0.5, 0.01, 0.35
@@ -114,48 +109,8 @@ def test_only_the_ratio_of_the_gains_matters():
     )
 
 
-@settings(max_examples=60)
-@given(
-    st.sampled_from(["stage", "jackal", "go2"]),
-    st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),
-    st.floats(-5, 5),
-    st.floats(0.01, 5),
-    st.floats(0, 0.4),
-    st.floats(-1, 1),
-)
-def test_a_mirrored_scene_gives_the_mirrored_command(name, arcs, x, y, v, omega):
-    assert_mirrored(planner, shipped(name), arcs, (x, y), Twist(v, omega))
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.2, 1e9])
-def test_any_scan_gives_a_finite_command_within_limits(name, value):
-    assert_finite_within_limits(planner, shipped(name), value)
-
-
 def drive(robot, world=None, **changes):
-    return checks.drive(Apf(ApfConfig(), robot), robot, world, **changes)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_apf_drives_straight_and_comes_to_rest_in_an_empty_world(name):
-    episode = drive(
-        shipped(name), goal=(10.0, 0.0), start=Pose(0, 0, 0.3), goal_tolerance=0.0, time_limit=45.0
-    )
-    assert_straight_to_rest(episode)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("pad", [0.05, 0.3, 1.5])
-def test_a_sealed_box_ends_in_a_timeout(name, pad):
-    robot = shipped(name)
-    length, width, rounding = robot.footprint.box
-    x, y = length + rounding + pad, width + rounding + pad
-    corners = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
-    world = World(segments=np.hstack([corners, np.roll(corners, -1, axis=0)]))
-    episode = drive(robot, world, goal=(6.0, 3.0), time_limit=15.0)
-    assert episode.outcome == Outcome.TIMEOUT
-    assert episode.min_clearance > 0.0
+    return drives.drive(Apf(ApfConfig(), robot), robot, world, **changes)
 
 
 def test_apf_goes_round_a_post_off_its_line():
@@ -190,13 +145,6 @@ def test_apf_wavers_in_a_narrow_passage():
 
     assert swings(0.7) >= 10
     assert swings(2.5) <= 3
-
-
-def test_apf_drives_an_episode_the_same_way_twice():
-    np.testing.assert_array_equal(
-        drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,
-        drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,
-    )
 
 
 @pytest.mark.parametrize(("key", "value"), [("attraction", 0.0), ("repulsion", -1.0), ("spread", 4.0)])

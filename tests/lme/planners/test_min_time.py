@@ -20,7 +20,7 @@ from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
 from tests.builders import observation, shipped, stage, task, without_errors
-from tests.lme.planners.checks import assert_finite_within_limits, assert_mirrored, drive
+from tests.lme.planners.drives import drive
 from tests.tolerances import KERNEL
 
 JACKAL = without_errors(shipped("jackal"))
@@ -311,23 +311,6 @@ def test_min_time_at_rest_moves_out_of_a_persons_way_and_comes_back(side):
     assert not touched
     assert max(away) > 0.5 > 0.1 > away[-1]
     assert stand(Untracked, side)[1]
-
-
-@settings(max_examples=25)
-@given(
-    st.lists(st.floats(0.4, 6.0), min_size=12, max_size=12),
-    st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
-    st.tuples(st.floats(0.0, 0.5), st.floats(-0.5, 0.5)),
-)
-def test_a_mirrored_scene_gives_the_mirrored_command(arcs, target, twist):
-    if abs(target[1]) < 1e-3:
-        target = target[0], 1e-3  # equally good to both sides
-    assert_mirrored(made, stage(), arcs, target, twist)
-
-
-@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, -1.0, 0.3, 5.0])
-def test_any_scan_gives_a_command_within_the_limits(value):
-    assert_finite_within_limits(made, JACKAL, value)
 
 
 @pytest.mark.parametrize(

@@ -4,22 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.planners.orca import Orca, OrcaConfig, permitted
 from lme.types import Outcome, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
-from tests.builders import SHIPPED, observation, room, shipped, stage
-from tests.lme.planners import checks
-from tests.lme.planners.checks import (
-    assert_finite_within_limits,
-    assert_mirrored,
-    assert_straight_to_rest,
-    plan,
-)
+from tests.builders import observation, room, stage
+from tests.lme.planners import drives
+from tests.lme.planners.drives import plan
 
 
 def planner(robot=None, **settings):
@@ -69,32 +62,8 @@ def test_its_share_is_of_the_evasion():
     assert aside(0.5) < -0.05
 
 
-@settings(max_examples=60, deadline=None)
-@given(
-    st.sampled_from(["stage", "jackal", "go2"]),
-    st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),
-    st.floats(0.1, 5),
-    st.floats(0.01, 5),
-    st.floats(0, 0.4),
-    st.floats(-1, 1),
-)
-def test_a_mirrored_scene_gives_the_mirrored_command(name, arcs, x, y, v, omega):
-    assert_mirrored(planner, shipped(name), arcs, (x, y), Twist(v, omega))
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.2, 1e9])
-def test_any_scan_gives_a_finite_command_within_limits(name, value):
-    assert_finite_within_limits(planner, shipped(name), value)
-
-
 def drive(robot, world=None, **changes):
-    return checks.drive(Orca(OrcaConfig(), robot), robot, world, **changes)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_it_drives_straight_to_the_goal_and_stands(name):
-    assert_straight_to_rest(drive(shipped(name), goal=(10.0, 0.0), goal_tolerance=1e-6, time_limit=40.0))
+    return drives.drive(Orca(OrcaConfig(), robot), robot, world, **changes)
 
 
 def test_it_drives_around_a_pillar_and_people():

@@ -9,8 +9,8 @@ from lme.planners.teb.planner import Teb
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue
-from tests.builders import SHIPPED, observation, room, shipped
-from tests.lme.planners.checks import assert_finite_within_limits, assert_straight_to_rest, drive, plan
+from tests.builders import observation, room, shipped
+from tests.lme.planners.drives import drive, plan
 from tests.tolerances import KERNEL
 
 JACKAL = shipped("jackal")
@@ -29,16 +29,6 @@ def test_the_defaults_are_the_shipped_values():
     costmap = values.pop("costmap")
     assert {key: getattr(config, key) for key in values} == values
     assert {key: getattr(config.costmap, key) for key in costmap} == costmap
-
-
-@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, 0.3, 30.0])
-@pytest.mark.parametrize("name", SHIPPED)
-def test_any_scan_gives_a_command_within_the_limits(name, value):
-    assert_finite_within_limits(planner, shipped(name), value)
-
-
-def test_it_drives_straight_to_the_goal_and_rests():
-    assert_straight_to_rest(drive(planner(), JACKAL, goal=(10.0, 0.0), goal_tolerance=0.0, time_limit=20.0))
 
 
 def test_it_drives_at_its_own_speed():
@@ -110,13 +100,6 @@ def test_near_the_target_it_stops():
     made = planner()
     view = observation(target=(0.05, 0.05), twist=Twist(0.3, 0.1), odometry=Pose(1.0, 2.0, 0.3), robot=JACKAL)
     assert plan(made, view) == Twist(0.0, 0.0)
-
-
-def test_a_second_episode_is_as_the_first():
-    made, view = planner(), observation(robot=JACKAL)
-    first = [plan(made, view) for _ in range(3)]
-    made.reset(np.random.default_rng(0))
-    assert [plan(made, view) for _ in range(3)] == first
 
 
 @pytest.mark.parametrize(

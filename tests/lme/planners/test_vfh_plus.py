@@ -4,21 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.planners.vfh_plus import VfhPlus, VfhPlusConfig
-from lme.types import Outcome, Pose, Twist
+from lme.types import Outcome, Twist
 from lme.worlds.world import World
-from tests.builders import SHIPPED, observation, shipped, stage
-from tests.lme.planners import checks
-from tests.lme.planners.checks import (
-    assert_finite_within_limits,
-    assert_mirrored,
-    assert_straight_to_rest,
-    plan,
-)
+from tests.builders import observation, stage
+from tests.lme.planners import drives
+from tests.lme.planners.drives import plan
 
 ALPHA = math.radians(5.0)
 
@@ -99,52 +92,13 @@ def test_denser_ahead_is_slower():
     assert speed(0.8) < speed(1.2) < speed(3.0)
 
 
-@settings(max_examples=60)
-@given(
-    st.sampled_from(["stage", "jackal", "go2"]),
-    st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),
-    st.floats(-5, 5),
-    st.floats(0.01, 5),
-    st.floats(0, 0.4),
-    st.floats(-1, 1),
-)
-def test_a_mirrored_scene_gives_the_mirrored_command(name, arcs, x, y, v, omega):
-    arcs = np.float32(1.0137) * np.array(arcs, dtype=np.float32)
-    assert_mirrored(planner, shipped(name), arcs, (x, y), Twist(v, omega))
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.2, 1e9])
-def test_any_scan_gives_a_finite_command_within_limits(name, value):
-    assert_finite_within_limits(planner, shipped(name), value)
-
-
 def drive(robot, world=None, **changes):
-    return checks.drive(VfhPlus(VfhPlusConfig(), robot), robot, world, **changes)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_vfh_plus_drives_straight_and_comes_to_rest_in_an_empty_world(name):
-    episode = drive(
-        shipped(name), goal=(10.0, 0.0), start=Pose(0, 0, 0.3), goal_tolerance=0.0, time_limit=35.0
-    )
-    assert_straight_to_rest(episode)
+    return drives.drive(VfhPlus(VfhPlusConfig(), robot), robot, world, **changes)
 
 
 def box(half_x, half_y):
     corners = np.array([[-half_x, -half_y], [half_x, -half_y], [half_x, half_y], [-half_x, half_y]])
     return World(segments=np.hstack([corners, np.roll(corners, -1, axis=0)]))
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("pad", [0.05, 0.3, 1.5])
-def test_a_sealed_box_ends_in_a_timeout(name, pad):
-    robot = shipped(name)
-    length, width, rounding = robot.footprint.box
-    world = box(length + rounding + pad, width + rounding + pad)
-    episode = drive(robot, world, goal=(6.0, 3.0), time_limit=15.0)
-    assert episode.outcome == Outcome.TIMEOUT
-    assert episode.min_clearance > 0.0
 
 
 def test_vfh_plus_goes_round_a_post():
@@ -157,11 +111,6 @@ def test_vfh_plus_does_not_get_out_of_a_u():
     u = World(segments=np.array([[3.0, -1.0, 3.0, 1.0], [1.0, 1.0, 3.0, 1.0], [1.0, -1.0, 3.0, -1.0]]))
     episode = drive(stage(), u, goal=(6.0, 0.0), time_limit=90.0)
     assert episode.outcome == Outcome.TIMEOUT
-
-
-def test_vfh_plus_drives_an_episode_the_same_way_twice():
-    posts = World(circles=np.array([[2.0, 0.05, 0.3], [3.0, -0.8, 0.2]]))
-    np.testing.assert_array_equal(drive(stage(), posts).trajectory, drive(stage(), posts).trajectory)
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from lme.planners.safety.filter import SafetyFilter, SafetyFilterConfig
 from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Twist
 from runners.config import build
-from tests.behaviour.test_pairs import PLANNERS, TUNED_FOR, configs, network  # noqa: F401 - a fixture
 from tests.builders import CLUTTER, observation, task, without_errors
+from tests.contracts.test_pairs import PLANNERS, TUNED_FOR, configs, network  # noqa: F401 - a fixture
 from tests.tolerances import KERNEL
 
 STEPS = 25
