@@ -1,4 +1,4 @@
-"""What holds for every test, and `--last-skipped`."""
+"""What holds for every test: the marks `browser` and `ros`, and `--last-skipped`."""
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, settings
 settings.register_profile("no deadline", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("no deadline")
 
+_MARKED_BY_FIXTURE = {"browser", "ros"}
 _CACHE_KEY = "lme/skipped"
 _skipped: set[str] = set()
 
@@ -27,7 +28,11 @@ def pytest_addoption(parser):
     )
 
 
+@pytest.hookimpl(tryfirst=True)  # -m selects by the marks
 def pytest_collection_modifyitems(config, items):
+    for item in items:
+        for name in _MARKED_BY_FIXTURE.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker(name)
     if config.getoption("last_skipped"):
         if getattr(config, "cache", None) is None:
             raise pytest.UsageError("--last-skipped reads pytest's cache: leave out -p no:cacheprovider")

@@ -15,6 +15,7 @@ from runners.training.report_charts import share, ticks
 from runners.training.report_page import TrainingReport, write_report
 from runners.training.report_tables import HeldOut
 from tests.made_training import RACE, SPACE, TRIALS
+from tests.runners.reports.explainer.conftest import browser, open_page  # noqa: F401 - fixtures
 
 HOSTILE = '{{RACE}}"><script>alert("1")</script><img src=x onerror=alert(1)>'
 BETTER = Difference(0.1, 0.05, 0.15, 0.01, 20, 60)
@@ -193,7 +194,7 @@ def hostile(tmp_path):
     )  # fmt: skip
 
 
-def test_names_are_only_text(hostile, open_page):
+def test_names_are_only_text(hostile, open_page):  # noqa: F811
     text = hostile.read_text(encoding="utf-8")
     assert not re.search(r"<img|<script>alert|https?:", text)
     page = open_page(hostile)
@@ -203,7 +204,7 @@ def test_names_are_only_text(hostile, open_page):
 
 
 @pytest.mark.parametrize("width", [400, 1200, 1600])
-def test_the_page_fits_any_window_in_both_themes(tmp_path, open_page, width):
+def test_the_page_fits_any_window_in_both_themes(tmp_path, open_page, width):  # noqa: F811
     page = open_page(written(tmp_path), width=width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     before = page.evaluate("getComputedStyle(document.body).backgroundColor")
