@@ -3,8 +3,11 @@
 `initialise(payload)` builds what every episode needs, once per process, and returns the function that runs one
 item. Results come as they finish. `map` runs one list of items; `open` keeps the processes for several lists.
 
-`concurrent.futures.ProcessPoolExecutor` is not used because it does not tell which item a killed worker had, hides
-the error of an initializer, cannot stop a running item (before Python 3.14), and its workers outlive a killed parent.
+Pools of other libraries were tried with two workers and nine items, of which one kills its worker. loky's, like that
+of `concurrent.futures`, then fails all items that have not finished, and does not tell which of them was at fault;
+pebble's loses that item alone. But all three report an initialiser's error as a broken pool, so a mistake in a config
+would not reach the user, and their workers outlive a killed parent. With pebble, what hands out items, carries errors
+over and ends workers would stay here, about as long as it is.
 """
 
 from __future__ import annotations

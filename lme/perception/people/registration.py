@@ -218,7 +218,7 @@ def _add(a, b, row, off, weight):
 
 @njit(cache=True, error_model="numpy")
 def _solved(a, b):
-    """x with a x = b, for a positive definite matrix (3, 3)."""
+    """Solve a x = b for a positive definite matrix (3, 3), by its adjugate: LAPACK differs in the last bits."""
     m00, m01, m02, m11, m12, m22 = a[0, 0], a[0, 1], a[0, 2], a[1, 1], a[1, 2], a[2, 2]
     c00, c01, c02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
     c11, c12, c22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
