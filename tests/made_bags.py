@@ -54,7 +54,7 @@ class BagMaker:
         if suffix == ".bag":
             tf = "geometry_msgs/TransformStamped[] transforms"
             self.store.register(get_types_from_msg(tf, "tf2_msgs/msg/TFMessage"))
-        self._messages = []
+        self.messages = []
 
     def make(self, kind, *fields):
         return self.store.types[kind](*fields)
@@ -65,22 +65,22 @@ class BagMaker:
         return self.make("std_msgs/msg/Header", *sequence, time, frame)
 
     def add(self, topic, kind, recorded, message):
-        self._messages.append((recorded, topic, kind, message))
+        self.messages.append((recorded, topic, kind, message))
 
     def write(self, folder, name="drive"):
         """The path of the file."""
-        messages = sorted(self._messages, key=lambda one: one[0])
+        messages = sorted(self.messages, key=lambda one: one[0])
         if self.suffix == ".bag":
             path = Path(folder) / f"{name}.bag"
             with Writer1(path) as writer:
-                self._fill(writer, messages, self.store.serialize_ros1)
+                self.fill(writer, messages, self.store.serialize_ros1)
             return path
         storage = StoragePlugin.MCAP if self.suffix == ".mcap" else StoragePlugin.SQLITE3
         with Writer2(Path(folder) / name, version=8, storage_plugin=storage) as writer:
-            self._fill(writer, messages, self.store.serialize_cdr)
+            self.fill(writer, messages, self.store.serialize_cdr)
         return next((Path(folder) / name).glob(f"*{self.suffix}"))
 
-    def _fill(self, writer, messages, serialize):
+    def fill(self, writer, messages, serialize):
         connections = {}
         for recorded, topic, kind, message in messages:
             if (topic, kind) not in connections:

@@ -241,10 +241,8 @@ def test_the_robots_own_lidar_where_it_is_asked_for(replay, plain, capsys):
 def test_slow_scans_set_the_pace(replay, tmp_path):
     """The policy carries old subgoals on by the control period: it must be the time between decisions."""
     maker = drive(steps=60)
-    slow = [
-        m for k, m in enumerate(maker._messages) if m[1] != "/scan" or (m[0] - BEGAN) % (SECOND // 2) == 0
-    ]
-    maker._messages = slow
+    slow = [m for k, m in enumerate(maker.messages) if m[1] != "/scan" or (m[0] - BEGAN) % (SECOND // 2) == 0]
+    maker.messages = slow
     table = replay(maker.write(tmp_path))
     np.testing.assert_allclose(np.diff(table["time_s"]), 0.5, atol=1e-6)
 
@@ -360,8 +358,8 @@ def test_time_going_backwards_is_reported(tmp_path, capsys, monkeypatch):
 def test_poses_and_scans_that_never_meet(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     maker = drive(steps=40)
-    maker._messages = [m for m in maker._messages if m[1] != "/odom" or m[0] > BEGAN + 3 * SECOND]
-    maker._messages = [m for m in maker._messages if m[1] != "/scan" or m[0] < BEGAN + 2 * SECOND]
+    maker.messages = [m for m in maker.messages if m[1] != "/odom" or m[0] > BEGAN + 3 * SECOND]
+    maker.messages = [m for m in maker.messages if m[1] != "/scan" or m[0] < BEGAN + 2 * SECOND]
     assert "10 without a pose" in fails(capsys, f"bag={maker.write(tmp_path)}")
 
 

@@ -48,7 +48,7 @@ def feed(maker, scan=None, **config):
         wall=lambda: 0,
     )
     steps, due = [], None
-    for recorded, topic, kind, message in sorted(maker._messages, key=lambda one: one[0]):
+    for recorded, topic, kind, message in sorted(maker.messages, key=lambda one: one[0]):
         if due is None:
             driver.set_goal((6.0, -1.5), "", recorded)
             due = recorded + SECOND // 20
@@ -108,7 +108,7 @@ def test_the_robots_own_lidar_where_it_is_asked_for(plain):
 def test_a_mount_that_is_given_and_one_that_is_not(plain):
     def untold():
         maker = drive()
-        maker._messages = [one for one in maker._messages if one[1] != "/tf_static"]
+        maker.messages = [one for one in maker.messages if one[1] != "/tf_static"]
         return maker
 
     driver, steps = feed(untold(), ScanConfig(mount=[MOUNT.x, MOUNT.y, 0.2, 0.0, 0.0, 0.0]))
@@ -120,8 +120,8 @@ def test_a_mount_that_is_given_and_one_that_is_not(plain):
 
 def test_tf_that_comes_after_the_first_scan_counts(plain):
     maker = drive()
-    late = [m if m[1] != "/tf_static" else (m[0] + SECOND, *m[1:]) for m in maker._messages]
-    maker._messages = late
+    late = [m if m[1] != "/tf_static" else (m[0] + SECOND, *m[1:]) for m in maker.messages]
+    maker.messages = late
     driver, steps = feed(maker)
     assert driver.mounted_by == "tf"
     tail = [part[6:] for part in seen(driver, steps[:1] + steps[7:])]
@@ -136,7 +136,7 @@ def test_messages_with_the_names_of_rospy_are_read(plain):
             self.secs, self.nsecs = stamp.sec, stamp.nanosec
 
     maker = drive()
-    for _, _, kind, message in maker._messages:
+    for _, _, kind, message in maker.messages:
         if hasattr(message, "header"):
             message.header.stamp = Stamp(message.header.stamp)
             message.header.frame_id = f"/{message.header.frame_id}"
@@ -158,8 +158,8 @@ def test_a_robot_with_a_clock_of_its_own_is_driven(plain):
 
 def test_a_lidar_that_changes_its_beams_in_the_middle(plain):
     half, other = drive(), drive(beams=720, first=0.0)
-    cut = len(half._messages) // 2
-    half._messages[cut:] = other._messages[cut:]
+    cut = len(half.messages) // 2
+    half.messages[cut:] = other.messages[cut:]
     driver, steps = feed(half)
     assert driver.robot.lidar.num_beams == 360
     assert_alike(seen(driver, steps), plain)
@@ -167,9 +167,9 @@ def test_a_lidar_that_changes_its_beams_in_the_middle(plain):
 
 def test_a_scan_that_is_none_at_first():
     maker = drive()
-    broken = BagMaker().scan(maker._messages[0][0], np.array([1.0]), 0.0, math.nan)
-    maker._messages = [m for m in maker._messages if m[1] != "/scan"]
-    maker._messages += [(m[0], "/scan", LASER_SCAN, broken) for m in maker._messages if m[1] == "/odom"]
+    broken = BagMaker().scan(maker.messages[0][0], np.array([1.0]), 0.0, math.nan)
+    maker.messages = [m for m in maker.messages if m[1] != "/scan"]
+    maker.messages += [(m[0], "/scan", LASER_SCAN, broken) for m in maker.messages if m[1] == "/odom"]
     _, steps = feed(maker, clock="received")
     assert {step.command for step in steps} == {Twist(0.0, 0.0)}
     assert "InputError: the scan has 1 beams: must have at least 2" in steps[-1].reason
@@ -178,10 +178,10 @@ def test_a_scan_that_is_none_at_first():
 def test_the_pose_of_the_base_by_tf_over_another_frame(plain):
     """odom → base_footprint → base_link, where only the first moves."""
     maker = drive(poses="tf")
-    for _, topic, _, message in maker._messages:
+    for _, topic, _, message in maker.messages:
         if topic == "/tf":
             message.transforms[0].child_frame_id = "base_footprint"
-    start = maker._messages[0][0]
+    start = maker.messages[0][0]
     maker.add("/tf_static", TF, start, maker.transform(0, "base_footprint", "base_link", Pose(0.0, 0.0, 0.0)))
     driver, steps = feed(maker)
     assert driver.frames == ("odom", "base_footprint")
@@ -195,7 +195,7 @@ def test_the_messages_of_a_real_robot(path):
     maker = SimpleNamespace()
     with Bag(path) as bag:
         topics = {topic.name for topic in bag.topics() if {*topic.types} & {LASER_SCAN, ODOMETRY, TF, OLD_TF}}
-        maker._messages = [(m.recorded, m.topic, m.type, m.content) for m in bag.messages(topics)]
+        maker.messages = [(m.recorded, m.topic, m.type, m.content) for m in bag.messages(topics)]
     driver, steps = feed(maker, clock="received")
     assert driver.mounted_by == "tf"
     assert driver.robot.lidar.num_beams == 726

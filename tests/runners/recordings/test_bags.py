@@ -130,7 +130,7 @@ def test_a_type_or_a_topic_without_messages_does_not_count(tmp_path):
     with Writer(tmp_path / "announced", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/odom", "geometry_msgs/msg/PoseStamped", typestore=maker.store)
         writer.add_connection("/front", "sensor_msgs/msg/LaserScan", typestore=maker.store)
-        maker._fill(writer, sorted(maker._messages, key=lambda one: one[0]), maker.store.serialize_cdr)
+        maker.fill(writer, sorted(maker.messages, key=lambda one: one[0]), maker.store.serialize_cdr)
     assert read(tmp_path / "announced") == 24
     with Bag(tmp_path / "announced") as bag:
         assert choose(bag, BagTopicsConfig(), None).scan.name == "/scan"
@@ -157,7 +157,7 @@ def test_messages_that_are_compressed_one_by_one_need_the_metadata(tmp_path, suf
     writer = Writer(tmp_path / "packed", version=8, storage_plugin=plugin)
     writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
     with writer:
-        maker._fill(writer, sorted(maker._messages, key=lambda one: one[0]), maker.store.serialize_cdr)
+        maker.fill(writer, sorted(maker.messages, key=lambda one: one[0]), maker.store.serialize_cdr)
     assert read(tmp_path / "packed") == 24
     said = refused(tmp_path / "packed" / f"packed{suffix}")
     assert "compressed with zstd" in said
@@ -370,7 +370,7 @@ def test_a_goal_is_not_taken_for_the_robots_pose(tmp_path):
     maker = drive(steps=2, poses="motion capture")
     message = maker.pose_stamped(BEGAN, "world", Pose(1.0, 2.0, 0.0))
     maker.add("/target", "geometry_msgs/msg/PoseStamped", BEGAN, message)
-    maker._messages = [m for m in maker._messages if m[1] != "/tf_static"]
+    maker.messages = [m for m in maker.messages if m[1] != "/tf_static"]
     assert chosen(maker, tmp_path, goal="/target").pose.name == "/vrpn/robot/pose"
 
 

@@ -22,7 +22,7 @@ def changed(folder, change, steps=60):
     """The path of a drive whose odometry messages have been changed by their number."""
     folder.mkdir(exist_ok=True)
     maker = drive(steps=steps)
-    odometry = [message for _, topic, _, message in maker._messages if topic == "/odom"]
+    odometry = [message for _, topic, _, message in maker.messages if topic == "/odom"]
     for number, message in enumerate(odometry):
         change(number, message)
     return maker.write(folder)

@@ -23,7 +23,7 @@ SCANS = 60
 def replaced(folder, scan):
     """A recording whose scan number k is (ranges, angle_min, increment, frame), as `scan` says."""
     made = drive(steps=SCANS)
-    made._messages = [one for one in made._messages if one[1] != "/scan"]
+    made.messages = [one for one in made.messages if one[1] != "/scan"]
     for k in range(SCANS):
         ranges, first, increment, frame = scan(k)
         stamp = BEGAN + k * SECOND // 10
