@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,6 @@ from runners.cli import map_building
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from lme.worlds.world import Task
     from runners.config.map_sets import Chosen
 
@@ -53,14 +51,12 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = f"{__doc__}\nIn a terminal each map set comes with a picture of its first world."
-    parser = argparse.ArgumentParser(prog="lme maps", **texts(about, EXAMPLES))
+    parser = argparse.ArgumentParser(prog="lme maps", **texts(__doc__, EXAMPLES))
     parser.set_defaults(run=_list)
-    _add_plain(parser, False)
     verbs = parser.add_subparsers(metavar="VERB")
     about = (
         "The worlds of one map set: optimal time, time limit and measures, as lme eval drives them.\n"
-        "Worlds given by number are also drawn, in the terminal and to a file.\n"
+        "Worlds given by number are also drawn, in a file whose path is printed.\n"
         "Settings are the keys of conf/map/MAP.yaml, and robot=NAME or robot.KEY=VALUE: starts, goals and times "
         "depend on the robot."
     )
@@ -87,7 +83,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATH",
         help="the picture's file, .png, .pdf or .svg; default: outputs/maps/MAP-NUMBER.png",
     )
-    _add_plain(show, argparse.SUPPRESS)
     show.set_defaults(run=_show)
     bring = verbs.add_parser("import", help="check published BARN worlds, copy them, compare with ours")
     bring.add_argument("source", type=Path, help="an official checkout, its worlds/ or its BARN/")
@@ -97,41 +92,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_plain(parser: argparse.ArgumentParser, default: bool | str) -> None:
-    words = "one plain line each instead of pictures, as without a terminal"
-    parser.add_argument("--plain", action="store_true", default=default, help=words)
-
-
-def _console(arguments: argparse.Namespace) -> Console | None:
-    """A terminal that shows pictures; None if plain lines are asked for, or if there is no such terminal."""
-    unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
-    if arguments.plain or not sys.stdout.isatty() or not unicode:
-        return None
-    from rich.console import Console
-
-    return Console(highlight=False)
-
-
-def _list(arguments: argparse.Namespace) -> None:
+def _list(_: argparse.Namespace) -> None:
     from runners.config import catalogue
 
-    titles = catalogue.shipped().titles("map")
-    console = _console(arguments)
-    if console is not None:
-        _list_pictures(titles, console)
-        return
-    for name, title in titles.items():
+    for name, title in catalogue.shipped().titles("map").items():
         print(f"{name:<14}  {title}")
-    print("\nOne set's worlds: lme maps show NAME")
-
-
-def _list_pictures(titles: Mapping[str, str], console: Console) -> None:
-    from runners.reports.figures.terminal import set_entry
-
-    for name, title in titles.items():
-        console.print(set_entry(name, title))
-        console.print()
-    console.print("One set's worlds: lme maps show NAME; one of them: lme maps show NAME NUMBER")
+    print("\nOne set's worlds: lme maps show NAME; one of them, with a picture: lme maps show NAME NUMBER")
 
 
 def _show(arguments: argparse.Namespace) -> None:
@@ -148,20 +114,10 @@ def _show(arguments: argparse.Namespace) -> None:
             f"--output {arguments.output}: name the worlds, lme maps show {arguments.map} NUMBER …"
         )
     tasks = [chosen.maps.task(number) for number in chosen.maps.numbers]
-    console = _console(arguments) if chosen.worlds else None
     path = _saved(chosen, tasks, arguments.output)
-    if console is not None:
-        _show_pictures(chosen, tasks, console)
-    if console is None or len(tasks) > 1:
-        print("\n".join(_table(tasks)))
+    print("\n".join(_table(tasks)))
     if path is not None:
         print(path, file=sys.stderr)
-
-
-def _show_pictures(chosen: Chosen, tasks: Sequence[Task], console: Console) -> None:
-    from runners.reports.figures.terminal import one_world, several_worlds
-
-    console.print(several_worlds(tasks) if len(tasks) > 1 else one_world(chosen, tasks[0], console))
 
 
 def _table(tasks: Sequence[Task]) -> list[str]:

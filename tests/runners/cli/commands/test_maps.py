@@ -1,18 +1,14 @@
-"""`lme maps`: plain lines for scripts, pictures for people."""
+"""`lme maps`: lines on the terminal, pictures in files."""
 
 import logging
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from PIL import Image
-from rich.cells import cell_len
 
 from lme.errors import InputError
 from runners.cli.commands import maps
 from runners.config import catalogue
-from tests.places import ROOT
 
 SETS = catalogue.shipped().options("map")
 
@@ -24,75 +20,12 @@ def own_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(logging.root, "handlers", [])
 
 
-@pytest.fixture
-def terminal(monkeypatch):
-    """Standard output is a terminal of 80 × 40 characters."""
-
-    def show(*words):
-        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-        monkeypatch.setenv("COLUMNS", "80")
-        monkeypatch.setenv("LINES", "40")
-        monkeypatch.setenv("NO_COLOR", "1")
-        monkeypatch.setenv("TERM", "dumb")
-        return maps.main(list(words))
-
-    return show
-
-
-def has_braille(text):
-    return any(0x2800 < ord(character) < 0x2900 for character in text)
-
-
-@pytest.mark.parametrize("words", [[], ["--plain"]])
-def test_without_a_terminal_every_set_is_one_plain_line(capsys, words):
-    assert maps.main(words) == 0
-    out = capsys.readouterr().out
-    lines = out.splitlines()
+def test_every_set_is_one_line(capsys):
+    assert maps.main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[: len(SETS)]] == SETS
     assert all(len(line.split()) > 3 for line in lines[: len(SETS)])
-    assert lines[len(SETS) :] == ["", "One set's worlds: lme maps show NAME"]
-    assert not has_braille(out)
-
-
-def test_plain_holds_in_a_terminal_too(capsys, terminal):
-    terminal("--plain")
-    assert not has_braille(capsys.readouterr().out)
-
-
-def test_in_a_terminal_every_set_has_a_picture_that_fits_80_columns(capsys, terminal):
-    terminal()
-    out = capsys.readouterr().out
-    assert max(cell_len(line) for line in out.splitlines()) <= 80
-    entries = [entry for entry in out.split("\n\n") if "lme maps show" not in entry]
-    assert len(entries) == len(SETS)
-    for name, entry in zip(SETS, entries, strict=True):
-        assert f"  {name} " in entry.splitlines()[0]
-        if name in ("building", "file", "tracks"):
-            assert "no picture: map.path" in entry
-            assert not has_braille(entry)
-        else:
-            assert has_braille(entry)
-            assert "★" in entry
-            assert "world" in entry
-            assert 6 <= len(entry.splitlines()) <= 9
-
-
-def test_a_terminal_that_knows_no_braille_gets_plain_lines(capsys, terminal, monkeypatch):
-    monkeypatch.setattr(type(sys.stdout), "encoding", "iso8859-1")
-    terminal()
-    assert not has_braille(capsys.readouterr().out)
-
-
-def test_thumbnails_need_nothing_heavy():
-    """They must be there at once."""
-    script = """
-import sys
-from runners.reports.figures.terminal import set_entry
-set_entry("env1", "")
-sys.exit(", ".join({"matplotlib", "pandas", "mlflow", "torch", "optuna", "hydra"} & set(sys.modules)) or 0)
-"""
-    result = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
+    assert "lme maps show NAME" in lines[-1]
 
 
 def test_a_world_outside_the_subset_has_its_line_and_its_picture(capsys):
@@ -106,27 +39,6 @@ def test_a_world_outside_the_subset_has_its_line_and_its_picture(capsys):
     assert picture.height > picture.width > 500
 
 
-def test_in_a_terminal_a_world_is_next_to_its_measures(capsys, terminal):
-    terminal("show", "barn", "42")
-    out = capsys.readouterr().out
-    assert max(cell_len(line) for line in out.splitlines()) <= 80
-    first = next(line for line in out.splitlines() if "optimal time" in line)
-    assert "5.672 s" in first
-    assert "tortuosity" in out
-    assert sum(has_braille(line) for line in out.splitlines()) > 25
-    assert "optimal path" in out
-
-
-def test_a_wide_world_stands_above_its_measures(capsys, terminal):
-    terminal("show", "real1_dynamic", "3")
-    lines = capsys.readouterr().out.splitlines()
-    title = lines.index("real1_dynamic 3")
-    assert max(map(cell_len, lines)) == 80
-    assert all(has_braille(line) or "★" in line for line in lines[: title - 1])
-    assert "moves" in lines[-1]
-    assert "optimal path" not in lines[-1]
-
-
 def test_a_link_stays_one_and_its_file_becomes_the_picture(tmp_path):
     (tmp_path / "near.png").symlink_to("far.png")
     assert maps.main(["show", "traps", "0", "--output", str(tmp_path / "near.png")]) == 0
@@ -134,11 +46,10 @@ def test_a_link_stays_one_and_its_file_becomes_the_picture(tmp_path):
     assert (tmp_path / "far.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_several_worlds_are_one_sheet_and_one_table(capsys, terminal):
-    terminal("show", "traps", "0", "7", "kind=door", "--output", "sheets/two.pdf")
+def test_several_worlds_are_one_sheet_and_one_table(capsys):
+    maps.main(["show", "traps", "0", "7", "kind=door", "--output", "sheets/two.pdf"])
     out, err = capsys.readouterr()
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0", "7"]
-    assert out.count("★") == 2
     assert err.strip() == str(Path("sheets/two.pdf"))
     assert Path("sheets/two.pdf").read_bytes().startswith(b"%PDF")
 
