@@ -67,24 +67,20 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], f
 
 def _studies(frame: pd.DataFrame, folder: Path) -> Report:
     """The studies of systems, ablations, scales and values of a key, if the records have any."""
-    from runners.reports.analysis import ablation, comparison, curves, sensitivity
-    from runners.reports.plots.ablation import ablation_figure
-    from runners.reports.plots.curves import curves_figure
-    from runners.reports.plots.sensitivity import sensitivity_figure
+    from runners.reports.analysis import study
+    from runners.reports.analysis.ablation import AblationStudy
+    from runners.reports.analysis.comparison import Comparison
+    from runners.reports.analysis.curves import CurveStudy
+    from runners.reports.analysis.sensitivity import SensitivityStudy
 
+    kinds: tuple[type[study.SweepStudy], ...] = (Comparison, AblationStudy, SensitivityStudy, CurveStudy)
     files: list[Path] = []
     lines: list[str] = []
-    for study, figure in (
-        (comparison, None),  # the chart of the table shows the systems
-        (ablation, ablation_figure),
-        (sensitivity, sensitivity_figure),
-        (curves, curves_figure),
-    ):
-        found = study.studies(frame)
-        if found:
-            files += study.write(found, folder)
-            files += figure(found, folder) if figure else []
-            lines += study.sentences(found)
+    for kind in kinds:
+        studies = kind.studies(frame)
+        if studies:
+            files += study.write(studies, folder)
+            lines += [line for part in studies for line in part.sentences()]
     return Report(files, lines)
 
 

@@ -10,22 +10,23 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from runners.config.ablations import SEVERAL
-from runners.config.escaping import markdown_text
+from runners.config.escaping import markdown_text, plot_text
 from runners.config.wording import markdown_table
-from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
-from runners.reports.analysis.summary import DASH, Row
+from runners.reports.analysis.study import SweepStudy
+from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row
 from runners.reports.analysis.tables import title
+from runners.reports.figures.style import GRID, HATCHES, INK, OUTCOMES, STYLES, new_figure, save, symbol
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 COLUMN, COMPLETE = "ablation", "none"
-NAME = "ablation"
 SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
 SYSTEMS = ("LME", "LME as printed")  # the paper's statements are about either reading of its method
 ABOUT = {"map": "barn", "robot": "jackal", "scale": ""}  # and its benchmark
@@ -66,6 +67,17 @@ NOTES = (
     f"than {MARGIN:g}.",
 )
 
+WIDTH_IN, STUDY_IN, AROUND_IN = 7.2, 4.0, 0.75
+VARIANT_IN = 0.8  # least width of a variant; many variants widen the figure
+STUDIES = 4  # at most: more cannot be read on a page
+BAR = 0.72
+GAP = 0.08  # between panels, in panels
+CAPTION = (
+    f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}\n"
+    "Below: difference in success to the complete method, paired by world and run,\n"
+    "95 % bootstrap over worlds; filled where beyond the noise (Holm-adjusted sign-flip p < 0.05)."
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Variant:
@@ -84,17 +96,100 @@ class Variant:
 
 
 @dataclass(frozen=True, slots=True)
-class AblationStudy:
-    """Variants of one system in one setting, the complete one first. heading: the system. place: the setting."""
+class AblationStudy(SweepStudy):
+    """Variants of one system in one setting, the complete one first. heading: the system."""
 
+    name: ClassVar[str] = "ablation"
     heading: str
-    place: str
+    setting: str
     variants: tuple[Variant, ...]
 
+    @classmethod
+    def studies(cls, frame: pd.DataFrame) -> list[Self]:
+        """Return one study for each system and setting with the complete method and an ablation.
 
-def studies(frame: pd.DataFrame) -> list[AblationStudy]:
-    """One study for each system and setting with the complete method and an ablation; other records are ignored."""
-    return [_study(block) for block in paired.blocks(frame, COLUMN, COMPLETE)]
+        Other records are ignored.
+        """
+        return [cls._of(block) for block in paired.blocks(frame, COLUMN, COMPLETE)]
+
+    @classmethod
+    def _of(cls, block: Block) -> Self:
+        by_measure = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
+        claims = CLAIMS if _is_the_papers(block) else {}
+        names = [
+            *(name for name in CLAIMS if name in block.variants),
+            *sorted(block.variants.keys() - CLAIMS.keys()),
+        ]
+        variants = [Variant(COMPLETE, paired.row(block.baseline), {})]
+        for name in names:
+            change = {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
+            verdict = _verdict(name, by_measure[SUCCESS], claims) if name in claims else None
+            claim = claims[name].words if verdict else ""
+            variants.append(Variant(name, paired.row(block.variants[name]), change, claim, *(verdict or ())))
+        return cls(block.heading, title(block.baseline), tuple(variants))
+
+    @property
+    def judged(self) -> list[Variant]:
+        """The variants of which the paper says something."""
+        return [variant for variant in self.variants if variant.agrees]
+
+    def sentences(self) -> list[str]:
+        """Return a line for each of the paper's statements: whether our results agree with it."""
+        lines = [f"{variant_label(variant.ablation)}: {variant.words}" for variant in self.judged]
+        return [f"{self.heading}, {self.setting}: the paper's ablation and ours.", *lines] if lines else []
+
+    def tables(self) -> list[str]:
+        """Return the table, and a list of verdicts if there are any."""
+        lines = (
+            f"- {markdown_text(variant_label(variant.ablation))}: {variant.words}" for variant in self.judged
+        )
+        verdicts = "\n".join(lines)
+        heading = f"**{markdown_text(f'{self.heading} · {self.setting}')}**"
+        return [heading, _table(self), *([verdicts] if verdicts else ())]
+
+    def lines(self) -> Iterator[dict[str, object]]:
+        """Yield a line for each variant."""
+        for variant in self.variants:
+            yield {
+                "block": self.heading,
+                "place": self.setting,
+                "ablation": variant.ablation,
+                **({"pairs": variant.change[SUCCESS].pairs} if variant.change else {}),
+                **paired.to_mapping(variant.row, variant.change),
+                "paper_says": variant.claim,
+                "agrees": variant.agrees,
+            }
+
+    def notes(self) -> Sequence[str]:
+        """Return how verdicts are found, too, if there are any."""
+        return (*paired.NOTES, *(NOTES if self.judged else ()))
+
+    @classmethod
+    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+        """Draw outcomes and paired differences of every variant."""
+        shown = studies[:STUDIES]
+        width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in shown)))
+        figure = new_figure(width, AROUND_IN + STUDY_IN * len(shown))
+        panels = figure.subplots(
+            2 * len(shown),
+            1,
+            squeeze=False,
+            height_ratios=[1.6, 1.0] * len(shown),
+            gridspec_kw={"hspace": GAP},
+        )[:, 0]
+        for number, study in enumerate(shown):
+            above, below = panels[2 * number : 2 * number + 2]
+            _outcomes(above, study.variants)
+            _changes(below, study.variants)
+            above.set_title(
+                plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, loc="left"
+            )
+        figure.legend(
+            handles=_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
+        )
+        more = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
+        figure.supxlabel(CAPTION + more, fontsize=7, color=INK, x=0.01, ha="left")
+        return save(figure, folder / cls.name, ("png", "pdf"))
 
 
 def variant_label(ablation: str) -> str:
@@ -102,50 +197,6 @@ def variant_label(ablation: str) -> str:
     if ablation == COMPLETE:
         return "Complete"
     return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(SEVERAL))}"
-
-
-def sentences(found: list[AblationStudy]) -> list[str]:
-    """Whether our results agree with the paper: a line for each of its statements."""
-    lines = []
-    for study in found:
-        said = [variant for variant in study.variants if variant.agrees]
-        if said:
-            lines.append(f"{study.heading}, {study.place}: the paper's ablation and ours.")
-        lines += [f"{variant_label(each.ablation)}: {each.words}" for each in said]
-    return lines
-
-
-def write(found: list[AblationStudy], place: Path) -> list[Path]:
-    """Write `ablation.md` and `ablation.csv` into `place`; return their paths."""
-    markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_atomically(markdown, to_markdown(found))
-    paired.write_csv([_numbers(study, variant) for study in found for variant in study.variants], table)
-    return [markdown, table]
-
-
-def to_markdown(found: list[AblationStudy]) -> str:
-    """The tables, a list of verdicts below each, and notes at the end."""
-    parts = [part for study in found for part in (_table(study), _list(study)) if part]
-    said = any(variant.agrees for study in found for variant in study.variants)
-    notes = [*paired.NOTES, *(NOTES if said else ())]
-    return "\n\n".join([*parts, "  \n".join(notes)]) + "\n"
-
-
-def _study(block: Block) -> AblationStudy:
-    changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
-    claims = CLAIMS if _is_the_papers(block) else {}
-    names = [
-        *(name for name in CLAIMS if name in block.variants),
-        *sorted(block.variants.keys() - CLAIMS.keys()),
-    ]
-    variants = [Variant(COMPLETE, paired.row(block.baseline), {})]
-    for name in names:
-        change = {measure: found[name] for measure, found in changes.items() if name in found}
-        row = paired.row(block.variants[name])
-        verdict = _verdict(name, changes[SUCCESS], claims) if name in claims else None
-        said = claims[name].words if verdict else ""
-        variants.append(Variant(name, row, change, said, *(verdict or ())))
-    return AblationStudy(block.heading, title(block.baseline), tuple(variants))
 
 
 def _is_the_papers(block: Block) -> bool:
@@ -229,8 +280,7 @@ def _table(study: AblationStudy) -> str:
     header = ["Variant", *columns, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant, list(measures)) for variant in study.variants]
     rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
-    table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
-    return f"**{markdown_text(f'{study.heading} · {study.place}')}**\n\n{table}"
+    return markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
 
 
 def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
@@ -254,15 +304,102 @@ def _change(change: Difference | None) -> list[str]:
     return [signed(change.mean), interval(change), paired.p_value(change), verdict]
 
 
-def _list(study: AblationStudy) -> str:
-    return "\n".join(
-        f"- {markdown_text(variant_label(v.ablation))}: {v.words}" for v in study.variants if v.agrees
+def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
+    """Draw stacked bars of the outcomes, with the interval of the success rate that the table gives."""
+    for column, variant in enumerate(variants):
+        bottom = 0.0
+        for outcome in OUTCOMES:
+            share, _ = variant.row.stats.get(outcome, (0.0, math.nan))
+            axes.bar(column, share, BAR, bottom, hatch=HATCHES.get(outcome), **_filled(outcome))
+            bottom += share
+            if outcome == SUCCESS:
+                _rate(axes, column, share, variant.row.interval)
+    complete = variants[0].row.stats[SUCCESS][0]
+    axes.axhline(complete, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=4)
+    axes.set(ylim=(0.0, 1.0), xticks=[])
+    axes.set_ylabel("share of episodes", fontsize=8.5, color=INK)
+    _plain(axes, variants)
+
+
+def _rate(axes: Axes, column: int, mean: float, interval: tuple[float, float] | None) -> None:
+    """Write the rate at the foot of its bar, and draw its interval at the top."""
+    axes.annotate(
+        f"{mean:.3f}",
+        (column, 0.0),
+        (0, 5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8,
+        color=INK,
+        bbox={"facecolor": "white", "edgecolor": "none", "boxstyle": "round", "pad": 0.15},
+        zorder=6,
+    )
+    if interval is not None:
+        axes.plot([column, column], interval, "_-", color=INK, linewidth=0.9, markersize=5, zorder=5)
+
+
+def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
+    """Draw the paired difference in success and its interval; the marker is filled if it exceeds the noise."""
+    axes.axhline(0.0, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+    for column, variant in enumerate(variants):
+        change = variant.change.get(SUCCESS)
+        if change is None:
+            continue
+        face = INK if change.beyond_noise else "white"
+        axes.plot(column, change.mean, "o", color=INK, markerfacecolor=face, markersize=4.5, zorder=4)
+        if not math.isnan(change.low):
+            reach = [[change.mean - change.low], [change.high - change.mean]]
+            axes.errorbar(
+                column, change.mean, yerr=reach, color=INK, elinewidth=0.9, capsize=3.5, capthick=0.9
+            )
+        _difference(axes, column, change)
+    axes.set_xticks(
+        range(len(variants)), [_label(variant.ablation) for variant in variants], fontsize=8, color=INK
+    )
+    axes.margins(y=0.25)
+    axes.set_ylabel("difference\nin success", fontsize=8.5, color=INK)
+    _plain(axes, variants)
+
+
+def _difference(axes: Axes, column: int, change: Difference) -> None:
+    """Write the difference beyond the end of its interval that is farther from zero."""
+    gain = change.mean > 0
+    end = change.high if gain else change.low
+    axes.annotate(
+        signed(change.mean),
+        (column, change.mean if math.isnan(end) else end),
+        (0, 5 if gain else -5),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if gain else "top",
+        fontsize=7.5,
+        color=INK,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
     )
 
 
-def _numbers(study: AblationStudy, variant: Variant) -> dict[str, object]:
-    """A line of the CSV, not rounded."""
-    pairs = {"pairs": variant.change[SUCCESS].pairs} if variant.change else {}
-    said = {"paper_says": variant.claim, "agrees": variant.agrees}
-    known = {"block": study.heading, "place": study.place, "ablation": variant.ablation}
-    return {**known, **pairs, **paired.to_mapping(variant.row, variant.change), **said}
+def _label(ablation: str) -> str:
+    """The name in lines, with features as in the paper."""
+    if ablation == COMPLETE:
+        return "Complete"
+    parts = [part.removeprefix("no_") for part in ablation.split(SEVERAL)]
+    return "\n".join(["No", *(symbol(part) for part in parts)])
+
+
+def _keys() -> list[Any]:
+    from matplotlib.patches import Patch
+
+    return [Patch(label=kind, hatch=HATCHES.get(kind), **_filled(kind)) for kind in OUTCOMES]
+
+
+def _filled(kind: str) -> dict[str, Any]:
+    return {"facecolor": STYLES[kind].colour, "edgecolor": "white", "linewidth": 0.4}
+
+
+def _plain(axes: Axes, variants: Sequence[Variant]) -> None:
+    axes.set_xlim(-0.6, len(variants) - 0.4)
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+    axes.tick_params(axis="x", length=0)
+    axes.tick_params(axis="y", labelsize=8, colors=INK)
+    axes.grid(axis="y", color=GRID, linewidth=0.5)
+    axes.set_axisbelow(True)

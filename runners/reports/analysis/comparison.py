@@ -5,15 +5,14 @@ The reference is LME, or the system driven first if LME was not driven.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from runners.config.wording import markdown_table
-from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import Block, Difference, interval, signed
+from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, Row, as_text, row_keys, usual
 from runners.reports.analysis.tables import title
 
@@ -21,64 +20,75 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REFERENCE = "LME"
-NAME = "comparison"
 MEASURES = (paired.SUCCESS, paired.METRIC, SMOOTHNESS)
 HEADERS = {metric.key: metric.header for metric in METRICS if metric.key in MEASURES}
 ROW = "row"  # a column of the records: the row's name in the table
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
-    """Differences of the other rows from the reference's row, in one setting. place: the setting.
+class Comparison(SweepStudy):
+    """Differences of the other rows from the reference's row, in one setting. The chart of the table is its picture.
 
     reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first.
     """
 
+    name: ClassVar[str] = "comparison"
     reference: str
-    place: str
+    setting: str
     rows: Mapping[str, Row]
     changes: Mapping[str, Mapping[str, Difference]]
 
+    @classmethod
+    def studies(cls, frame: pd.DataFrame) -> list[Self]:
+        """Return one comparison for each setting in which the reference and another system were driven.
 
-def studies(frame: pd.DataFrame) -> list[Comparison]:
-    """One comparison for each setting in which the reference and another system were driven.
+        A setting is a combination of robot, map, subset, seed and whatever else varies within the reference system.
+        """
+        systems = list(dict.fromkeys(frame["system"]))
+        reference = REFERENCE if REFERENCE in systems else systems[0]
+        of_reference = frame["system"] == reference
+        keys = row_keys(frame)
+        settings = [key for key in keys if key in SETTING or as_text(frame[key][of_reference]).nunique() > 1]
+        names = _names(frame, [key for key in keys if key not in settings])
+        baseline = names[of_reference].iloc[0]
+        blocks = paired.blocks(frame.assign(**{ROW: names}), ROW, baseline, settings)
+        return [cls._of(block, baseline) for block in blocks]
 
-    A setting is a combination of robot, map, subset, seed and whatever else varies within the reference system.
-    """
-    systems = list(dict.fromkeys(frame["system"]))
-    reference = REFERENCE if REFERENCE in systems else systems[0]
-    of_reference = frame["system"] == reference
-    keys = row_keys(frame)
-    settings = [key for key in keys if key in SETTING or as_text(frame[key][of_reference]).nunique() > 1]
-    names = _names(frame, [key for key in keys if key not in settings])
-    baseline = names[of_reference].iloc[0]
-    found = paired.blocks(frame.assign(**{ROW: names}), ROW, baseline, settings)
-    return [_comparison(block, baseline) for block in found]
+    @classmethod
+    def _of(cls, block: Block, reference: str) -> Self:
+        import pandas as pd
 
+        by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
+        parts = {reference: block.baseline, **block.variants}
+        return cls(
+            reference,
+            " · ".join(part for part in (block.heading, title(pd.concat(parts.values()))) if part),
+            {name: paired.row(part) for name, part in parts.items()},
+            {
+                name: {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
+                for name in block.variants
+            },
+        )
 
-def sentences(found: list[Comparison]) -> list[str]:
-    """A line for each row other than the reference's."""
-    lines = []
-    for study in found:
-        lines.append(f"Paired differences from {study.reference}, {study.place}:")
-        for name, changes in study.changes.items():
-            lines.append(
+    def sentences(self) -> list[str]:
+        """Return a line for each row other than the reference's."""
+        return [
+            f"Paired differences from {self.reference}, {self.setting}:",
+            *(
                 f"{name}: {'; '.join(_describe_change(key, change) for key, change in changes.items())}."
-            )
-    return lines
+                for name, changes in self.changes.items()
+            ),
+        ]
 
+    def tables(self) -> list[str]:
+        """Return a table with a line for each row other than the reference's."""
+        return [f"**{self.setting}**", _table(self)]
 
-def write(found: list[Comparison], place: Path) -> list[Path]:
-    """Write `comparison.md` and `comparison.csv` into `place`; return their paths."""
-    markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_atomically(markdown, to_markdown(found))
-    paired.write_csv([_numbers(study, name) for study in found for name in study.rows], table)
-    return [markdown, table]
-
-
-def to_markdown(found: list[Comparison]) -> str:
-    """The tables, and notes at the end."""
-    return "\n\n".join([*map(_table, found), "  \n".join(paired.NOTES)]) + "\n"
+    def lines(self) -> Iterator[dict[str, object]]:
+        """Yield a line for each row."""
+        for name, row in self.rows.items():
+            changes = paired.to_mapping(row, self.changes.get(name, {}))
+            yield {"place": self.setting, "reference": self.reference, "row": name, **changes}
 
 
 def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
@@ -89,22 +99,6 @@ def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
         if values.nunique() > 1:
             names = names + (f", {key} " + values).where(~values.isin(usual(key)), "")
     return names
-
-
-def _comparison(block: Block, reference: str) -> Comparison:
-    import pandas as pd
-
-    by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
-    parts = {reference: block.baseline, **block.variants}
-    return Comparison(
-        reference,
-        " · ".join(part for part in (block.heading, title(pd.concat(parts.values()))) if part),
-        {name: paired.row(part) for name, part in parts.items()},
-        {
-            name: {measure: found[name] for measure, found in by_measure.items() if name in found}
-            for name in block.variants
-        },
-    )
 
 
 def _describe_change(measure: str, change: Difference) -> str:
@@ -125,7 +119,7 @@ def _table(study: Comparison) -> str:
         rule,
         *(_cells(name, changes, measures) for name, changes in study.changes.items()),
     ]
-    return f"**{study.place}**\n\n" + markdown_table(lines)
+    return markdown_table(lines)
 
 
 def _cells(name: str, changes: Mapping[str, Difference], measures: Sequence[str]) -> list[str]:
@@ -141,9 +135,3 @@ def _change(change: Difference | None) -> list[str]:
         return [DASH] * 3
     mean = f"**{signed(change.mean)}**" if change.beyond_noise else signed(change.mean)
     return [mean, interval(change) or DASH, paired.p_value(change) or DASH]
-
-
-def _numbers(study: Comparison, name: str) -> dict[str, object]:
-    """A line of the CSV, not rounded."""
-    known = {"place": study.place, "reference": study.reference, "row": name}
-    return {**known, **paired.to_mapping(study.rows[name], study.changes.get(name, {}))}

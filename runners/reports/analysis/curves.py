@@ -2,27 +2,56 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from runners.config.escaping import markdown_text
+from runners.config.escaping import markdown_text, plot_text
 from runners.config.wording import markdown_table
-from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS
+from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, Row, as_text, changed_columns, row_keys
 from runners.reports.analysis.tables import title
+from runners.reports.figures.style import (
+    BLUE,
+    GREEN,
+    GRID,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Style,
+    new_figure,
+    save,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
-NAME = "curves"
 LEAST = 3  # minimum number of values that make a curve
 AT = "at"  # column of the key's number
 EPISODE = ["world", "run"]
 NAMES = {SUCCESS: "success", "collision": "collision", METRIC: "BARN metric"}
+
+LOOKS = (
+    Style(BLUE, "-", "o"),
+    Style(VERMILION, "--", "s"),
+    Style(GREEN, "-.", "^"),
+    Style(ORANGE, ":", "D"),
+    Style(PURPLE, "-", "v"),
+    Style(SKY, "--", "P"),
+    Style(INK, "-.", "X"),
+)
+WIDTH_IN, PANEL_IN, AROUND_IN = 7.2, 2.0, 0.9
+COLUMNS = 3  # of panels
+DRAWN = {SUCCESS: ("success rate", 1.04), METRIC: ("BARN metric", 0.52)}
+NOTE = "Band: 95 % interval of the success rate. Only the key below a panel is changed in it."
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,58 +63,82 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
-class CurveStudy:
-    """The curves over one key, with all other keys as in the options' files. place: map, robot, worlds and runs."""
+class CurveStudy(SweepStudy):
+    """The curves over one key, with all other keys as in the options' files.
 
+    setting: map, robot, worlds and runs.
+    """
+
+    name: ClassVar[str] = "curves"
     key: str
-    place: str
+    setting: str
     curves: tuple[Curve, ...]
+
+    @classmethod
+    def studies(cls, frame: pd.DataFrame) -> list[Self]:
+        """Return a study for each changed key with at least LEAST numbers within a system."""
+        keys = [key for key in changed_columns(frame) if _is_curve(frame, key)]
+        studies = [cls._of(_alone(frame, key, keys), key) for key in keys]
+        return [study for study in studies if study.curves]
+
+    @classmethod
+    def _of(cls, part: pd.DataFrame, key: str) -> Self:
+        keys = ["system", *(name for name in row_keys(part.drop(columns=AT)) if part[name].nunique() > 1)]
+        texts = part.assign(**{name: as_text(part[name]) for name in keys})
+        groups = texts.groupby(keys, sort=False)
+        return cls(
+            key, title(part), tuple(curve for names, group in groups for curve in _curve(names, group))
+        )
 
     @property
     def values(self) -> list[float]:
         """All values of the key, increasing."""
         return sorted({value for curve in self.curves for value, _ in curve.points})
 
+    def sentences(self) -> list[str]:
+        """Return a line for each curve: success at the smallest and the largest value of the key."""
+        lines = []
+        for curve in self.curves:
+            (least, before), (most, after) = curve.points[0], curve.points[-1]
+            rates = f"{before.stats[SUCCESS][0]:.3f} at {self.key}={least:g}, {after.stats[SUCCESS][0]:.3f} at {most:g}"
+            lines.append(f"{curve.label}: success {rates}.")
+        return lines
 
-def studies(frame: pd.DataFrame) -> list[CurveStudy]:
-    """A study for each changed key with at least LEAST numbers within a system."""
-    keys = [key for key in changed_columns(frame) if _is_curve(frame, key)]
-    found = [_study(_alone(frame, key, keys), key) for key in keys]
-    return [study for study in found if study.curves]
+    def tables(self) -> list[str]:
+        """Return a table for each measure, with a line for each curve and a column for each value."""
+        return [f"**{markdown_text(f'{self.key} · {self.setting}')}**", *_tables(self)]
 
+    def lines(self) -> Iterator[dict[str, object]]:
+        """Yield a line for each point."""
+        for curve in self.curves:
+            for value, row in curve.points:
+                yield {"key": self.key, "value": value, "curve": curve.label, **paired.to_mapping(row, {})}
 
-def sentences(found: list[CurveStudy]) -> list[str]:
-    """A line for each curve: success at the smallest and the largest value of the key."""
-    return [
-        f"{curve.label}: success {_rate(curve.points[0][1])} at {study.key}={curve.points[0][0]:g}, "
-        f"{_rate(curve.points[-1][1])} at {curve.points[-1][0]:g}."
-        for study in found
-        for curve in study.curves
-    ]
+    def notes(self) -> Sequence[str]:
+        """Return nothing: the tables compare nothing."""
+        return ()
 
-
-def write(found: list[CurveStudy], place: Path) -> list[Path]:
-    """Write `curves.md` and `curves.csv` into `place`; return their paths."""
-    markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_atomically(markdown, to_markdown(found))
-    lines = [
-        {"key": study.key, "value": value, "curve": curve.label, **paired.to_mapping(row, {})}
-        for study in found
-        for curve in study.curves
-        for value, row in curve.points
-    ]
-    paired.write_csv(lines, table)
-    return [markdown, table]
-
-
-def to_markdown(found: list[CurveStudy]) -> str:
-    """For each key and measure, a table with a line for each curve and a column for each value."""
-    headings = [markdown_text(f"{study.key} · {study.place}") for study in found]
-    parts = [
-        "\n\n".join([f"**{heading}**", *_tables(study)])
-        for heading, study in zip(headings, found, strict=True)
-    ]
-    return "\n\n".join(parts) + "\n"
+    @classmethod
+    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+        """Draw a panel for each key and measure, with a line for each system."""
+        rows = [row for study in studies for curve in study.curves for _, row in curve.points]
+        measures = [name for name in DRAWN if any(name in row.stats for row in rows)]
+        columns = min(COLUMNS, len(studies))
+        bands = math.ceil(len(studies) / columns)
+        figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * bands * len(measures))
+        panels = figure.subplots(bands * len(measures), columns, sharey="row", squeeze=False)
+        labels = list(dict.fromkeys(curve.label for study in studies for curve in study.curves))
+        for number in range(bands * columns):
+            for line, measure in enumerate(measures):
+                axes = panels[number // columns * len(measures) + line, number % columns]
+                if number < len(studies):
+                    _panel(axes, studies[number], measure, labels, number % columns == 0)
+                else:
+                    axes.set_visible(False)
+        handles = [_look(number, label) for number, label in enumerate(labels)]
+        figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
+        figure.supxlabel(f"{plot_text(studies[0].setting)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
+        return save(figure, folder / cls.name, ("png", "pdf"))
 
 
 def _is_curve(frame: pd.DataFrame, key: str) -> bool:
@@ -102,13 +155,6 @@ def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
     part = part.drop(columns=[*others, "changes", "run_dir"]).assign(**{AT: _numbers(part[key])})
     settings = [name for name in ("system", *row_keys(part), *EPISODE) if name != key]
     return part.drop(columns=key)[~part.duplicated([AT, *settings])]
-
-
-def _study(part: pd.DataFrame, key: str) -> CurveStudy:
-    keys = ["system", *(name for name in row_keys(part.drop(columns=AT)) if part[name].nunique() > 1)]
-    texts = part.assign(**{name: as_text(part[name]) for name in keys})
-    found = [curve for names, group in texts.groupby(keys, sort=False) for curve in _curve(names, group)]
-    return CurveStudy(key, title(part), tuple(found))
 
 
 def _curve(names: tuple[object, ...], group: pd.DataFrame) -> Iterator[Curve]:
@@ -136,5 +182,37 @@ def _tables(study: CurveStudy) -> Iterator[str]:
         yield markdown_table(lines)
 
 
-def _rate(row: Row) -> str:
-    return f"{row.stats[SUCCESS][0]:.3f}"
+def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], first: bool) -> None:
+    for curve in study.curves:
+        _line(axes, curve, measure, labels.index(curve.label))
+    name, top = DRAWN[measure]
+    axes.set(ylim=(-0.02 * top, top))
+    axes.set_xticks(study.values, [f"{value:g}" for value in study.values])
+    axes.margins(x=0.05)
+    axes.autoscale_view()
+    axes.set_xlabel(plot_text(study.key), fontsize=8, color=INK)
+    if first:
+        axes.set_ylabel(name, fontsize=8, color=INK)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=7.5, colors=INK, length=2.5)
+    axes.grid(axis="y", color=GRID, linewidth=0.5)
+
+
+def _line(axes: Axes, curve: Curve, measure: str, number: int) -> None:
+    points = [(value, row) for value, row in curve.points if measure in row.stats]
+    values = [value for value, _ in points]
+    look = _look(number, curve.label)
+    look.set_data(values, [row.stats[measure][0] for _, row in points])
+    axes.add_line(look)
+    if measure == SUCCESS:
+        low, high = zip(*(row.interval or (math.nan, math.nan) for _, row in points), strict=True)
+        axes.fill_between(values, low, high, color=look.get_color(), alpha=0.12, linewidth=0)
+
+
+def _look(number: int, label: str) -> Line2D:
+    """An empty line in the style of the curve with this number."""
+    from matplotlib.lines import Line2D
+
+    colour, line, marker = LOOKS[number % len(LOOKS)]
+    look: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
+    return Line2D([], [], markersize=4, linewidth=1.3, label=plot_text(label), **look)

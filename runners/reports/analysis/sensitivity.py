@@ -2,31 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from runners.config.escaping import markdown_text
+from runners.config.escaping import markdown_text, plot_text
 from runners.config.weights import scale_from_words
 from runners.config.wording import markdown_table
 from runners.records.launch_record import read_launch
-from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
+from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row
 from runners.reports.analysis.tables import title
+from runners.reports.figures.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 COLUMN, UNCHANGED = "scale", ""
-NAME = "sensitivity"
 NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
 NOTES = (
     "Range: the highest minus the lowest success rate over the factors, including 1. Bold: differs from that at 1 "
     "beyond the noise, by the amount in brackets.",
     f"The picture's band: 95 %, {INTERVAL_NOTE}",
+)
+
+COLUMNS, STUDIES = 4, 3  # of panels; at most: more cannot be read on a page
+WIDTH_IN, PANEL_IN, AROUND_IN = 7.2, 1.75, 1.1
+FRACTIONS = {0.125: "⅛", 0.25: "¼", 0.5: "½", 0.75: "¾"}
+ZERO_GAP = 0.375  # from factor 0 to the least other one, relative to the span of the others
+BESIDE = 0.09  # left and right of all factors, relative to their span
+TICK_GAP = 0.16  # least gap between two labelled factors, relative to the span of all
+_SUCCESS: dict[str, Any] = {"color": BLUE, "linestyle": "-", "linewidth": 1.4, "marker": "o"}
+_METRIC: dict[str, Any] = {"color": VERMILION, "linestyle": "--", "linewidth": 1.2, "marker": "s"}
+CAPTION = (
+    "Factor on one parameter, the others kept; its own value in the title. Band: 95 % over worlds, Wilson. "
+    "Filled: differs\nfrom that at 1 beyond the noise (paired by world, Holm-adjusted sign-flip p < 0.05). Dashed: "
+    "success with all parameters as they are."
 )
 
 
@@ -69,60 +85,110 @@ class ParameterCurve:
 
 
 @dataclass(frozen=True, slots=True)
-class SensitivityStudy:
-    """Curves of one system in one setting, in the order of the sweep. heading: the system. place: the setting."""
+class SensitivityStudy(SweepStudy):
+    """Curves of one system in one setting, in the order of the sweep. heading: the system."""
 
+    name: ClassVar[str] = "sensitivity"
     heading: str
-    place: str
+    setting: str
     curves: tuple[ParameterCurve, ...]
 
+    @classmethod
+    def studies(cls, frame: pd.DataFrame) -> list[Self]:
+        """Return one study for each system and setting with both unchanged and multiplied parameters.
 
-def studies(frame: pd.DataFrame) -> list[SensitivityStudy]:
-    """One study for each system and setting with both unchanged and multiplied parameters.
+        Runs with several multiplied parameters are ignored.
+        """
+        studies = [cls._of(block) for block in paired.blocks(_single(frame), COLUMN, UNCHANGED)]
+        return [study for study in studies if study.curves]
 
-    Runs with several multiplied parameters are ignored.
-    """
-    found = [_study(block) for block in paired.blocks(_single(frame), COLUMN, UNCHANGED)]
-    return [study for study in found if study.curves]
+    @classmethod
+    def _of(cls, block: Block) -> Self:
+        by_measure = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
+        base = Point(1.0, paired.row(block.baseline), {})
+        by_parameter: dict[str, list[Point]] = {}
+        for name, part in block.variants.items():
+            ((parameter, factor),) = scale_from_words(name).items()
+            change = {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
+            by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
+        curves = (
+            ParameterCurve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
+            for name, points in by_parameter.items()
+        )
+        return cls(block.heading, title(block.baseline), tuple(curves))
 
+    @property
+    def scored(self) -> bool:
+        """Whether some records have the BARN metric."""
+        return any(METRIC in point.row.stats for curve in self.curves for point in curve.points)
 
-def sentences(found: list[SensitivityStudy]) -> list[str]:
-    """A line for each parameter, the one with the largest range first."""
-    lines = []
-    for study in found:
-        lines.append(f"{study.heading}, {study.place}: success over the factors of each parameter.")
-        lines += [_sentence(curve) for curve in sorted(study.curves, key=lambda curve: -curve.range)]
-    return lines
-
-
-def write(found: list[SensitivityStudy], place: Path) -> list[Path]:
-    """Write `sensitivity.md` and `sensitivity.csv` into `place`; return their paths."""
-    markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_atomically(markdown, to_markdown(found))
-    points = [(study, curve, point) for study in found for curve in study.curves for point in curve.points]
-    paired.write_csv([_numbers(*point) for point in points], table)
-    return [markdown, table]
-
-
-def to_markdown(found: list[SensitivityStudy]) -> str:
-    """Success rate and BARN metric by factor, with a list of sentences below the tables of each study."""
-    parts = []
-    for study in found:
-        lines = "\n".join(f"- {line}" for line in sentences([study])[1:])
-        parts += [
-            f"**{study.heading} · {study.place}**",
-            _table(study, SUCCESS),
-            _table(study, METRIC) if scored([study]) else "",
-            lines,
+    def sentences(self) -> list[str]:
+        """Return a line for each parameter, the one with the largest range first."""
+        curves = sorted(self.curves, key=lambda curve: -curve.range)
+        return [
+            f"{self.heading}, {self.setting}: success over the factors of each parameter.",
+            *map(_sentence, curves),
         ]
-    return "\n\n".join([*(part for part in parts if part), "  \n".join([*paired.NOTES, *NOTES])]) + "\n"
 
+    def tables(self) -> list[str]:
+        """Return success rate and BARN metric by factor, then the sentences."""
+        measures = (SUCCESS, METRIC) if self.scored else (SUCCESS,)
+        return [
+            f"**{self.heading} · {self.setting}**",
+            *(_table(self, measure) for measure in measures),
+            "\n".join(f"- {line}" for line in self.sentences()[1:]),
+        ]
 
-def scored(found: Sequence[SensitivityStudy]) -> bool:
-    """Whether some records have the BARN metric."""
-    return any(
-        METRIC in point.row.stats for study in found for curve in study.curves for point in curve.points
-    )
+    def lines(self) -> Iterator[dict[str, object]]:
+        """Yield a line for each point."""
+        for curve in self.curves:
+            for point in curve.points:
+                yield {
+                    "block": self.heading,
+                    "place": self.setting,
+                    "parameter": curve.parameter,
+                    "value": curve.value,
+                    "factor": point.factor,
+                    **paired.to_mapping(point.row, point.change),
+                }
+
+    def notes(self) -> Sequence[str]:
+        """Return what a range and a band are, too."""
+        return (*paired.NOTES, *NOTES)
+
+    @classmethod
+    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+        """Draw a panel for each parameter, all on one scale."""
+        shown = studies[:STUDIES]
+        columns = min(COLUMNS, max(len(study.curves) for study in shown))
+        rows = [math.ceil(len(study.curves) / columns) for study in shown]
+        figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(shown) - 1))
+        for part, study, count in zip(
+            figure.subfigures(len(shown), 1, squeeze=False, height_ratios=rows)[:, 0],
+            shown,
+            rows,
+            strict=True,
+        ):
+            panels = part.subplots(count, columns, sharex=True, sharey=True, squeeze=False).flat
+            places = _places(factors(study.curves))
+            for axes, curve in zip(panels, study.curves, strict=False):
+                _panel(axes, curve, places)
+            for axes in list(panels.base.flat)[len(study.curves) :]:
+                axes.set_visible(False)
+            part.suptitle(
+                plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, x=0.01, ha="left"
+            )
+        more = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
+        figure.legend(
+            handles=_keys(any(study.scored for study in studies)),
+            loc="outside upper right",
+            ncols=2,
+            frameon=False,
+            fontsize=8,
+            labelcolor=INK,
+        )
+        figure.supxlabel(CAPTION + more, fontsize=7, color=INK, x=0.01, ha="left")
+        return save(figure, folder / cls.name, ("png", "pdf"))
 
 
 def factors(curves: Sequence[ParameterCurve]) -> list[float]:
@@ -135,21 +201,6 @@ def _single(frame: pd.DataFrame) -> pd.DataFrame:
     if COLUMN not in frame:
         return frame
     return frame[[len(scale_from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
-
-
-def _study(block: Block) -> SensitivityStudy:
-    changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
-    base = Point(1.0, paired.row(block.baseline), {})
-    by_parameter: dict[str, list[Point]] = {}
-    for name, part in block.variants.items():
-        ((parameter, factor),) = scale_from_words(name).items()
-        change = {measure: found[name] for measure, found in changes.items() if name in found}
-        by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
-    curves = (
-        ParameterCurve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
-        for name, points in by_parameter.items()
-    )
-    return SensitivityStudy(block.heading, title(block.baseline), tuple(curves))
 
 
 def _value(block: Block, parameter: str) -> str:
@@ -179,8 +230,6 @@ def _beyond(curve: ParameterCurve, measure: str) -> str:
 def _table(study: SensitivityStudy, measure: str) -> str:
     """A line for each parameter and a column for each factor; bold beyond the noise."""
     columns = factors(study.curves)
-    if not any(measure in point.row.stats for curve in study.curves for point in curve.points):
-        return ""
     lines = [[NAMES[measure], "Value", *(f"{TIMES} {factor:g}" for factor in columns)]]
     lines.append(["---", *["---:"] * (len(columns) + 1)])
     for curve in study.curves:
@@ -203,13 +252,77 @@ def _cell(point: Point, measure: str) -> str:
     return f"**{text}** ({signed(change.mean)})" if change and change.beyond_noise else text
 
 
-def _numbers(study: SensitivityStudy, curve: ParameterCurve, point: Point) -> dict[str, object]:
-    """A line of the CSV, not rounded."""
-    known = {
-        "block": study.heading,
-        "place": study.place,
-        "parameter": curve.parameter,
-        "value": curve.value,
-        "factor": point.factor,
-    }
-    return {**known, **paired.to_mapping(point.row, point.change)}
+def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> None:
+    """Draw success with its band, and the BARN metric; factor 0 is apart on the left."""
+    _band(axes, curve.points, places)
+    rows: list[tuple[str, dict[str, Any]]] = [(SUCCESS, _SUCCESS), (METRIC, _METRIC)]
+    for measure, look in rows:
+        drawn = [point for point in curve.points if measure in point.row.stats]
+        values = [point.row.stats[measure][0] for point in drawn]
+        across = [places[point.factor] for point in drawn]
+        start = 1 if drawn and drawn[0].factor == 0 else 0
+        axes.plot(across[start:], values[start:], zorder=3, **look)
+        axes.plot(across[:start], values[:start], zorder=3, **look)
+        for point, x, y in zip(drawn, across, values, strict=True):
+            face = (
+                look["color"] if measure in point.change and point.change[measure].beyond_noise else "white"
+            )
+            axes.plot(x, y, look["marker"], color=look["color"], markerfacecolor=face, markersize=4, zorder=4)
+    axes.axhline(curve.unchanged.success, color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=2)
+    axes.axvline(places[1.0], color=INK, linewidth=0.7, linestyle=":", zorder=1)
+    value = plot_text(f" = {curve.value}") if curve.value else ""
+    axes.set_title(f"{symbol(curve.parameter)}{value}", fontsize=8.5, color=INK, pad=3)
+    _plain(axes, places)
+
+
+def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> None:
+    """Draw the interval of the success rates as a band; for factor 0, which is apart, as a bar."""
+    bounds = [(places[point.factor], *(point.row.interval or (math.nan, math.nan))) for point in points]
+    alone, curve = (bounds[:1], bounds[1:]) if points[0].factor == 0 else ([], bounds)
+    x, low, high = zip(*curve, strict=True)
+    axes.fill_between(x, low, high, color=BLUE, alpha=0.2, linewidth=0)
+    for place, least, most in alone:
+        axes.vlines(place, least, most, color=BLUE, alpha=0.3, linewidth=5)
+
+
+def _places(found: Sequence[float]) -> dict[float, float]:
+    """Positions of factors on the axis, log2 of the factor; 0 goes to the left of all others."""
+    places = {factor: math.log2(factor) for factor in found if factor > 0}
+    left, right = min(places.values()), max(places.values())
+    return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in found else {}), **places}
+
+
+def _named(places: dict[float, float]) -> list[float]:
+    """The factors that get a tick label: 1, the outermost ones, and those that fit between."""
+    room = TICK_GAP * (max(places.values()) - min(places.values()))
+    named: list[float] = []
+    for factor in dict.fromkeys([1.0, *sorted(places)[::-1][:1], *sorted(places)]):
+        if all(abs(places[factor] - places[other]) >= room for other in named):
+            named.append(factor)
+    return sorted(named)
+
+
+def _plain(axes: Axes, places: dict[float, float]) -> None:
+    left, right = min(places.values()), max(places.values())
+    beside, named = BESIDE * (right - left), _named(places)
+    axes.set(ylim=(-0.03, 1.04), xlim=(left - beside, right + beside), yticks=[0.0, 0.5, 1.0])
+    axes.set_xticks(
+        [places[factor] for factor in named], [FRACTIONS.get(factor, f"{factor:g}") for factor in named]
+    )
+    if 0.0 in places:  # the axis is broken between 0 and the least factor
+        axes.axvline((left + sorted(places.values())[1]) / 2, color=FRAME, linewidth=0.8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8, colors=INK, length=2.5)
+    axes.grid(axis="y", color=GRID, linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def _keys(with_metric: bool) -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], label=name, markersize=4, markerfacecolor="white", **look)
+        for name, look in (("success rate", _SUCCESS), ("BARN metric (at most 0.5)", _METRIC))[
+            : 1 + with_metric
+        ]
+    ]

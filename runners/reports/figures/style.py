@@ -41,6 +41,8 @@ STYLES = {  # worst first
     "success": Style(GREEN, "-", ""),
 }
 LEGEND_ORDER = ("success", "collision", "timeout")
+OUTCOMES = ("success", "timeout", "collision")  # of stacked bars, from the axis on
+HATCHES = {"collision": "////", "timeout": "...."}
 END: dict[str, Any] = {"markersize": 6, "markeredgecolor": "white", "markeredgewidth": 0.6}
 
 _NO_DATES: dict[str, dict[str, Any]] = {

@@ -11,7 +11,7 @@ from runners.config.escaping import plot_text
 from runners.reports.analysis import published
 from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row, usual
 from runners.reports.analysis.tables import title
-from runners.reports.figures.style import GRID, INK, SKY, STYLES, new_figure, save
+from runners.reports.figures.style import GRID, HATCHES, INK, OUTCOMES, SKY, STYLES, new_figure, save
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "comparison"
-OUTCOMES = ("success", "timeout", "collision")  # from left to right
-HATCHES = {"collision": "////", "timeout": "...."}
 METRIC = "barn_metric"
 WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
 THICK, THIN = 0.8, 0.42  # height of our bars, of published bars

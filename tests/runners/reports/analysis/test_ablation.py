@@ -12,6 +12,8 @@ from runners.config.catalogue import shipped
 from runners.config.command_line import plan
 from runners.config.composer import Composer
 from runners.reports.analysis import ablation
+from runners.reports.analysis.ablation import AblationStudy
+from runners.reports.analysis.study import to_markdown, write
 from tests.runners.reports.analysis.test_paired import episodes
 
 AS_THE_PAPER_SAYS = {
@@ -32,7 +34,7 @@ def sweep(rates, runs=2, worlds=100, **columns):
 
 def agreement(rates, **columns):
     """By ablation, where the paper says something."""
-    (study,) = ablation.studies(sweep(rates, **columns))
+    (study,) = AblationStudy.studies(sweep(rates, **columns))
     return {variant.ablation: variant.agrees for variant in study.variants if variant.agrees}
 
 
@@ -76,14 +78,14 @@ def test_records_that_are_as_the_paper_says_agree_with_it():
     ],
 )
 def test_records_that_differ_from_what_the_paper_says_do_not_agree(name, rate, agrees, why):
-    (study,) = ablation.studies(sweep({**AS_THE_PAPER_SAYS, name: rate}))
+    (study,) = AblationStudy.studies(sweep({**AS_THE_PAPER_SAYS, name: rate}))
     variant = next(each for each in study.variants if each.ablation == name)
     assert variant.agrees == agrees
     assert why in variant.words
 
 
 def test_almost_no_effect_is_not_none_where_there_are_worlds_enough_to_tell():
-    (study,) = ablation.studies(sweep({"none": 0.9, "no_a_dev": 0.885}, worlds=600, runs=1))
+    (study,) = AblationStudy.studies(sweep({"none": 0.9, "no_a_dev": 0.885}, worlds=600, runs=1))
     variant = study.variants[1]
     assert variant.change["success"].beyond_noise
     assert variant.agrees == "yes"
@@ -115,16 +117,16 @@ def test_the_most_significant_is_not_so_where_another_loses_more():
 )
 def test_the_paper_speaks_of_its_own_method_on_barn_alone(columns):
     frame = sweep(AS_THE_PAPER_SAYS).assign(**columns)
-    (study,) = ablation.studies(frame)
+    (study,) = AblationStudy.studies(frame)
     assert [variant.agrees for variant in study.variants] == [""] * 8
-    assert ablation.sentences([study]) == []
-    assert "the LME paper" not in ablation.to_markdown([study])
+    assert study.sentences() == []
+    assert "the LME paper" not in to_markdown([study])
 
 
 def test_a_factor_tells_studies_apart():
     rates = {"none": 0.9, "no_c_o": 0.1}
     scaled = sweep(rates, scale="a_close × 0.5").assign(run_dir=lambda frame: frame["run_dir"] + " scaled")
-    found = ablation.studies(pd.concat([sweep(rates, scale=""), scaled]))
+    found = AblationStudy.studies(pd.concat([sweep(rates, scale=""), scaled]))
     assert [study.heading for study in found] == ["LME", "LME, scale a_close × 0.5"]
     assert [study.variants[1].agrees for study in found] == ["yes", ""]
 
@@ -132,47 +134,47 @@ def test_a_factor_tells_studies_apart():
 def test_a_part_of_the_sweep_is_enough():
     frame = sweep({"no_c_o": 0.1, "none": 0.9})
     part = frame[(frame["ablation"] == "none") | (frame["world"] < 20)]
-    (study,) = ablation.studies(part)
+    (study,) = AblationStudy.studies(part)
     assert [variant.ablation for variant in study.variants] == ["none", "no_c_o"]
     assert study.variants[1].change["success"].pairs == 40
-    assert ablation.studies(sweep({"no_c_o": 0.1, "no_c_t": 0.9})) == []
-    assert ablation.studies(sweep({"none": 0.9})) == []
+    assert AblationStudy.studies(sweep({"no_c_o": 0.1, "no_c_t": 0.9})) == []
+    assert AblationStudy.studies(sweep({"none": 0.9})) == []
 
 
 def test_too_few_worlds_leave_the_claim_open():
     """Two worlds prove nothing; nor do forty whose interval has room for a noticeable loss."""
-    (few,) = ablation.studies(sweep(AS_THE_PAPER_SAYS, worlds=2))
+    (few,) = AblationStudy.studies(sweep(AS_THE_PAPER_SAYS, worlds=2))
     assert {variant.agrees for variant in few.variants[1:]} == {"open"}
     noisy = sweep({"none": 0.9}, worlds=40, runs=1)
     flipped = noisy.assign(ablation="no_c_t", run_dir="x", outcome="success")
     flipped.loc[noisy.index[:5], "outcome"] = "collision"
-    (study,) = ablation.studies(pd.concat([noisy, flipped]))
+    (study,) = AblationStudy.studies(pd.concat([noisy, flipped]))
     change = study.variants[1].change["success"]
     assert change.low < -ablation.MARGIN < 0 < change.high
     assert study.variants[1].words.endswith("Open: too noisy to tell.")
 
 
 def test_an_ablation_in_one_world_has_no_interval_and_says_so():
-    (study,) = ablation.studies(sweep({"none": 0.9, "no_c_o": 0.1}, worlds=1))
-    assert "| 0.000 | – | – | – |" in ablation.to_markdown([study])
+    (study,) = AblationStudy.studies(sweep({"none": 0.9, "no_c_o": 0.1}, worlds=1))
+    assert "| 0.000 | – | – | – |" in to_markdown([study])
     assert study.variants[1].words.endswith("; ours 0.000. Open: too noisy to tell.")
-    assert study.place.endswith("1 world × 2 runs")
+    assert study.setting.endswith("1 world × 2 runs")
 
 
 def test_where_nothing_succeeds_there_is_nothing_to_lose():
-    (study,) = ablation.studies(sweep({"none": 0.0, "no_c_o": 0.0}))
+    (study,) = AblationStudy.studies(sweep({"none": 0.0, "no_c_o": 0.0}))
     assert [variant.agrees for variant in study.variants] == ["", ""]
 
 
 def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
     frame = sweep({"none": 0.9, "no_c_o": 0.1, "no_c_t": 0.5})
-    (study,) = ablation.studies(frame[(frame["ablation"] == "no_c_o") != (frame["world"] < 50)])
+    (study,) = AblationStudy.studies(frame[(frame["ablation"] == "no_c_o") != (frame["world"] < 50)])
     found = {variant.ablation: (variant.change == {}, variant.agrees) for variant in study.variants}
     assert found == {"none": (True, ""), "no_c_o": (True, ""), "no_c_t": (False, "no")}
 
 
 def test_two_ablations_at_once_are_shown_last_without_a_verdict():
-    (study,) = ablation.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
+    (study,) = AblationStudy.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
     assert [ablation.variant_label(variant.ablation) for variant in study.variants] == [
         "Complete",
         "No c_h",
@@ -183,14 +185,14 @@ def test_two_ablations_at_once_are_shown_last_without_a_verdict():
 
 
 def test_the_words_follow_from_the_figures():
-    lines = ablation.sentences(ablation.studies(sweep({"none": 0.9, "no_c_t": 1.0})))
+    lines = AblationStudy.studies(sweep({"none": 0.9, "no_c_t": 1.0}))[0].sentences()
     assert lines[0].endswith("the paper's ablation and ours.")
     assert lines[1].startswith("No c_t: the paper says noticeable degradation; ours +0.100 (+0.0")
     assert len(lines) == 2
 
 
 def test_the_files_of_an_ablation_are_written(tmp_path):
-    markdown, table = ablation.write(ablation.studies(sweep(AS_THE_PAPER_SAYS)), tmp_path)
+    markdown, table, *_ = write(AblationStudy.studies(sweep(AS_THE_PAPER_SAYS)), tmp_path)
     text = markdown.read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
     assert len({len(row) for row in rows}) == 1
@@ -210,4 +212,4 @@ def test_the_files_of_an_ablation_are_written(tmp_path):
 def test_the_order_of_records_does_not_matter():
     frame = sweep(AS_THE_PAPER_SAYS)
     shuffled = frame.sample(frac=1.0, random_state=2)
-    assert ablation.to_markdown(ablation.studies(shuffled)) == ablation.to_markdown(ablation.studies(frame))
+    assert to_markdown(AblationStudy.studies(shuffled)) == to_markdown(AblationStudy.studies(frame))

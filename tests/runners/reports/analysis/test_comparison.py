@@ -5,7 +5,8 @@ import csv
 import pandas as pd
 import pytest
 
-from runners.reports.analysis import comparison
+from runners.reports.analysis.comparison import Comparison
+from runners.reports.analysis.study import write
 from runners.reports.analysis.summary import DASH
 from tests.runners.reports.analysis.test_paired import draws, episodes
 
@@ -21,7 +22,7 @@ OTHER = episodes([1, 0, 0, 1], runs=2, system="Other", mean_abs_domega_radps=0.5
 
 
 def test_differences_and_intervals_by_hand():
-    (study,) = comparison.studies(frame(OTHER, LME))
+    (study,) = Comparison.studies(frame(OTHER, LME))
     assert (study.reference, list(study.rows), list(study.changes)) == ("LME", ["LME", "Other"], ["Other"])
     change = study.changes["Other"]
     assert change["success"].mean == pytest.approx(-0.25)
@@ -31,12 +32,12 @@ def test_differences_and_intervals_by_hand():
 
 
 def test_without_lme_the_system_driven_first_is_the_reference():
-    (study,) = comparison.studies(frame(OTHER, LME.assign(system="Third")))
+    (study,) = Comparison.studies(frame(OTHER, LME.assign(system="Third")))
     assert (study.reference, list(study.changes)) == ("Other", ["Third"])
 
 
 def test_one_system_is_not_compared():
-    assert comparison.studies(frame(LME, LME.assign(ablation="no_c_o"))) == []
+    assert Comparison.studies(frame(LME, LME.assign(ablation="no_c_o"))) == []
 
 
 def test_rows_are_compared_in_their_own_setting():
@@ -44,17 +45,17 @@ def test_rows_are_compared_in_their_own_setting():
     values = ("0", "0.1")
     both = [part.assign(**{"sim.latency": value}) for part in (LME, OTHER) for value in values]
     tuned = both[2].assign(**{"planner.samples": "5"})
-    studies = comparison.studies(frame(*both, tuned))
-    assert [study.place.split(" · ")[0] for study in studies] == ["sim.latency=0", "sim.latency=0.1"]
+    studies = Comparison.studies(frame(*both, tuned))
+    assert [study.setting.split(" · ")[0] for study in studies] == ["sim.latency=0", "sim.latency=0.1"]
     assert [list(study.changes) for study in studies] == [["Other", "Other, planner.samples 5"], ["Other"]]
-    seeds = comparison.studies(frame(LME.assign(seed=0), OTHER.assign(seed=0), OTHER.assign(seed=1)))
-    assert [study.place.split(" · ")[0] for study in seeds] == ["seed 0"]
+    seeds = Comparison.studies(frame(LME.assign(seed=0), OTHER.assign(seed=0), OTHER.assign(seed=1)))
+    assert [study.setting.split(" · ")[0] for study in seeds] == ["seed 0"]
 
 
 def test_other_weights_make_a_row_of_their_own():
     """A row is named after what is unusual in it."""
     own = OTHER.assign(weights="mine")
-    (study,) = comparison.studies(frame(LME.assign(weights="published"), own))
+    (study,) = Comparison.studies(frame(LME.assign(weights="published"), own))
     assert list(study.rows) == ["LME", "Other, weights mine"]
 
 
@@ -64,32 +65,32 @@ def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
         for system, part in (("LME", LME), ("Other", OTHER))
         for people in ("truth", "none")
     ]
-    studies = comparison.studies(frame(*parts))
-    assert [study.place.split(" · ")[0] for study in studies] == ["people truth", "people none"]
+    studies = Comparison.studies(frame(*parts))
+    assert [study.setting.split(" · ")[0] for study in studies] == ["people truth", "people none"]
     assert [list(study.changes) for study in studies] == [["Other"], ["Other"]]
-    (study,) = comparison.studies(frame(parts[0], parts[3]))
+    (study,) = Comparison.studies(frame(parts[0], parts[3]))
     assert list(study.rows) == ["LME", "Other, people none"]
 
 
 def test_the_setting_is_what_all_rows_have_in_common():
     values = ((LME, "0.3"), (OTHER, "0"))
     parts = [part.assign(**{"map.count": "4", "planner.back": value}) for part, value in values]
-    (study,) = comparison.studies(frame(*parts))
-    assert study.place == "map.count=4 · 4 worlds × 2 runs"
+    (study,) = Comparison.studies(frame(*parts))
+    assert study.setting == "map.count=4 · 4 worlds × 2 runs"
 
 
 def test_files_and_words(tmp_path):
     lme = episodes(draws(0.9), runs=2, system="LME", mean_abs_domega_radps=0.25)
     worse = episodes(draws(0.4), runs=2, system="Worse").drop(columns="barn_metric")
-    found = comparison.studies(frame(lme, worse))
-    markdown, table = comparison.write(found, tmp_path)
+    found = Comparison.studies(frame(lme, worse))
+    markdown, table, *_ = write(found, tmp_path)
     header, _, line = (row.split(" | ") for row in markdown.read_text("utf-8").splitlines()[2:5])
     cells = dict(zip(header, line, strict=True))
     assert cells["Success"].startswith("**\u2212")
     assert cells["BARN metric"] == cells[r"\|Δω\| [rad/s]"] == DASH
     _, row = csv.DictReader(table.open(encoding="utf-8"))
     assert (row["row"], row["reference"], row["success_beyond_noise"]) == ("Worse", "LME", "True")
-    heading, sentence = comparison.sentences(found)
+    heading, sentence = found[0].sentences()
     assert heading == "Paired differences from LME, 60 worlds × 2 runs:"
     assert sentence.startswith("Worse: Success \u2212")
     assert sentence.endswith(", beyond the noise.")

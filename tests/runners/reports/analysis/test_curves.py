@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from runners.reports.analysis import curves
+from runners.reports.analysis.curves import CurveStudy
+from runners.reports.analysis.study import write
 from tests.runners.reports.analysis.test_paired import episodes
 
 LATENCY, SPEED = "sim.latency", "robot.v_max"
@@ -44,16 +45,16 @@ def shown(study):
 
 
 def test_values_rise_and_the_unchanged_one_is_among_them():
-    (study,) = curves.studies(sweep(*BY_LATENCY))
+    (study,) = CurveStudy.studies(sweep(*BY_LATENCY))
     assert study.key == LATENCY
     assert shown(study) == {"LME": [(0.0, 0.9), (0.05, 0.8), (0.1, 0.5)]}
-    assert study.place == "barn · fresh · jackal · robot.v_max=2 · 20 worlds × 1 run"
+    assert study.setting == "barn · fresh · jackal · robot.v_max=2 · 20 worlds × 1 run"
 
 
 def test_each_system_is_a_curve_and_its_own_ablation_too():
     others = [job(0.1 * k, latency=f"{0.05 * k:g}", system="DWA", ablation="none") for k in (0, 1, 2)]
     ablated = [job(0.2, latency=f"{0.05 * k:g}", ablation="no_c_t") for k in (0, 1, 2)]
-    (study,) = curves.studies(
+    (study,) = CurveStudy.studies(
         sweep(*(part.assign(ablation="none") for part in BY_LATENCY), *others, *ablated)
     )
     assert sorted(shown(study)) == ["DWA, none", "LME, no_c_t", "LME, none"]
@@ -61,7 +62,7 @@ def test_each_system_is_a_curve_and_its_own_ablation_too():
 
 def test_two_sweeps_with_the_same_unchanged_run_are_two_studies():
     again = BY_SPEED[0].assign(run_dir="again")
-    by_latency, by_speed = curves.studies(sweep(*BY_LATENCY, again, *BY_SPEED[1:]))
+    by_latency, by_speed = CurveStudy.studies(sweep(*BY_LATENCY, again, *BY_SPEED[1:]))
     assert (by_latency.key, by_speed.key) == (LATENCY, SPEED)
     assert shown(by_latency) == {"LME": [(0.0, 0.9), (0.05, 0.8), (0.1, 0.5)]}
     assert shown(by_speed) == {"LME": [(1.0, 1.0), (1.5, 0.95), (2.0, 0.9)]}
@@ -78,12 +79,12 @@ def test_two_sweeps_with_the_same_unchanged_run_are_two_studies():
     ids=["two values", "words", "one value a system"],
 )
 def test_too_few_runs_make_no_curve(jobs):
-    assert curves.studies(sweep(*jobs)) == []
+    assert CurveStudy.studies(sweep(*jobs)) == []
 
 
 def test_the_files_of_curves_are_written(tmp_path):
-    found = curves.studies(sweep(*BY_LATENCY))
-    markdown, table = curves.write(found, tmp_path)
+    found = CurveStudy.studies(sweep(*BY_LATENCY))
+    markdown, table, *_ = write(found, tmp_path)
     assert "| LME | 0.900 | 0.800 | 0.500 |" in markdown.read_text(encoding="utf-8")
     lines = list(csv.DictReader(table.open(encoding="utf-8")))
     assert [(line["key"], line["value"], line["success"]) for line in lines] == [
@@ -91,4 +92,4 @@ def test_the_files_of_curves_are_written(tmp_path):
         (LATENCY, "0.05", "0.8"),
         (LATENCY, "0.1", "0.5"),
     ]
-    assert curves.sentences(found) == ["LME: success 0.900 at sim.latency=0, 0.500 at 0.1."]
+    assert found[0].sentences() == ["LME: success 0.900 at sim.latency=0, 0.500 at 0.1."]

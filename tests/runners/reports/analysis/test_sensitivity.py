@@ -10,6 +10,8 @@ from runners.config import schema
 from runners.config.composer import Composer
 from runners.records.launch_record import Launch
 from runners.reports.analysis import sensitivity
+from runners.reports.analysis.sensitivity import SensitivityStudy
+from runners.reports.analysis.study import write
 from tests.conf.test_conf import PARAMETERS
 from tests.runners.reports.analysis.test_paired import episodes
 
@@ -41,7 +43,7 @@ def launched(monkeypatch):
 
 
 def curves(rates=RATES):
-    (study,) = sensitivity.studies(sweep(rates))
+    (study,) = SensitivityStudy.studies(sweep(rates))
     return {curve.parameter: curve for curve in study.curves}
 
 
@@ -76,7 +78,7 @@ def test_factors_beyond_the_noise_come_first():
     assert found["a_close"].range == pytest.approx(0.7)
     assert [point.factor for point in found["a_close"].beyond("success")] == [0.0, 0.25]
     assert found["d2"].beyond("success") == []
-    lines = sensitivity.sentences(sensitivity.studies(sweep(RATES)))
+    lines = SensitivityStudy.studies(sweep(RATES))[0].sentences()
     assert [line.split()[0] for line in lines] == ["LME,", "a_close", "d2"]
     assert "beyond the noise: success 0.200 at × 0, 0.800 at × 0.25; BARN metric" in lines[1]
     assert lines[2] == "d2 (200): 0.880 to 0.900, range 0.020; nothing beyond the noise."
@@ -89,23 +91,23 @@ def test_several_factors_at_once_belong_to_no_curve():
 
 
 def test_without_the_unchanged_run_there_is_no_study():
-    assert sensitivity.studies(sweep({"d2 × 2": 0.9, "d2 × 4": 0.8})) == []
-    assert sensitivity.studies(sweep({"": 0.9})) == []
-    assert sensitivity.studies(sweep({"": 0.9, "d2 × 2, a_close × 2": 0.9})) == []
-    assert sensitivity.studies(sweep(RATES).drop(columns="scale")) == []
+    assert SensitivityStudy.studies(sweep({"d2 × 2": 0.9, "d2 × 4": 0.8})) == []
+    assert SensitivityStudy.studies(sweep({"": 0.9})) == []
+    assert SensitivityStudy.studies(sweep({"": 0.9, "d2 × 2, a_close × 2": 0.9})) == []
+    assert SensitivityStudy.studies(sweep(RATES).drop(columns="scale")) == []
 
 
 def test_every_place_has_its_own_curves():
     frame = pd.concat(
         [sweep({"": 0.9, "d2 × 2": 0.8}), sweep({"": 0.7, "d2 × 2": 0.6}, map="traps").assign(run_dir="x")]
     )
-    found = sensitivity.studies(frame)
-    assert [study.place.split()[0] for study in found] == ["barn", "traps"]
+    found = SensitivityStudy.studies(frame)
+    assert [study.setting.split()[0] for study in found] == ["barn", "traps"]
     assert [study.curves[0].points[0].success for study in found] == [0.9, 0.7]
 
 
 def test_the_files_of_a_sensitivity_are_written(tmp_path):
-    markdown, table = sensitivity.write(sensitivity.studies(sweep(RATES)), tmp_path)
+    markdown, table, *_ = write(SensitivityStudy.studies(sweep(RATES)), tmp_path)
     text = markdown.read_text(encoding="utf-8")
     assert (
         "| a_close | 1.51 | **0.200** (\u22120.700) | **0.800** (\u22120.100) | 0.900 | – | 0.900 |" in text

@@ -3,9 +3,9 @@
 import pytest
 
 from runners.reports.analysis import curves
-from runners.reports.plots import curves as picture
+from runners.reports.analysis.curves import CurveStudy
 from tests.runners.reports.analysis.test_curves import BY_LATENCY, BY_SPEED, job, sweep
-from tests.runners.reports.plots.test_sensitivity import overlapping
+from tests.runners.reports.analysis.test_sensitivity_picture import overlapping
 
 LONG = [
     part.assign(subset="a subset with a long name", map="a map with a long name", sim="skid")
@@ -16,8 +16,8 @@ SYSTEMS = [job(0.3 * k, latency=f"{0.05 * k:g}", system=name) for name in "ABCDE
 
 def drawn(monkeypatch, tmp_path, frame):
     kept = []
-    monkeypatch.setattr(picture, "save", lambda figure, *_: kept.append(figure) or [])
-    picture.curves_figure(curves.studies(frame), tmp_path)
+    monkeypatch.setattr(curves, "save", lambda figure, *_: kept.append(figure) or [])
+    CurveStudy.draw(CurveStudy.studies(frame), tmp_path)
     kept[0].draw_without_rendering()
     return kept[0]
 
@@ -35,6 +35,6 @@ def test_nothing_lies_over_another(monkeypatch, tmp_path, jobs):
 
 
 def test_the_chart_of_curves_is_written(tmp_path):
-    paths = picture.curves_figure(curves.studies(sweep(*BY_LATENCY)), tmp_path)
+    paths = CurveStudy.draw(CurveStudy.studies(sweep(*BY_LATENCY)), tmp_path)
     assert [path.name for path in paths] == ["curves.png", "curves.pdf"]
     assert all(path.stat().st_size > 1000 for path in paths)

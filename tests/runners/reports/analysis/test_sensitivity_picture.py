@@ -5,8 +5,8 @@ from itertools import combinations
 import pytest
 
 from runners.reports.analysis import sensitivity
+from runners.reports.analysis.sensitivity import SensitivityStudy
 from runners.reports.figures.style import symbol
-from runners.reports.plots import sensitivity as picture
 from tests.conf.test_conf import PARAMETERS
 from tests.runners.reports.analysis.test_sensitivity import RATES, launched, sweep
 
@@ -19,8 +19,8 @@ def drawn(monkeypatch, tmp_path, records):
     """The figure, as it is saved, of records or of success rates."""
     frame = sweep(records) if isinstance(records, dict) else records
     kept = []
-    monkeypatch.setattr(picture, "save", lambda figure, *_: kept.append(figure) or [])
-    picture.sensitivity_figure(sensitivity.studies(frame), tmp_path)
+    monkeypatch.setattr(sensitivity, "save", lambda figure, *_: kept.append(figure) or [])
+    SensitivityStudy.draw(SensitivityStudy.studies(frame), tmp_path)
     kept[0].draw_without_rendering()
     return kept[0]
 
@@ -80,7 +80,7 @@ def test_points_stand_at_their_factors_in_doublings(monkeypatch, tmp_path):
         if line.get_marker() == "o" and len(line.get_xdata()) == 1
     }
     assert {x: line.get_ydata()[0] for x, line in points.items() if x > -3} == {-2: 0.8, 0: 0.9, 2: 0.9}
-    assert min(points) == -2 - 4 * picture.ZERO_GAP
+    assert min(points) == -2 - 4 * sensitivity.ZERO_GAP
     assert {x: line.get_markerfacecolor() != "white" for x, line in points.items()} == {
         min(points): True, -2: True, 0: False, 2: False,
     }  # fmt: skip
@@ -88,11 +88,11 @@ def test_points_stand_at_their_factors_in_doublings(monkeypatch, tmp_path):
 
 
 def test_the_same_records_make_the_same_bytes(tmp_path):
-    studies = sensitivity.studies(sweep(RATES))
-    paths = picture.sensitivity_figure(studies, tmp_path)
+    studies = SensitivityStudy.studies(sweep(RATES))
+    paths = SensitivityStudy.draw(studies, tmp_path)
     assert [path.name for path in paths] == ["sensitivity.png", "sensitivity.pdf"]
     before = [path.read_bytes() for path in paths]
-    assert [path.read_bytes() for path in picture.sensitivity_figure(studies, tmp_path)] == before
+    assert [path.read_bytes() for path in SensitivityStudy.draw(studies, tmp_path)] == before
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_the_dashed_line_is_at_factor_one_whatever_was_not_compared(monkeypatch,
     apart = frame[(frame["scale"] == "d1 × 0") != (frame["world"] < 50)]
     (axes,) = drawn(monkeypatch, tmp_path, apart).axes
     (dashed,) = [
-        line for line in axes.lines if line.get_linestyle() == "--" and line.get_color() == picture.INK
+        line for line in axes.lines if line.get_linestyle() == "--" and line.get_color() == sensitivity.INK
     ]
     assert list(dashed.get_ydata()) == [1.0, 1.0]
 
