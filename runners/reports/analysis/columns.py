@@ -1,10 +1,12 @@
-"""Formats a table as plain text."""
+"""Tables as plain text and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import csv
+import io
+from collections.abc import Collection, Mapping, Sequence
 
-from runners.config.escaping import visible
+from runners.config.escaping import csv_value, visible
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
@@ -18,3 +20,13 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
         ).rstrip()
         for row in rows
     ]
+
+
+def csv_text(lines: Sequence[Mapping[str, object]]) -> str:
+    """A CSV with every column that any line has, in order of first appearance."""
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writerow({name: csv_value(name) for name in names})
+    writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
+    return text.getvalue()

@@ -11,7 +11,7 @@ from runners.config.escaping import markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
-from runners.reports.analysis.columns import aligned
+from runners.reports.analysis.columns import aligned, csv_text
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.reports.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
 from runners.reports.analysis.summary import DASH
@@ -44,8 +44,8 @@ def write(found: Sequence[RunComparison], pictures: Sequence[Path], place: Path)
     """Write `compare.md`, `compare.csv` and `compare_worlds.csv` into `place`; return their paths."""
     paths = [place / f"{NAME}.md", place / f"{NAME}.csv", place / f"{NAME}_worlds.csv"]
     write_atomically(paths[0], to_markdown(found, pictures))
-    paired.write_csv([line for each in found for line in _numbers(each)], paths[1])
-    paired.write_csv([line for each in found for line in _worlds(each)], paths[2])
+    write_atomically(paths[1], csv_text([line for each in found for line in _numbers(each)]))
+    write_atomically(paths[2], csv_text([line for each in found for line in _worlds(each)]))
     return paths
 
 

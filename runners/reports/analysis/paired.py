@@ -11,19 +11,15 @@ method. The tests compare with it.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lme.types import Floats, Ints
-from runners.config.escaping import csv_value
-from runners.records.whole_file import replacing
 from runners.reports.analysis.summary import (
     BARN_METRIC,
     Row,
@@ -199,15 +195,6 @@ def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float
             f"{name}_beyond_noise": value.beyond_noise,
         }
     return columns
-
-
-def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
-    """Write a CSV with every column that any line has, in order of first appearance."""
-    names = list(dict.fromkeys(name for line in lines for name in line))
-    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, names, lineterminator="\n")
-        writer.writerow({name: csv_value(name) for name in names})
-        writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
 
 
 def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
+from runners.reports.analysis.columns import csv_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,7 +53,7 @@ def write(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:
     name = studies[0].name
     markdown, table = folder / f"{name}.md", folder / f"{name}.csv"
     write_atomically(markdown, to_markdown(studies))
-    paired.write_csv([line for study in studies for line in study.lines()], table)
+    write_atomically(table, csv_text([line for study in studies for line in study.lines()]))
     return [markdown, table, *studies[0].draw(studies, folder)]
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import textwrap
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
+from runners.config.escaping import html_text, latex_text, markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import published
+from runners.reports.analysis.columns import csv_text
 from runners.reports.analysis.failures import failed_section, timeouts_section
 from runners.reports.analysis.families import families_section
 from runners.reports.analysis.summary import (
@@ -112,19 +111,22 @@ def to_markdown(rows: Sequence[Row]) -> str:
 
 def to_csv(rows: Sequence[Row]) -> str:
     """The numbers of the table, not rounded; a missing one is empty. Changed keys have a column if there are any."""
-    values = [numbers(row) for row in rows]
-    names = list(dict.fromkeys(name for value in values for name in value))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     changed = any(row.changes for row in rows)
-    before = [*rows[0].keys, *["changes"] * changed, "global_planner", "episodes", "worlds", "runs"]
-    writer.writerow(map(csv_value, ["label", *before, *names]))
-    for row, value in zip(rows, values, strict=True):
-        keys = [*row.keys.values(), *[row.changes] * changed]
-        counts = (row.global_planner, row.episodes, row.worlds, row.runs)
-        numbers_of = (value.get(name) for name in names)
-        writer.writerow(map(csv_value, [row.name, *keys, *counts, *numbers_of]))
-    return text.getvalue()
+    return csv_text(
+        [
+            {
+                "label": row.name,
+                **row.keys,
+                **({"changes": row.changes} if changed else {}),
+                "global_planner": row.global_planner,
+                "episodes": row.episodes,
+                "worlds": row.worlds,
+                "runs": row.runs,
+                **numbers(row),
+            }
+            for row in rows
+        ]
+    )
 
 
 def to_html(rows: Sequence[Row]) -> str:
@@ -138,23 +140,15 @@ def to_html(rows: Sequence[Row]) -> str:
 
 def to_latex(rows: Sequence[Row]) -> str:
     """The table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
+    import pandas as pd
+
     header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
     first = 1 + len(rows[0].keys)
-    body = [" & ".join(line) + r" \\" for line in lines]
-    return "\n".join(
-        [
-            *(f"% {visible(note)}" for note in notes(rows)),
-            rf"\begin{{tabular}}{{@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}}}",
-            r"\toprule",
-            " & ".join(header) + r" \\",
-            r"\midrule",
-            *body,
-            r"\bottomrule",
-            r"\end{tabular}",
-            *(rf"\par {latex_text(note)}" for note in changed_notes(rows)),
-            "",
-        ]
-    )
+    columns = f"@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}"
+    table = pd.DataFrame(lines, columns=header).to_latex(index=False, escape=False, column_format=columns)
+    comments = "".join(f"% {visible(note)}\n" for note in notes(rows))
+    below = "".join(f"\\par {latex_text(note)}\n" for note in changed_notes(rows))
+    return f"{comments}{table}{below}"
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
