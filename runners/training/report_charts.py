@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from runners.config.escaping import html_text
 from runners.config.space import PARAMETERS, Range
 from runners.reports.analysis.paired import Difference
-from runners.reports.explainer.leaderboard import escaped
 from runners.training.race import START, End, Race, Racer, driven_label, name_of, racers, worlds_driven
 from runners.training.study import Trial
 
@@ -100,7 +100,7 @@ def scatter(
     at = {
         t.number: (round(plot.left + span * share(space, t.values[key]), 1), plot.y(t.reward)) for t in trials
     }
-    name = escaped(short(key))
+    name = html_text(short(key))
     parts = [
         *plot.grid(5),
         f'<path class="dots" d="{"".join(f"M{x} {y}h0" for number, (x, y) in at.items() if number not in raced)}"/>',
@@ -211,7 +211,7 @@ def _line(racer: Racer, start: str, plot: _Plot, columns: Sequence[float]) -> st
     values = ", ".join(map(figure, racer.values))
     x, y = points[-1]
     return (
-        f'<g class="{_kind(racer)}"><title>{escaped(name_of(racer.number, start))}: {values} ({racer.end})</title>'
+        f'<g class="{_kind(racer)}"><title>{html_text(name_of(racer.number, start))}: {values} ({racer.end})</title>'
         f'<polyline points="{" ".join(f"{px},{py}" for px, py in points)}"/>{_mark(racer, x, y)}</g>'
     )
 
@@ -231,7 +231,7 @@ def _names(finalists: Sequence[Racer], start: str, plot: _Plot) -> Iterator[str]
         end = plot.y(racer.values[-1])
         y = min(end, y - _NAME_PX)
         yield f'<path class="leader" d="M{plot.right - 6} {end}L{plot.right + 12} {y}"/>'
-        text = f"{escaped(name_of(racer.number, start))} {figure(racer.values[-1])}"
+        text = f"{html_text(name_of(racer.number, start))} {figure(racer.values[-1])}"
         yield f'<text class="first {_kind(racer)}" x="{plot.right + 16}" y="{y + 4}">{text}</text>'
 
 

@@ -6,15 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from runners.config.escaping import html_text
 from runners.config.space import Space
 from runners.config.wording import counted
 from runners.reports.analysis.shared_worlds import WorstWorld
-from runners.reports.explainer.leaderboard import breakable, escaped
 from runners.reports.explainer.write import document_parts, fill, write_html
 from runners.training.race import START, Race, racers
 from runners.training.report_charts import figure, race_chart, race_key, scatter, short
 from runners.training.report_tables import (
     HeldOut,
+    breakable,
     candidate_table,
     held_out_table,
     parameter_table,
@@ -82,7 +83,7 @@ def write_report(report: TrainingReport, path: Path) -> None:
     """Write the page. Links are relative to it. Raises InputError if it cannot be written."""
     parts = {
         **document_parts(report.title, _STYLES, _SCRIPTS),
-        "TITLE": escaped(report.title),
+        "TITLE": html_text(report.title),
         "FACTS": breakable(report.facts),
         "VERDICT": _verdict(report),
         "TILES": "".join(_tiles(report)),
@@ -92,10 +93,10 @@ def write_report(report: TrainingReport, path: Path) -> None:
         "PARAMETERS": _parameters(report),
         "WORST": _worst(report, path.parent),
         "COMMANDS": "".join(
-            f"<dt>{escaped(what)}</dt><dd><code>{breakable(command)}</code></dd>"
+            f"<dt>{html_text(what)}</dt><dd><code>{breakable(command)}</code></dd>"
             for what, command in report.commands.items()
         ),
-        "FILES": ", ".join(f'<a href="{file.name}">{escaped(file.name)}</a>' for file in report.files),
+        "FILES": ", ".join(f'<a href="{file.name}">{html_text(file.name)}</a>' for file in report.files),
     }
     write_html(path, fill("training.html", parts))
 
@@ -103,8 +104,8 @@ def write_report(report: TrainingReport, path: Path) -> None:
 def _verdict(report: TrainingReport) -> str:
     word, _, rest = report.sentence.partition(": ")
     return (
-        f'<p class="verdict {_SIGNS[report.sign]}"><strong>{escaped(word)}</strong> '
-        f"<span>{escaped(rest[:1].upper() + rest[1:])}.</span></p>"
+        f'<p class="verdict {_SIGNS[report.sign]}"><strong>{html_text(word)}</strong> '
+        f"<span>{html_text(rest[:1].upper() + rest[1:])}.</span></p>"
     )
 
 
@@ -129,7 +130,7 @@ def _tiles(report: TrainingReport) -> Iterator[str]:
 
 
 def _tile(name: str, value: str, below: str) -> str:
-    return f"<div><dt>{name}</dt><dd>{value}<small>{escaped(below)}</small></dd></div>"
+    return f"<div><dt>{name}</dt><dd>{value}<small>{html_text(below)}</small></dd></div>"
 
 
 def _race(report: TrainingReport) -> str:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
+from runners.config.escaping import html_text
 from runners.config.space import Space
 from runners.reports.analysis.failures import page_path
 from runners.reports.analysis.paired import Difference, interval, signed
 from runners.reports.analysis.shared_worlds import WorstWorld
 from runners.reports.analysis.summary import DASH, TIMES
-from runners.reports.explainer.leaderboard import breakable, escaped
 from runners.training.race import START, End, Race, name_of, racers, worlds_by_family, worlds_driven
 from runners.training.report_charts import bar, change_bar, figure, short, track
 
@@ -81,14 +82,14 @@ def rung_table(race: Race, start: str) -> str:
     for index, rung in enumerate(race.rungs):
         ends = [racer.end for racer in found if len(racer.values) == index + 1]
         best = next(iter(rung.values))
-        families = ", ".join(f"{escaped(name)} {count}" for name, count in worlds_by_family(rung).items())
+        families = ", ".join(f"{html_text(name)} {count}" for name, count in worlds_by_family(rung).items())
         lines.append([
             _th("Search" if index == 0 else f"Rung {index}"),
             families,
             str(len(rung.values)),
             _count(ends.count(End.worse)),
             _count(ends.count(End.outranked)),
-            f"{escaped(name_of(best, start))} <b>{figure(rung.values[best])}</b>",
+            f"{html_text(name_of(best, start))} <b>{figure(rung.values[best])}</b>",
             *([figure(rung.values[START])] if started else []),
         ])  # fmt: skip
     heads = [
@@ -156,8 +157,8 @@ def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
     for world in worlds:
         flag = ' <span class="flag">start was better</span>' if world.lost else ""
         lines.append([
-            f'<th scope="row">{escaped(world.run_dir.name)} {world.key.world}{_page(world, place)}</th>',
-            f'<span class="outcome {escaped(world.outcome)}">{escaped(world.outcome)}</span>',
+            f'<th scope="row">{html_text(world.run_dir.name)} {world.key.world}{_page(world, place)}</th>',
+            f'<span class="outcome {html_text(world.outcome)}">{html_text(world.outcome)}</span>',
             figure(world.reward),
             f"{world.time_s:.1f}",
             f"{world.failed} of {world.runs}",
@@ -165,6 +166,11 @@ def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
         ])  # fmt: skip
     heads = ["World", "Worst run", "Reward", "Time [s]", "Failed runs", *["With the start"] * compared]
     return _table(heads, lines, "worst")
+
+
+def breakable(text: str) -> str:
+    """Text as HTML that may break between the words of a key or a path, and not within them."""
+    return "<wbr>".join(map(html_text, re.split(r"(?<=[._/=:,])(?=\w)", text)))
 
 
 def _table(heads: Sequence[str], lines: Iterable[Sequence[str]], kind: str, above: str = "") -> str:
@@ -183,7 +189,7 @@ def _cell(text: str, side: str) -> str:
 
 
 def _th(text: str, kind: str = "") -> str:
-    return f'<th scope="row"{f" class={kind}" if kind else ""}>{escaped(text)}</th>'
+    return f'<th scope="row"{f" class={kind}" if kind else ""}>{html_text(text)}</th>'
 
 
 def _episodes(row: HeldOut) -> str:

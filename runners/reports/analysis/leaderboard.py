@@ -47,6 +47,11 @@ class Setting(NamedTuple):
     sim: str
     traits: tuple[str, ...] = ()
 
+    @property
+    def title(self) -> str:
+        sim = f"simulator {UNKNOWN}" if self.sim == UNKNOWN else f"sim={self.sim}"
+        return " · ".join(filter(None, (self.map or "no map set", self.subset, self.robot, sim)))
+
 
 class BoardSystem(NamedTuple):
     """What drove. traits: what is unusual, or tells it from other systems, such as "ablation no_c_o"."""
@@ -63,7 +68,6 @@ class BoardSystem(NamedTuple):
 class BoardEntry:
     """One run. row: its figures. metric_interval: 95 % interval of the mean BARN metric. runs: as planned.
 
-    config: every key of the setting and the system, dotted; empty for a run without a launch record.
     repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one
     to show: the newest finished one.
     """
@@ -78,10 +82,14 @@ class BoardEntry:
     started: str
     code: str
     command: str
-    config: dict[str, Any]
     repeats: int = 1
     same: bool = True
     shown: bool = True
+
+    @property
+    def job(self) -> tuple[Any, ...]:
+        """What runs of one job have in common."""
+        return self.setting, self.system, self.seed, self.runs
 
 
 _Name = TypeVar("_Name", Setting, BoardSystem)
@@ -230,7 +238,6 @@ def _entry(run: _ReadRun, setting: Setting, system: BoardSystem, with_interval: 
         started=(launch.started if launch else "") or _last_written(run.run_dir),
         code=launch.code if launch else "",
         command=_command(run.run_dir, launch),
-        config=run.of_setting | run.of_system,
     )
 
 
@@ -256,7 +263,7 @@ def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
     """The entries, each with what is known about other runs of its job. found: the newest first."""
     groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
     for entry in found:
-        groups.setdefault(_job(entry), []).append(entry)
+        groups.setdefault(entry.job, []).append(entry)
     marked = {}
     for group in groups.values():
         same = len({_figures(entry) for entry in group}) == 1
@@ -264,10 +271,6 @@ def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
         for entry in group:
             marked[entry.run_dir] = replace(entry, repeats=len(group), same=same, shown=entry is best)
     return [marked[entry.run_dir] for entry in found]
-
-
-def _job(entry: BoardEntry) -> tuple[Any, ...]:
-    return entry.setting, entry.system, entry.seed, entry.runs
 
 
 def _figures(entry: BoardEntry) -> str:
