@@ -18,9 +18,10 @@ from runners.records.launch_record import trust_flags
 from runners.reports.analysis.failures import is_failure, page_path
 from runners.reports.analysis.shared_worlds import WorstWorld, regressions, worst_worlds
 from runners.reports.explainer import pages
+from runners.reports.figures.style import save
 from runners.training.families import families
 from runners.training.held_out import Places, write_table
-from runners.training.race import START, Race
+from runners.training.race import START
 from runners.training.report_page import TrainingReport, write_report
 from runners.training.report_tables import HeldOut
 from runners.training.search_and_race import Found, start_name
@@ -28,6 +29,7 @@ from runners.training.verdict import HeldOutComparison, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 REPORT = "report.html"
@@ -64,7 +66,8 @@ def write_training_report(
     best = found.race.best_trial if found.race is not None else found.number
     if best == START:  # the best trial has the values of the start, or there is no other
         best = max(found.told, key=lambda trial: (trial.reward, -trial.number)).number
-    pictures = _pictures(job, found, start_values, best)
+    figures = _figures(found, start_values, start_name(job), best)
+    pictures = [path for name, figure in figures.items() for path in save(figure, run_dir / name)]
     worst = worst_worlds(frame, None if is_start else start, _WORST)
     _explain(job, frame, worst)
     report = TrainingReport(
@@ -79,6 +82,7 @@ def write_training_report(
         training_worlds=f"{found.worlds} worlds{' of each family' if not job.config.map else ''}",
         gap=verdict.gap,
         held_out=_held_out(verdict),
+        figures=figures,
         race=found.race,
         trials=found.told,
         space=found.space,
@@ -101,23 +105,16 @@ def _start_values(config: TrainConfig, space: Space) -> dict[str, float | None]:
     return {key: None if known[key] is None else float(known[key]) for key in space}
 
 
-def _pictures(
-    job: Job[TrainConfig], found: Found, start: Mapping[str, float | None], best: int
-) -> list[Path]:
-    from runners.training.search_pictures import draw_parameters, draw_race
+def _figures(
+    found: Found, start_values: Mapping[str, float | None], start: str, best: int
+) -> dict[str, Figure]:
+    """The pictures on the page, by the names of their files. start: its name. best: number of the best trial."""
+    from runners.training.search_pictures import parameters_figure, race_figure
 
-    race, paths = found.race, [job.run_dir / "parameters.png"]
-    known = {key: value for key, value in start.items() if value is not None}
-    draw_parameters(found.told, found.space, best, known, _raced(race), paths[0])
-    if race is not None:
-        paths.append(job.run_dir / "race.png")
-        draw_race(race, start_name(job), paths[1])
-    return paths
-
-
-def _raced(race: Race | None) -> frozenset[int]:
-    """The candidates that entered the first rung."""
-    return frozenset(race.rungs[1].values) if race is not None else frozenset()
+    race = found.race
+    raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()  # in the first rung
+    parameters = parameters_figure(found.told, found.space, best, start_values, raced)
+    return {"parameters": parameters, **({"race": race_figure(race, start)} if race is not None else {})}
 
 
 def _explain(job: Job[TrainConfig], frame: pd.DataFrame, worst: Sequence[WorstWorld]) -> None:

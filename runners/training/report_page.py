@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from runners.config.escaping import html_text
 from runners.config.space import Space
 from runners.config.wording import counted
 from runners.reports.analysis.shared_worlds import WorstWorld
 from runners.reports.explainer.write import document_parts, fill, write_html
+from runners.reports.figures.style import picture
 from runners.training.race import START, Race, racers
-from runners.training.report_charts import figure, race_chart, race_key, scatter, short
 from runners.training.report_tables import (
     HeldOut,
     breakable,
     candidate_table,
     held_out_table,
     parameter_table,
+    rounded,
     rung_table,
     worst_table,
 )
 from runners.training.study import Trial
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _SCRIPTS = ("theme.js", "training.js")
 _STYLES = ("index.css", "training.css")
+_PX_PER_IN = 125  # of a picture
 _SIGNS = {1: "better", 0: "level", -1: "worse"}
 _PAIRED_NOTE = " Differences are paired, world by world, with their 95 % intervals."
 _RACE_NOTE = (
@@ -52,8 +59,9 @@ class TrainingReport:
     title, facts: its heading. sentence, sign: the verdict, and -1, 0 or 1. start: the name of the starting weights.
     winner: number of the result's trial, or START. best: of the best trial, also where the start won.
     training_reward, training_worlds: of the result, where it was found. gap: this reward minus the mean of the held-out
-    maps' rewards. held_out: the last row is of all maps. regressions: episodes that fail where the start succeeded.
-    commands: what one can do next, by what it is for. files: of the run, to link.
+    maps' rewards. held_out: the last row is of all maps. figures: "parameters", and "race" if there was one.
+    regressions: episodes that fail where the start succeeded. commands: what one can do next, by what it is for.
+    files: of the run, to link.
     """
 
     title: str
@@ -67,6 +75,7 @@ class TrainingReport:
     training_worlds: str
     gap: float
     held_out: Sequence[HeldOut]
+    figures: Mapping[str, Figure]
     race: Race | None
     trials: Sequence[Trial]
     space: Space
@@ -115,16 +124,16 @@ def _tiles(report: TrainingReport) -> Iterator[str]:
     is_start = report.winner == START
     yield _tile(
         "Success, held out",
-        figure(overall.success),
-        "the start is the result" if is_start else f"start {figure(overall.start_success)}",
+        rounded(overall.success),
+        "the start is the result" if is_start else f"start {rounded(overall.start_success)}",
     )
     yield _tile(
         "Reward, held out",
-        figure(overall.reward),
-        "" if is_start else f"start {figure(overall.start_reward)}",
+        rounded(overall.reward),
+        "" if is_start else f"start {rounded(overall.start_reward)}",
     )
-    gap = f"{figure(abs(report.gap))} {'above' if report.gap >= 0.0 else 'below'} that of the held-out maps"
-    yield _tile("Reward in training", figure(report.training_reward), gap)
+    gap = f"{rounded(abs(report.gap))} {'above' if report.gap >= 0.0 else 'below'} that of the held-out maps"
+    yield _tile("Reward in training", rounded(report.training_reward), gap)
     found = "the start" if is_start else f"trial {report.winner}"
     yield _tile("Found by", found, f"of {counted(len(report.trials), 'trial')}, {report.training_worlds}")
 
@@ -133,37 +142,38 @@ def _tile(name: str, value: str, below: str) -> str:
     return f"<div><dt>{name}</dt><dd>{value}<small>{html_text(below)}</small></dd></div>"
 
 
+def _picture(figure: Figure, about: str) -> str:
+    """A picture inside the page. As an image its styles are its own, which the page's policy would refuse."""
+    data = b64encode(picture(figure, "svg")).decode("ascii")
+    width = round(figure.get_figwidth() * _PX_PER_IN)
+    return (
+        f'<div class="wide" tabindex="0" role="region" aria-label="{about}">'
+        f'<img alt="{about}" width="{width}" src="data:image/svg+xml;base64,{data}"></div>'
+    )
+
+
 def _race(report: TrainingReport) -> str:
     race = report.race
     if race is None:
         return "<p>There was no race: the best trial of the search is the result.</p>"
     raced = sum(racer.raced for racer in racers(race))
     stays = _START_NOTE if START in race.rungs[0].values else ""
+    chart = _picture(report.figures["race"], "Mean reward against the worlds driven, one line per candidate")
     return (
-        f'<div class="wide" tabindex="0" role="region" aria-label="The race">{race_chart(race, report.start)}</div>'
-        f"{race_key(race)}<p>{_RACE_NOTE}{stays}</p>{rung_table(race, report.start)}"
+        f"{chart}<p>{_RACE_NOTE}{stays}</p>{rung_table(race, report.start)}"
         f"<details><summary>{counted(raced, 'candidate')} that raced, rung by rung</summary>"
         f"{candidate_table(race, report.start)}</details>"
     )
 
 
 def _parameters(report: TrainingReport) -> str:
-    race = report.race
-    raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()
-    panels = "".join(
-        f"<figure><figcaption>{breakable(short(key))}</figcaption>"
-        + scatter(key, found, report.trials, raced, report.start_values.get(key), report.best)
-        + "</figure>"
-        for key, found in report.space.items()
-    )
     note = f"<p>{_IMPORTANCE_NOTE}</p>" if report.importances else ""
     values = next(trial.values for trial in report.trials if trial.number == report.best)
     name = f"Trial {report.best}"
     table = parameter_table(report.space, report.start_values, values, name, report.importances)
-    about = _SCATTER_NOTE if raced else _PLAIN_SCATTER_NOTE
-    return (
-        f'{table}{note}<h3>Parameters against the reward</h3><div class="panels">{panels}</div><p>{about}</p>'
-    )
+    panels = _picture(report.figures["parameters"], "Reward of every trial against each of its values")
+    about = _SCATTER_NOTE if report.race is not None else _PLAIN_SCATTER_NOTE
+    return f"{table}{note}<h3>Parameters against the reward</h3>{panels}<p>{about}</p>"
 
 
 def _worst(report: TrainingReport, place: Path) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,13 +10,12 @@ from typing import NamedTuple
 from urllib.parse import quote
 
 from runners.config.escaping import html_text
-from runners.config.space import Space
+from runners.config.space import PARAMETERS, Range, Space
 from runners.reports.analysis.failures import page_path
 from runners.reports.analysis.paired import Difference, interval, signed
 from runners.reports.analysis.shared_worlds import WorstWorld
 from runners.reports.analysis.summary import DASH, TIMES
 from runners.training.race import START, End, Race, name_of, racers, worlds_by_family, worlds_driven
-from runners.training.report_charts import bar, change_bar, figure, short, track
 
 _DIGITS = 4  # significant ones, of a parameter
 _LEFT = (
@@ -50,21 +48,18 @@ def held_out_table(rows: Sequence[HeldOut], is_start: bool) -> str:
     """One line per map, then all if there are several. is_start: the start is the result, with nothing to compare."""
     rows = rows if len(rows) > 2 else rows[:1]
     if is_start:
-        lines = [[_th(row.place), _episodes(row), figure(row.success), figure(row.reward)] for row in rows]
+        lines = [[_th(row.place), _episodes(row), rounded(row.success), rounded(row.reward)] for row in rows]
         return _table(["Map", "Episodes", "Success", "Reward"], lines, "held-out")
-    success, reward = (
-        _widest(changes) for changes in zip(*((r.success_change, r.reward_change) for r in rows), strict=True)
-    )
     lines = [
         [
             _th(row.place),
             _episodes(row),
-            figure(row.start_success),
-            f"<b>{figure(row.success)}</b>",
-            _change(row.success_change, success),
-            figure(row.start_reward),
-            f"<b>{figure(row.reward)}</b>",
-            _change(row.reward_change, reward),
+            rounded(row.start_success),
+            f"<b>{rounded(row.success)}</b>",
+            _change(row.success_change),
+            rounded(row.start_reward),
+            f"<b>{rounded(row.reward)}</b>",
+            _change(row.reward_change),
         ]
         for row in rows
     ]
@@ -89,8 +84,8 @@ def rung_table(race: Race, start: str) -> str:
             str(len(rung.values)),
             _count(ends.count(End.worse)),
             _count(ends.count(End.outranked)),
-            f"{html_text(name_of(best, start))} <b>{figure(rung.values[best])}</b>",
-            *([figure(rung.values[START])] if started else []),
+            f"{html_text(name_of(best, start))} <b>{rounded(rung.values[best])}</b>",
+            *([rounded(rung.values[START])] if started else []),
         ])  # fmt: skip
     heads = [
         "",
@@ -109,7 +104,7 @@ def candidate_table(race: Race, start: str) -> str:
     lines = [
         [
             _th(name_of(racer.number, start), "start" if racer.number == START else ""),
-            *map(figure, racer.values),
+            *map(rounded, racer.values),
             *[DASH] * (len(race.rungs) - len(racer.values)),
             f"<b>{racer.end}</b>" if racer.end is End.won else str(racer.end),
         ]
@@ -127,24 +122,19 @@ def parameter_table(
     name: str,
     importances: Mapping[str, float],
 ) -> str:
-    """One line per searched key: both values, their place in the range, and the importance of the key.
+    """One line per searched key: both values, the range, and the importance of the key.
 
     best: values of the best trial. name: what it is called.
     """
-    most = max(importances.values(), default=0.0)
     lines = []
-    for key, found in space.items():
-        ends = (
-            f"<small>{found.low:g}</small>",
-            f"<small>{found.high:g}{' log' if found.log else ''}</small>",
-        )
+    for key, bounds in space.items():
         weight = importances.get(key)
         lines.append([
             f'<th scope="row">{breakable(short(key))}</th>',
-            _value(start.get(key)),
+            _start_value(bounds, start.get(key)),
             f"<b>{_value(best[key])}</b>",
-            f'<span class="range">{ends[0]}{track(found, start.get(key), best[key], name)}{ends[1]}</span>',
-            *([f"{bar(weight, most)}{weight:.2f}" if weight is not None else DASH] if importances else []),
+            f"{bounds.low:g} to {bounds.high:g}{', log' if bounds.log else ''}",
+            *([DASH if weight is None else f"{weight:.2f}"] if importances else []),
         ])  # fmt: skip
     heads = ["Parameter", "Start", name, "Range", *["Importance"] * bool(importances)]
     return _table(heads, lines, "parameters")
@@ -159,13 +149,23 @@ def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
         lines.append([
             f'<th scope="row">{html_text(world.run_dir.name)} {world.key.world}{_page(world, place)}</th>',
             f'<span class="outcome {html_text(world.outcome)}">{html_text(world.outcome)}</span>',
-            figure(world.reward),
+            rounded(world.reward),
             f"{world.time_s:.1f}",
             f"{world.failed} of {world.runs}",
             *([f"{world.start_failed} of {world.runs}{flag}"] if compared else []),
         ])  # fmt: skip
     heads = ["World", "Worst run", "Reward", "Time [s]", "Failed runs", *["With the start"] * compared]
     return _table(heads, lines, "worst")
+
+
+def short(key: str) -> str:
+    """A dotted key without what all parameters of a guide have in common."""
+    return key.removeprefix(PARAMETERS)
+
+
+def rounded(value: float) -> str:
+    """A rate or a reward, with a typographic minus."""
+    return f"{value:.3f}".replace("-", "\u2212")
 
 
 def breakable(text: str) -> str:
@@ -196,24 +196,28 @@ def _episodes(row: HeldOut) -> str:
     return f"{row.worlds} {TIMES} {row.runs}" if row.runs > 1 else str(row.worlds)
 
 
-def _widest(changes: Iterable[Difference]) -> float:
-    """The end of a scale on which all intervals lie."""
-    ends = [abs(end) for change in changes for end in (change.low, change.high) if not math.isnan(end)]
-    return max(ends, default=0.0) or 1.0
-
-
-def _change(change: Difference, most: float) -> str:
+def _change(change: Difference) -> str:
     bounds = interval(change)
     below = f"<small>{bounds}</small>" if bounds else ""
-    return f"{change_bar(change, most)}<span>{signed(change.mean)}{below}</span>"
+    return f"{signed(change.mean)}{below}"
 
 
 def _count(number: int) -> str:
     return str(number) if number else DASH
 
 
-def _value(value: float | None) -> str:
-    return DASH if value is None else f"{value:.{_DIGITS}g}"
+def _value(value: float) -> str:
+    return f"{value:.{_DIGITS}g}"
+
+
+def _start_value(bounds: Range, value: float | None) -> str:
+    if value is None:
+        return DASH
+    return (
+        _value(value)
+        if bounds.low <= value <= bounds.high
+        else f"{_value(value)}<small>outside the range</small>"
+    )
 
 
 def _page(world: WorstWorld, place: Path) -> str:

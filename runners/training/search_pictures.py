@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.config.space import Range, Space
-from runners.reports.figures.style import FRAME, INK, OBSTACLE, SKY, new_figure, save, symbol
+from runners.reports.figures.style import FRAME, INK, OBSTACLE, SKY, new_figure, symbol
 from runners.training.pictures import BEST, LINE, WIDTH_IN
 from runners.training.race import START, End, Race, Racer, driven_label, name_of, racers, worlds_driven
 from runners.training.study import Trial
@@ -22,7 +21,7 @@ _COLUMNS = 4
 _NAME_GAP = 0.045  # least distance between two names, as a share of the height
 
 
-def draw_race(race: Race, start: str, path: Path) -> None:
+def race_figure(race: Race, start: str) -> Figure:
     """Draw a line per candidate: its mean reward against the worlds driven, until it was dropped.
 
     start: name of the starting weights.
@@ -44,21 +43,16 @@ def draw_race(race: Race, start: str, path: Path) -> None:
     _names(axes, found, start, len(race.rungs))
     axes.set_title(_title(race, found), fontsize=10)
     _race_legend(figure, race)
-    save(figure, path.with_suffix(""))
+    return figure
 
 
-def draw_parameters(
-    trials: Sequence[Trial],
-    space: Space,
-    best: int,
-    start: Mapping[str, float],
-    raced: frozenset[int],
-    path: Path,
-) -> None:
+def parameters_figure(
+    trials: Sequence[Trial], space: Space, best: int, start: Mapping[str, float | None], raced: frozenset[int]
+) -> Figure:
     """Draw the reward of every trial in the search against each of its values.
 
-    best: the number of the best trial. start: values by dotted key. Both are marked. raced: numbers of the trials that
-    entered the race.
+    best: the number of the best trial. start: values by dotted key, where known. Both are marked. raced: numbers of the
+    trials that entered the race.
     """
     rows = math.ceil(len(space) / _COLUMNS)
     columns = min(len(space), _COLUMNS)
@@ -69,8 +63,8 @@ def draw_parameters(
     known: dict[str, Any] = {}
     for axes, (key, found) in zip(panels.flat, space.items(), strict=False):
         _panel(axes, key, found, trials, raced)
-        if key in start:
-            axes.axvline(start[key], color=BEST, linewidth=1.3, linestyle="--", label="start")
+        if (value := start.get(key)) is not None:
+            axes.axvline(value, color=BEST, linewidth=1.3, linestyle="--", label="start")
         (chosen,) = (trial for trial in trials if trial.number == best)
         axes.plot(chosen.values[key], chosen.reward, "o", color=LINE, markersize=7, fillstyle="none",
                   clip_on=False, label="best trial")  # fmt: skip
@@ -79,7 +73,7 @@ def draw_parameters(
     for row in panels:
         row[0].set_ylabel("reward", fontsize=8.5)
     figure.legend(known.values(), known, loc="outside upper center", ncols=4, frameon=False, fontsize=8.5)
-    save(figure, path.with_suffix(""))
+    return figure
 
 
 def _panel(axes: Axes, key: str, found: Range, trials: Sequence[Trial], raced: frozenset[int]) -> None:

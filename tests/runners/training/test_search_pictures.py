@@ -4,8 +4,9 @@ import pytest
 from matplotlib.image import imread
 
 from runners.config.space import Range
+from runners.reports.figures.style import save
 from runners.training.race import START, Race, Rung
-from runners.training.search_pictures import draw_parameters, draw_race
+from runners.training.search_pictures import parameters_figure, race_figure
 from tests.made_training import RACE, SPACE, TRIALS
 
 RACED = frozenset(RACE.rungs[1].values)
@@ -14,7 +15,7 @@ RACED = frozenset(RACE.rungs[1].values)
 def test_the_same_race_gives_the_same_bytes(tmp_path):
     paths = [tmp_path / "one.png", tmp_path / "two.png"]
     for path in paths:
-        draw_race(RACE, "published", path)
+        save(race_figure(RACE, "published"), path.with_suffix(""))
     assert paths[0].read_bytes() == paths[1].read_bytes()
     assert imread(paths[0]).std() > 0.05
 
@@ -22,13 +23,13 @@ def test_the_same_race_gives_the_same_bytes(tmp_path):
 def test_a_race_looks_different_with_another_winner(tmp_path):
     last = RACE.rungs[-1]
     other = Race((*RACE.rungs[:-1], Rung(last.places, {START: 0.65, 3: 0.6}, frozenset())), {})
-    draw_race(RACE, "published", tmp_path / "one.png")
-    draw_race(other, "published", tmp_path / "two.png")
+    save(race_figure(RACE, "published"), tmp_path / "one")
+    save(race_figure(other, "published"), tmp_path / "two")
     assert (tmp_path / "one.png").read_bytes() != (tmp_path / "two.png").read_bytes()
 
 
 def test_a_start_may_have_any_name(tmp_path):
-    draw_race(RACE, r"$\frac{a}$_{", tmp_path / "race.png")
+    save(race_figure(RACE, r"$\frac{a}$_{"), tmp_path / "race")
     assert (tmp_path / "race.png").is_file()
 
 
@@ -36,13 +37,13 @@ def test_a_start_may_have_any_name(tmp_path):
 @pytest.mark.parametrize("raced", [RACED, frozenset()], ids=["race", "no race"])
 def test_parameters_are_drawn_for_any_number_of_keys(tmp_path, keys, raced):
     space = dict(list(SPACE.items())[:keys])
-    draw_parameters(TRIALS, space, 3, {"guide.parameters.c_o": 0.0}, raced, tmp_path / "parameters.png")
+    save(parameters_figure(TRIALS, space, 3, {"guide.parameters.c_o": 0.0}, raced), tmp_path / "parameters")
     assert imread(tmp_path / "parameters.png").std() > 0.05
 
 
 def test_nine_parameters_need_three_rows(tmp_path):
     space = {f"planner.key{number}": Range(0.0, 9.0) for number in range(9)}
     trials = [trial._replace(values=dict.fromkeys(space, float(trial.number))) for trial in TRIALS]
-    draw_parameters(trials, space, 3, {}, RACED, tmp_path / "nine.png")
-    draw_parameters(TRIALS, SPACE, 3, {}, RACED, tmp_path / "two.png")
+    save(parameters_figure(trials, space, 3, {}, RACED), tmp_path / "nine")
+    save(parameters_figure(TRIALS, SPACE, 3, {}, RACED), tmp_path / "two")
     assert imread(tmp_path / "nine.png").shape[0] > 2 * imread(tmp_path / "two.png").shape[0]
