@@ -1,8 +1,7 @@
-"""Reports of a search: `trials.csv`, and three pictures, all pure functions of its trials."""
+"""What is made of the trials of a search and its race: `trials.csv`, `race.csv`, and pictures."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,22 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lme.types import Floats
-from runners.config.space import Space
-from runners.records.whole_file import replacing
-from runners.reports.figures.style import INK, new_figure, save
-from runners.training.race import START, Race
+from runners.config.space import Range, Space
+from runners.records.whole_file import write_atomically
+from runners.reports.analysis.columns import csv_text
+from runners.reports.figures.style import FRAME, INK, OBSTACLE, SKY, new_figure, save, symbol
+from runners.training.race import START, End, Race, Racer, driven_label, name_of, racers, worlds_driven
 from runners.training.study import Trial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
 TRIALS, RACE = "trials.csv", "race.csv"
 POINT, LINE, BEST = "#9A9A9A", "#0072B2", "#D55E00"  # Okabe and Ito's, as in runners.reports.figures
-COLOURS = "cividis"  # lightness rises evenly: readable with any colour vision
 WIDTH_IN = 7.0
+_MARKS = {End.won: "*", End.finished: "o", End.worse: "x", End.outranked: "o"}
+_COLUMNS = 4
+_NAME_GAP = 0.045  # least distance between two names, as a share of the height
 
 
 def write_trials(trials: Sequence[Trial], run_dir: Path) -> Path:
@@ -33,48 +33,105 @@ def write_trials(trials: Sequence[Trial], run_dir: Path) -> Path:
 
     One row per trial: reward, values, and outcome, steps and reward on each configuration.
     """
+    several = len({score.family for score in trials[0].scores}) > 1
+    lines = []
+    for trial in trials:
+        line: dict[str, object] = {"trial": trial.number, "reward": trial.reward, **trial.values}
+        for score in trial.scores:
+            world = f"{score.family}_{score.world}" if several else str(score.world)
+            line |= {
+                f"outcome_{world}": score.outcome,
+                f"steps_{world}": score.steps,
+                f"reward_{world}": score.reward,
+            }
+        lines.append(line)
     path = run_dir / TRIALS
-    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        several = len({score.family for score in trials[0].scores}) > 1
-        places = [
-            f"{score.family}_{score.world}" if several else str(score.world) for score in trials[0].scores
-        ]
-        ends = [f"{name}_{place}" for place in places for name in ("outcome", "steps", "reward")]
-        writer.writerow(["trial", "reward", *trials[0].values, *ends])
-        for trial in trials:
-            row = [value for score in trial.scores for value in (score.outcome, score.steps, score.reward)]
-            writer.writerow([trial.number, trial.reward, *trial.values.values(), *row])
+    write_atomically(path, csv_text(lines))
     return path
 
 
 def write_race(race: Race, run_dir: Path) -> Path:
     """Write `race.csv` and return its path: one row per candidate of each rung, the best first."""
+    lines = [
+        {
+            "rung": number,
+            "trial": "start" if trial == START else trial,
+            "worlds": len(rung.places),
+            "reward": reward,
+            "worse_beyond_noise": trial in rung.worse,
+        }
+        for number, rung in enumerate(race.rungs)
+        for trial, reward in rung.values.items()
+    ]
     path = run_dir / RACE
-    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["rung", "trial", "worlds", "reward", "worse_beyond_noise"])
-        for number, rung in enumerate(race.rungs):
-            for trial, reward in rung.values.items():
-                name = "start" if trial == START else trial
-                writer.writerow([number, name, len(rung.places), reward, trial in rung.worse])
+    write_atomically(path, csv_text(lines))
     return path
 
 
-def training_figures(
-    trials: Sequence[Trial], space: Space, importances: Mapping[str, float], run_dir: Path
-) -> list[Path]:
-    """Save convergence, parallel coordinates and, if known, importance as PNG; return the paths."""
-    paths = [run_dir / "convergence.png", run_dir / "parallel_coordinates.png"]
-    convergence(trials, paths[0])
-    parallel_coordinates(trials, space, paths[1])
+def training_figures(trials: Sequence[Trial], importances: Mapping[str, float], run_dir: Path) -> list[Path]:
+    """Save convergence and, if known, importance as PNG; return the paths."""
+    paths = save(_convergence(trials), run_dir / "convergence")
     if importances:
-        paths.append(run_dir / "importance.png")
-        importance(importances, len(trials), paths[2])
+        paths += save(_importance(importances, len(trials)), run_dir / "importance")
     return paths
 
 
-def convergence(trials: Sequence[Trial], path: Path) -> None:
+def race_figure(race: Race, start: str) -> Figure:
+    """Draw a line per candidate: its mean reward against the worlds driven, until it was dropped.
+
+    start: name of the starting weights.
+    """
+    figure = new_figure(WIDTH_IN, 4.0)
+    axes = figure.add_subplot()
+    axes.spines[["top", "right"]].set_visible(False)
+    found = racers(race)
+    for racer in reversed(found):
+        _line(axes, racer)
+    seen = [value for racer in found if racer.raced for value in racer.values]
+    low, high = min(seen), max(seen)
+    room = max(high - low, 0.02)
+    axes.set_ylim(low - 0.06 * room, high + 0.06 * room)
+    axes.set_xlim(-0.08, len(race.rungs) - 1 + 0.3 * max(len(race.rungs) - 1, 1))
+    axes.set_xticks(range(len(race.rungs)), [worlds_driven(rung) for rung in race.rungs])
+    axes.tick_params(labelsize=8.5, colors=INK)
+    axes.set(xlabel=driven_label(race), ylabel="mean reward so far")
+    _names(axes, found, start, len(race.rungs))
+    axes.set_title(_title(race, found), fontsize=10)
+    _race_legend(figure, race)
+    return figure
+
+
+def parameters_figure(
+    trials: Sequence[Trial], space: Space, best: int, start: Mapping[str, float | None], raced: frozenset[int]
+) -> Figure:
+    """Draw the reward of every trial in the search against each of its values.
+
+    best: the number of the best trial. start: values by dotted key, where known. Both are marked. raced: numbers of the
+    trials that entered the race.
+    """
+    rows = math.ceil(len(space) / _COLUMNS)
+    columns = min(len(space), _COLUMNS)
+    figure = new_figure(max(WIDTH_IN * columns / _COLUMNS, 3.4), 0.5 + 1.75 * rows)
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
+    for axes in panels.flat[len(space) :]:
+        axes.set_visible(False)
+    known: dict[str, Any] = {}
+    for axes, (key, found) in zip(panels.flat, space.items(), strict=False):
+        _panel(axes, key, found, trials, raced)
+        if (value := start.get(key)) is not None:
+            axes.axvline(value, color=BEST, linewidth=1.3, linestyle="--", label="start")
+        (chosen,) = (trial for trial in trials if trial.number == best)
+        axes.plot(chosen.values[key], chosen.reward, "o", color=LINE, markersize=7, fillstyle="none",
+                  clip_on=False, label="best trial")  # fmt: skip
+        axes.set_xlim(found.low, found.high)
+        known |= {name: handle for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    for row in panels:
+        row[0].set_ylabel("reward", fontsize=8.5)
+    figure.legend(known.values(), known, loc="outside upper center", ncols=4, frameon=False, fontsize=8.5)
+    return figure
+
+
+def _convergence(trials: Sequence[Trial]) -> Figure:
     """Draw the reward of each trial, and the best so far."""
     figure, axes = _figure(3.6)
     numbers = np.array([trial.number for trial in trials])
@@ -94,81 +151,20 @@ def convergence(trials: Sequence[Trial], path: Path) -> None:
     low, high = float(rewards.min()), float(rewards.max())
     room = max(high - low, 0.02)
     axes.set_ylim(low - 0.16 * room, high + 0.06 * room)
-    save(figure, path.with_suffix(""))
+    return figure
 
 
-def parallel_coordinates(trials: Sequence[Trial], space: Space, path: Path) -> None:
-    """Draw one line per trial across its values, each axis over its range; better trials are brighter and on top.
-
-    Colours follow the rank: most rewards of a good search differ by less than 0.01.
-    """
-    from matplotlib.collections import LineCollection
-
-    figure, axes = _figure(3.9)
-    rewards = np.array([trial.reward for trial in trials])
-    order = np.argsort(rewards, kind="stable")
-    columns = np.column_stack([_position(space[key], [t.values[key] for t in trials]) for key in space])
-    places = np.arange(len(space), dtype=float)
-    # A search over one key has one axis: each line is a dash across it.
-    across = places if len(places) > 1 else np.array([-0.1, 0.1])
-    columns = columns if len(places) > 1 else np.repeat(columns, 2, axis=1)
-    lines = [np.column_stack([across, row]) for row in columns[order]]
-    drawn = LineCollection(lines, cmap=COLOURS, linewidths=np.linspace(0.4, 1.4, len(lines)), alpha=0.8)
-    drawn.set_array(np.linspace(0.0, 1.0, len(lines)))
-    axes.add_collection(drawn)
-    axes.plot(across, columns[order[-1]], color=BEST, linewidth=2.2, label="best")
-    _axes_of(axes, space, places)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.08), frameon=False, fontsize=8.5)
-    _rank_bar(figure, axes, drawn, rewards)
-    axes.set_title(f"{len(trials)} trials", fontsize=10, pad=22)
-    save(figure, path.with_suffix(""))
-
-
-def importance(importances: Mapping[str, float], num_trials: int, path: Path) -> None:
+def _importance(importances: Mapping[str, float], num_trials: int) -> Figure:
     """Draw bars, the most important parameter first."""
     figure, axes = _figure(0.9 + 0.3 * len(importances))
     names = sorted(importances, key=lambda name: importances[name])
     shares = [importances[name] for name in names]
-    bars = axes.barh([_short(name) for name in names], shares, color=LINE, height=0.65)
+    bars = axes.barh([name.rpartition(".")[2] for name in names], shares, color=LINE, height=0.65)
     axes.bar_label(bars, fmt="%.2f", padding=3, fontsize=8.5, color=INK)
     axes.set(xlim=(0, max(shares) * 1.12 or 1.0), xlabel="importance, PED-ANOVA: best tenth against all")
     axes.set_title(f"{num_trials} trials", fontsize=10)
     axes.tick_params(axis="y", length=0)
-    save(figure, path.with_suffix(""))
-
-
-def _rank_bar(figure: Figure, axes: Axes, drawn: LineCollection, rewards: Floats) -> None:
-    """Add a colour bar with the reward at each quarter of the trials."""
-    ranks = np.linspace(0.0, 1.0, 5)
-    labels = [f"{reward:.3f}" for reward in np.quantile(rewards, ranks)]
-    bar = figure.colorbar(drawn, ax=axes, pad=0.02, fraction=0.04, ticks=ranks)
-    bar.ax.set_yticklabels(labels, fontsize=8, color=INK)
-    bar.outline.set_visible(False)
-    bar.set_label("reward, by quarters of the trials", fontsize=9, color=INK)
-
-
-def _axes_of(axes: Axes, space: Space, places: Floats) -> None:
-    """Draw one vertical axis per key, with its name below and its bounds at the ends."""
-    for place, (key, found) in zip(places, space.items(), strict=True):
-        axes.axvline(place, color=INK, linewidth=0.7, zorder=3)
-        for value, height, side in ((found.low, -0.02, "top"), (found.high, 1.02, "bottom")):
-            axes.text(place, height, f"{value:g}", ha="center", va=side, fontsize=7.5, color=INK)
-        axes.text(place, -0.09, _short(key), ha="center", va="top", fontsize=9, color=INK)
-        if found.log:
-            axes.text(place, -0.155, "log", ha="center", va="top", fontsize=7, color=INK)
-    axes.set(xlim=(places[0] - 0.3, places[-1] + 0.3), ylim=(0, 1), xticks=[], yticks=[])
-    axes.spines[:].set_visible(False)
-
-
-def _position(found: Any, values: Sequence[float]) -> Floats:
-    """Positions of values between the bounds of their range, 0 to 1."""
-    scale = math.log if found.log else float
-    low, high = scale(found.low), scale(found.high)
-    return (np.array([scale(value) for value in values]) - low) / (high - low)
-
-
-def _short(key: str) -> str:
-    return key.rpartition(".")[2]
+    return figure
 
 
 def _figure(height_in: float) -> tuple[Figure, Axes]:
@@ -177,3 +173,77 @@ def _figure(height_in: float) -> tuple[Figure, Axes]:
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8.5, colors=INK)
     return figure, axes
+
+
+def _panel(axes: Axes, key: str, found: Range, trials: Sequence[Trial], raced: frozenset[int]) -> None:
+    """One parameter: its axis and the trials."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=7.5, colors=INK)
+    axes.set_xscale("log" if found.log else "linear")
+    axes.minorticks_off()
+    axes.set_xticks([found.low, found.high], [f"{found.low:g}", f"{found.high:g}"])
+    axes.set_xlabel(symbol(key.rpartition(".")[2]), fontsize=9.5, labelpad=-6)
+    for name, colour, size in (("trial", FRAME, 2.6), ("raced", SKY, 3.4)):
+        part = [trial for trial in trials if (trial.number in raced) == (name == "raced")]
+        if part:
+            axes.plot([t.values[key] for t in part], [t.reward for t in part], "o", color=colour, markersize=size,
+                      markeredgewidth=0, clip_on=False, label=name)  # fmt: skip
+
+
+def _line(axes: Axes, racer: Racer) -> None:
+    colour, width = _look(racer)
+    shown = racer.raced or racer.number == START
+    axes.plot(
+        range(len(racer.values)), racer.values, color=colour, linewidth=width, alpha=1.0 if shown else 0.6
+    )
+    axes.plot(
+        len(racer.values) - 1, racer.values[-1], _MARKS[racer.end], color=colour, markerfacecolor=_filling(racer),
+        markersize=11 if racer.end is End.won else 4.5, markeredgewidth=1.0, alpha=1.0 if shown else 0.6,
+    )  # fmt: skip
+
+
+def _look(racer: Racer) -> tuple[str, float]:
+    """Colour and width of a line."""
+    if racer.number == START:
+        return BEST, 2.0
+    return (LINE, 2.0) if racer.end is End.won else (OBSTACLE, 0.8)
+
+
+def _filling(racer: Racer) -> str:
+    return "white" if racer.end is End.outranked else _look(racer)[0]
+
+
+def _names(axes: Axes, found: Sequence[Racer], start: str, rungs: int) -> None:
+    """The names of the start and of those that came to the end, beside their lines, never over each other."""
+    low, high = axes.get_ylim()
+    last = [racer for racer in found if len(racer.values) == rungs]
+    height = -math.inf
+    for racer in reversed(last):
+        height = max((racer.values[-1] - low) / (high - low), height + _NAME_GAP)
+        name = name_of(racer.number, start).replace("$", r"\$")
+        special = racer.number == START or racer.end is End.won
+        axes.annotate(
+            f"{name}  {racer.values[-1]:.3f}", (rungs - 1, racer.values[-1]), (rungs - 1 + 0.05 * rungs, height),
+            textcoords=("data", "axes fraction"), va="center", fontsize=8,
+            color=_look(racer)[0] if special else INK, fontweight="bold" if special else "normal",
+            arrowprops={"arrowstyle": "-", "color": FRAME, "linewidth": 0.6, "shrinkB": 4.0, "relpos": (0, 0.5)},
+        )  # fmt: skip
+
+
+def _title(race: Race, found: Sequence[Racer]) -> str:
+    worse = sum(racer.end is End.worse for racer in found if racer.raced)
+    raced = sum(racer.raced for racer in found)
+    return f"{len(found)} candidates · {raced} raced · {worse} of these worse beyond the noise"
+
+
+def _race_legend(figure: Figure, race: Race) -> None:
+    from matplotlib.lines import Line2D
+
+    best = BEST if race.winner == START else LINE
+    marks = {"winner": End.won, "worse beyond the noise": End.worse, "outranked": End.outranked}
+    handles = [
+        Line2D([], [], marker=_MARKS[end], color=best if end is End.won else OBSTACLE, linestyle="none", label=name,
+               markersize=9 if end is End.won else 4.5, markerfacecolor="white" if end is End.outranked else None)
+        for name, end in marks.items()
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", frameon=False, fontsize=8, ncols=3)

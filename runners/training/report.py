@@ -41,7 +41,6 @@ _FILES = (
     "race.png",
     "parameters.png",
     "convergence.png",
-    "parallel_coordinates.png",
     "importance.png",
 )
 
@@ -109,7 +108,7 @@ def _figures(
     found: Found, start_values: Mapping[str, float | None], start: str, best: int
 ) -> dict[str, Figure]:
     """The pictures on the page, by the names of their files. start: its name. best: number of the best trial."""
-    from runners.training.search_pictures import parameters_figure, race_figure
+    from runners.training.pictures import parameters_figure, race_figure
 
     race = found.race
     raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()  # in the first rung

@@ -208,7 +208,7 @@ def _pictures(found: Found, run_dir: Path) -> list[Path]:
 
     told = found.told
     tables = [write_trials(told, run_dir), *([write_race(found.race, run_dir)] if found.race else [])]
-    return [*tables, *training_figures(told, found.space, found.importances, run_dir)]
+    return [*tables, *training_figures(told, found.importances, run_dir)]
 
 
 def _track(tracking: Any, found: Found, frame: pd.DataFrame, files: list[Path]) -> None:

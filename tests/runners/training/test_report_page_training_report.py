@@ -11,10 +11,10 @@ from runners.config.space import Range
 from runners.records.episode_record import EpisodeKey
 from runners.reports.analysis.paired import Difference
 from runners.reports.analysis.shared_worlds import WorstWorld
+from runners.training.pictures import parameters_figure, race_figure
 from runners.training.race import START, Race, Rung
 from runners.training.report_page import TrainingReport, write_report
 from runners.training.report_tables import HeldOut
-from runners.training.search_pictures import parameters_figure, race_figure
 from tests.made_training import RACE, SPACE, TRIALS
 from tests.runners.reports.explainer.conftest import browser, open_page  # noqa: F401 - fixtures
 

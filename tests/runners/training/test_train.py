@@ -77,7 +77,6 @@ def test_a_run_leaves_its_study_weights_pictures_and_evaluation(trained):
         "weights.yaml",
         "trials.csv",
         "convergence.png",
-        "parallel_coordinates.png",
     }
     assert names >= {"env1", "table.md", "launch.json"}
     for what in ("the start", "the result"):

@@ -5,8 +5,8 @@ from matplotlib.image import imread
 
 from runners.config.space import Range
 from runners.reports.figures.style import save
+from runners.training.pictures import parameters_figure, race_figure
 from runners.training.race import START, Race, Rung
-from runners.training.search_pictures import parameters_figure, race_figure
 from tests.made_training import RACE, SPACE, TRIALS
 
 RACED = frozenset(RACE.rungs[1].values)
