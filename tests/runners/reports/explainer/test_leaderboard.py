@@ -144,7 +144,7 @@ def test_details_hold_directory_files_and_reasons(page):
 
 
 def test_a_line_shows_what_is_changed_and_links_to_its_repeats(page):
-    changed = line(page, LONG).locator("code").all_inner_texts()
+    changed = line(page, LONG).locator("th > code").all_inner_texts()
     assert changed == ["guide.history_length=4", "planner.kd=1", "planner.kp=3"]
     line(page, "LME").locator("summary").click()
     facts = line(page, "LME").locator("dl").inner_text()
