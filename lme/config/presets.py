@@ -1,18 +1,16 @@
-"""Robots, map sets, simulators and learned parameters by name, read without Hydra."""
+"""Robots, map sets, simulators and learned parameters by name."""
 
 from __future__ import annotations
 
 import importlib
-import re
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, asdict, fields, is_dataclass
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
-import yaml
-
+from lme.config import composer
 from lme.errors import InputError, nearest
 from lme.guides.lme.weight_files import (
     PUBLISHED,
@@ -29,10 +27,6 @@ if TYPE_CHECKING:
     from lme.worlds.world import MapSet
 
 _Part = TypeVar("_Part")
-# of a key that takes another's value if there is one
-_DEFAULT = re.compile(r"\$\{(?:oc\.select|given):[\w.]+,(.*)\}")
-_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
-
 _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
     int: (lambda given: type(given) is int, "a whole number"),
     bool: (lambda given: isinstance(given, bool), "true or false"),
@@ -50,7 +44,7 @@ def load_robot(robot: str | Path) -> Robot:
     Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
     """
     path = find_option("robot", robot)
-    made: Robot = _build(Robot, str(path), _with_base(path, "robot"))
+    made: Robot = _build(Robot, str(path), composer.compose(path, "robot").values)
     if made.radius_note and path.parent != resource_dir("conf") / "robot":
         warnings.warn(f"{path}: {made.radius_note}", stacklevel=2)
     return made
@@ -65,7 +59,8 @@ def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Ro
     from lme.worlds.barn.map_set import check_given
     from lme.worlds.rules import with_robot
 
-    values, place = option("map", name, settings)
+    config = {} if robot is None else {"robot": asdict(robot)}
+    values, place = option("map", name, settings, config)
     if robot is not None:
         values = with_robot(values, robot)
     elif "radius" in values and values["radius"] is None:
@@ -102,18 +97,19 @@ def load_parameters(weights: str | Path = "published") -> dict[str, float]:
 
 
 def option(
-    group: str, name: str | Path, settings: Mapping[str, Any] | None = None
+    group: str,
+    name: str | Path,
+    settings: Mapping[str, Any] | None = None,
+    config: Mapping[str, Any] | None = None,
 ) -> tuple[dict[str, Any], str]:
     """The values of the keys of `conf/GROUP/NAME.yaml`, with `settings` in place of some, and a name for messages.
 
-    A key that would take the value of another key of the whole config has its default. Raises InputError.
+    config: other keys of the whole config, for values that follow them. Raises InputError.
     """
     path = find_option(group, name)
-    values = _with_base(path, group)
-    if not isinstance(values, dict):
-        raise InputError(f"{path}: must be a mapping")
     place = f"{group} {name}" if settings else str(path)
-    return {key: _without_reference(value) for key, value in overlaid(values, settings or {}).items()}, place
+    values = overlaid(composer.compose(path, group).values, settings or {})
+    return composer.resolved(group, values, config or {}, place), place
 
 
 def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
@@ -128,17 +124,6 @@ def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
     )
 
 
-def ablation_settings(path: Path) -> dict[str, Any]:
-    """What the file of an ablation sets in the whole config; without `# @package _global_`, parameters alone.
-
-    Raises InputError if it cannot be read.
-    """
-    content = read_yaml(path)
-    own = content if isinstance(content, dict) else {}
-    own = {key: value for key, value in own.items() if key != "defaults"}
-    return own if _WHOLE.search(path.read_text(encoding="utf-8")) else {"ablation": own}
-
-
 def find_option(group: str, given: str | Path) -> Path:
     """The file of an option by its name, or by its path. Raises InputError."""
     shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
@@ -150,25 +135,6 @@ def find_option(group: str, given: str | Path) -> Path:
     what, names = group.replace("_", " "), ", ".join(known)
     hint = nearest(str(given), known)
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
-
-
-def _with_base(path: Path, group: str) -> object:
-    """An option's mapping, over those of the options in its `defaults`, as Hydra composes `[jackal, _self_]`."""
-    own = read_yaml(path)
-    if not isinstance(own, dict) or "defaults" not in own:
-        return own
-    merged: dict[str, Any] = {}
-    bases = [_with_base(find_option(group, name), group) for name in own.pop("defaults") if name != "_self_"]
-    for layer in (*bases, own):
-        merged = overlaid(merged, layer) if isinstance(layer, dict) else merged
-    return merged
-
-
-def _without_reference(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _without_reference(each) for key, each in value.items()}
-    found = _DEFAULT.fullmatch(value) if isinstance(value, str) else None
-    return value if found is None else yaml.safe_load(found[1])
 
 
 def _build(part: type[_Part], place: str, value: object) -> _Part:

@@ -1,24 +1,24 @@
-"""A system by name, as a navigator, without Hydra."""
+"""A system by name, as a navigator."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from lme.config.presets import ablation_settings, configured, find_option, option
+from lme.config.composer import compose
+from lme.config.presets import configured, find_option, option
 from lme.errors import InputError, nearest
-from lme.guides.lme.weight_files import PUBLISHED, learned_parameters, own_weights, with_network
+from lme.guides.lme.weight_files import PUBLISHED, with_network
 from lme.inputs.resources import overlaid
-from lme.inputs.yaml_entry import read_yaml
 from lme.navigation.navigator import Navigator
 from lme.perception.people.source import people_source
 from lme.robots import Robot
-from lme.types import Guide, Planner
+from lme.types import Planner
 
 _PARTS = ("guide", "planner", "filter")
-_OVERRIDE = re.compile(r"override /(\w+)")
+_GROUPS = (*_PARTS, "ablation")
 
 
 def load_system(
@@ -47,39 +47,39 @@ def load_system(
 
     Raises InputError for an unknown name or key, and for a wrong value.
     """
-    chosen, own = _composed(name)
-    chosen.update({group: changes.pop(group) for group in (*_PARTS, "ablation") if group in changes})
-    ablated: dict[str, Any] = {}
-    names = chosen.get("ablation", ())
-    for each in [names] if isinstance(names, str) else names:
-        ablated = overlaid(ablated, ablation_settings(find_option("ablation", each)))
-    settings = overlaid(ablated, _nested(changes))
-    guide, where = option("guide", chosen["guide"], settings.get("guide"))
-    _fill_parameters(guide, weights, str(own.get("weights", PUBLISHED)), ablated.get("ablation", {}))
-    planner, place = option("planner", chosen["planner"], settings.get("planner"))
-    guide_class, guide_config = configured(with_network(guide, "guide"), where)
+    system = compose(find_option("system", name), "system")
+    choices = {**system.choices, **{group: changes.pop(group) for group in _GROUPS if group in changes}}
+
+    # The whole config: ablations over the options, the system over them, then what the caller changes.
+    config: dict[str, Any] = {"weights": PUBLISHED, "ablation": {}, "robot": asdict(robot)}
+    ablations = choices.get("ablation", ())
+    for ablation in [ablations] if isinstance(ablations, str) else ablations:
+        config = overlaid(config, compose(find_option("ablation", ablation), "ablation").settings)
+    config = overlaid(overlaid(config, system.settings), _nested(changes))
+    if weights is not None:
+        config["weights"] = str(weights)
+    parts = {part: option(part, choices.get(part, "none"), config.get(part), config) for part in _PARTS}
+    if weights is not None and "parameters" not in parts["guide"][0]:
+        raise InputError(f"weights is {str(weights)!r}: this guide has no parameters; omit it")
+
+    # Build the planner within its filter, then the guide.
+    guide, place = parts["guide"]
+    guide_class, guide_config = configured(with_network(guide, "guide"), place)
+    planner, place = parts["planner"]
     planner_class, planner_config = configured(with_network(planner), place)
-    made: Planner = planner_class(planner_config, robot)
-    filtered, its_place = option("filter", chosen.get("filter", "none"), settings.get("filter"))
-    if filtered:
-        filter_class, filter_config = configured(filtered, its_place)
-        made = filter_class(filter_config, made, robot)
-    guide_made: Guide = guide_class(guide_config, robot)
-    source = people_source(people, robot)
-    return Navigator(guide_made, made, goal_tolerance, source, feedback, robot.dt)
-
-
-def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The options that a system chooses, by group, and its own keys."""
-    content = read_yaml(find_option("system", name))
-    assert isinstance(content, dict)
-    chosen: dict[str, Any] = {}
-    for entry in content.pop("defaults", []):
-        for key, choice in entry.items() if isinstance(entry, dict) else ():
-            found = _OVERRIDE.fullmatch(key)
-            if found:
-                chosen[found[1]] = choice
-    return chosen, content
+    driver: Planner = planner_class(planner_config, robot)
+    safety, place = parts["filter"]
+    if safety:
+        filter_class, filter_config = configured(safety, place)
+        driver = filter_class(filter_config, driver, robot)
+    return Navigator(
+        guide_class(guide_config, robot),
+        driver,
+        goal_tolerance,
+        people_source(people, robot),
+        feedback,
+        robot.dt,
+    )
 
 
 def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in changes.items():
         part, *rest = key.split(".")
         if part not in _PARTS or not rest:
-            known = [*_PARTS, "ablation", "weights", "goal_tolerance", "people", "feedback"]
+            known = [*_GROUPS, "weights", "goal_tolerance", "people", "feedback"]
             raise InputError(
                 f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}, or a key of guide, "
                 "planner or filter, such as 'planner.latency'"
@@ -97,16 +97,3 @@ def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
             value = {name: value}
         nested = overlaid(nested, {part: value})
     return nested
-
-
-def _fill_parameters(
-    guide: dict[str, Any], weights: str | Path | None, usual: str, ablated: Mapping[str, float]
-) -> None:
-    """Put the parameters in the place of the reference to them."""
-    given = guide.get("parameters")
-    if not isinstance(given, str):
-        if weights is not None:
-            raise InputError(f"weights is {str(weights)!r}: this guide has no parameters; omit it")
-        return
-    learned = learned_parameters(str(weights or usual), guide.get("criteria") or (), own_weights(guide))
-    guide["parameters"] = {**learned, **ablated}

@@ -7,10 +7,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lme.config.presets import ablation_settings
+from lme.config.composer import SHIPPED
 from lme.errors import InputError
 from lme.inputs.resources import overlaid
-from runners.config.catalogue import SHIPPED, Catalogue
+from runners.config.catalogue import Catalogue
 
 GROUP = "ablation"
 SEVERAL = "+"  # joins the names of ablations that are chosen together
@@ -21,8 +21,7 @@ def settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for name in choice.split(SEVERAL):
         if catalogue.has(f"{GROUP}/{name}"):
-            for file in catalogue.files(f"{GROUP}/{name}"):
-                merged = overlaid(merged, ablation_settings(file))
+            merged = overlaid(merged, catalogue.option(f"{GROUP}/{name}").settings)
     return merged
 
 

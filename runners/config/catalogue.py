@@ -1,20 +1,19 @@
-"""The options in `conf/`, with their comments. Read as plain YAML without Hydra, so that help answers at once."""
+"""The options in `conf/`, with their comments, for help, the documentation and checks."""
 
 from __future__ import annotations
 
 import os.path
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from lme.config import composer
+from lme.config.composer import SHIPPED
 from lme.errors import InputError
 from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, UnfoldingError, check_structure, read_text
-from lme.inputs.resources import overlaid, resource_dir
-
-SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +33,8 @@ class Catalogue:
 
     def groups(self, config_name: str) -> dict[str, str | None]:
         """Config groups of a command in the order of its defaults list, each with its default option."""
-        slots = _parsed(self.file(config_name), yaml.load)["defaults"]
-        pairs = [next(iter(slot.items())) for slot in slots if isinstance(slot, dict)]
-        return {name: option for name, option in pairs if not name.startswith("override ")}
+        choices = self.option(config_name).choices
+        return {group: option for group, option in choices.items() if not group.startswith("hydra/")}
 
     def choices(self, group: str, command: str) -> dict[str, str]:
         """The options of a group, each with its file. Experiments are those of the command, if it has its own folder.
@@ -58,41 +56,22 @@ class Catalogue:
 
     def has(self, name: str) -> bool:
         """Whether a folder has the YAML `name`."""
-        return self._found(name) is not None
+        return composer.find(name, self.folders) is not None
 
     def file(self, name: str) -> Path:
         """The YAML `name` ("robot/jackal"), in the first folder that has it; raises FileNotFoundError."""
-        file = self._found(name)
+        file = composer.find(name, self.folders)
         if file is None:
             raise FileNotFoundError(name)
         return file
 
-    def files(self, name: str) -> list[Path]:
-        """The YAML `name` and the files that its defaults list inherits, in the order of merging.
-
-        Choices of other groups in that list do not count. Raises FileNotFoundError if there is no such YAML.
-        """
-        file = self.file(name)
-        entries = [entry for entry in _plain(file).get("defaults", []) if isinstance(entry, str)]
-        if "_self_" not in entries:
-            entries.append("_self_")
-        group = name.rpartition("/")[0]
-        files = []
-        for entry in entries:
-            base = entry[1:] if entry.startswith("/") else f"{group}/{entry}"
-            if entry == "_self_":
-                files.append(file)
-            elif self._found(base):  # the schema of a command is listed too, but is not a file
-                files += self.files(base)
-        return files
+    def option(self, name: str) -> composer.Option:
+        """The YAML `name` over those that it inherits. Raises FileNotFoundError, and InputError."""
+        return composer.compose(self.file(name), name.rpartition("/")[0], self.folders)
 
     def values(self, name: str) -> dict[str, Any]:
         """What the YAML `name` holds, with what it inherits, without its defaults list."""
-        merged: dict[str, Any] = {}
-        for file in self.files(name):
-            merged = overlaid(merged, _plain(file))
-        merged.pop("defaults", None)
-        return merged
+        return self.option(name).values
 
     def title(self, name: str) -> str:
         """The first comment line of the YAML `name`."""
@@ -110,25 +89,17 @@ class Catalogue:
         A key without a comment of its own has the inherited one.
         """
         found: dict[str, Key] = {}
-        for file in self.files(name):
-            for key in _walk(_parsed(file, yaml.compose), _text(file).splitlines(), ""):
+        for file in self.option(name).files:
+            text = _text(file)
+            for key in _walk(yaml.compose(text, SafeLoader), text.splitlines(), ""):
                 comment = key.comment or (found[key.name].comment if key.name in found else "")
                 found[key.name] = replace(key, comment=comment)
         return list(found.values())
-
-    def _found(self, name: str) -> Path | None:
-        files = (folder / f"{name}.yaml" for folder in self.folders)
-        return next(filter(os.path.isfile, files), None)  # Path.is_file raises for long names
 
 
 def shipped(*more: Path) -> Catalogue:
     """The catalogue of `conf/` and of the user's own folders."""
     return Catalogue((*SHIPPED, *more))
-
-
-def _plain(file: Path) -> dict[str, Any]:
-    content = _parsed(file, yaml.load)
-    return content if isinstance(content, dict) else {}
 
 
 def check_structure_of(file: Path) -> None:
@@ -148,16 +119,6 @@ def _text(file: Path) -> str:
         raise InputError(f"{file}: not valid YAML in UTF-8 ({error})") from error
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-
-
-def _parsed(file: Path, parse: Callable[[str, Any], Any]) -> Any:
-    """The YAML of a file, parsed so. Raises InputError for what PyYAML refuses; OmegaConf reads a little more."""
-    if not file.is_relative_to(SHIPPED[0]):
-        check_structure_of(file)
-    try:
-        return parse(_text(file), SafeLoader)
-    except yaml.YAMLError as error:
-        raise InputError(f"{file}: not valid YAML ({error})") from error
 
 
 def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:

@@ -39,13 +39,10 @@ class Composer(initialize_config_dir):
         self.config_name = config_name
         self.catalogue = catalogue.shipped(*([config_dir] if config_dir else []))
         self._config_dir = config_dir
-        try:
-            self.slots = self.catalogue.groups(config_name)
-        except (FileNotFoundError, KeyError, TypeError, AttributeError, yaml.YAMLError) as error:
+        self.slots = self.catalogue.groups(config_name) if self.catalogue.has(config_name) else {}
+        if not self.slots:
             places = ", ".join(str(folder) for folder in self.catalogue.folders)
-            raise InputError(
-                f"config {config_name}: no {config_name}.yaml with defaults in {places}"
-            ) from error
+            raise InputError(f"config {config_name}: no {config_name}.yaml with defaults in {places}")
         schema.register()
         super().__init__(str(resource_dir("conf")), config_name, version_base="1.3")
 

@@ -10,9 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from lme.config.composer import SHIPPED
 from lme.errors import InputError
 from lme.robots import Robot
-from runners.config.catalogue import SHIPPED, Catalogue
+from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 from runners.config.instantiate import fill_dataclass
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, NamedTuple, cast
 
+from lme.config.composer import resolved
 from lme.errors import InputError, nearest
 from lme.robots import Robot
 from lme.types import Floats
@@ -95,14 +96,10 @@ def _robot(words: Sequence[str], configs: Catalogue) -> Robot:
 def _node(name: str, settings: Sequence[str], robot: Robot, configs: Catalogue) -> dict[str, Any]:
     """The set's config with its settings. It may refer to other keys of `lme eval`, such as the robot's."""
     from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
 
-    merged = _merged(configs.values(f"map/{name}"), settings, "")
-    try:
-        whole = OmegaConf.create({**configs.values("eval"), "robot": asdict(robot), "map": merged})
-        node: Any = OmegaConf.to_container(whole.map, resolve=True)
-    except OmegaConfBaseException as error:
-        raise InputError(f"{configs.file(f'map/{name}')}: {str(error).splitlines()[0]}") from error
+    merged: Any = OmegaConf.to_container(_merged(configs.values(f"map/{name}"), settings, ""))
+    config = {**configs.values("eval"), "robot": asdict(robot)}
+    node = resolved("map", merged, config, str(configs.file(f"map/{name}")))
     return {**node, "worlds": parse_worlds(node.get("worlds"), "map.worlds")}
 
 

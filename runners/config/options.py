@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any, cast
+from typing import Any
 
-from omegaconf import OmegaConf
-
+from lme.config.composer import resolved
 from lme.errors import InputError, nearest
 from lme.inputs.resources import overlaid
 from runners.config.catalogue import Catalogue
@@ -35,6 +34,5 @@ def _read(job: Job[SystemConfig], key: str, group: str, name: str) -> dict[str, 
     known = catalogue.options(group)
     if name not in known:
         raise InputError(f"{key} is {name!r}: {nearest(name, known)}must be one of {', '.join(known)}")
-    values = catalogue.values(f"{group}/{name}")
-    whole = OmegaConf.create({**asdict(job.config), group: values})  # for what the file interpolates
-    return cast(dict[str, Any], OmegaConf.to_container(whole[group], resolve=True))
+    file = f"{group}/{name}"
+    return resolved(group, catalogue.values(file), asdict(job.config), str(catalogue.file(file)))

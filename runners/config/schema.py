@@ -8,8 +8,9 @@ from enum import StrEnum, auto
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
+from lme.config.composer import register_resolvers
 from lme.perception.people.source import People
 from lme.robots import Robot
 from lme.types import Feedback
@@ -276,20 +277,11 @@ COMMANDS: dict[str, type[SystemConfig]] = {
 
 
 def register() -> None:
-    """Make the schemas and the resolvers `parameters`, `sweep` and `given` known to Hydra; safe to call again."""
-    from runners.config.weights import parameters
-
+    """Make the schemas and the resolvers known to Hydra; safe to call again."""
     for command, schema in COMMANDS.items():
         ConfigStore.instance().store(name=f"{command}_schema", node=schema)
-    OmegaConf.register_new_resolver("parameters", parameters, replace=True)
+    register_resolvers()
     OmegaConf.register_new_resolver("sweep", _sweep, replace=True)
-    OmegaConf.register_new_resolver("given", _given, replace=True)
-
-
-def _given(key: str, default: Any, *, _root_: DictConfig) -> Any:
-    """The value of another key of the whole config; the default if there is no such key, or if it is null."""
-    value = OmegaConf.select(_root_, key)
-    return default if value is None else value
 
 
 def _sweep(options: Sequence[str], without: Collection[str] = ()) -> str:

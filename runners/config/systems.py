@@ -8,8 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from lme.config.composer import SHIPPED
 from lme.errors import InputError, nearest
-from runners.config.catalogue import SHIPPED, Catalogue
+from runners.config.catalogue import Catalogue
 from runners.config.instantiate import fill_dataclass
 
 

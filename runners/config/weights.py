@@ -1,43 +1,21 @@
-"""The parameters of a guide's config: a weight set, multiplied, and with those of an ablation in their place."""
+"""The weight sets that guides take, and the scale of their parameters in words."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
 from lme.guides.lme.score import CRITERIA, THRESHOLDS
-from lme.guides.lme.weight_files import learned_parameters, own_names, own_weights
+from lme.guides.lme.weight_files import own_names, own_weights
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
-from runners.config.hydra_errors import unknown_key
 
 _TAKEN = re.compile(r"\$\{.*(?<!\w\.)\bweights\b")  # of the whole config; not ${planner.weights}
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
-
-
-def parameters(
-    weights: str,
-    ablation: Mapping[str, float],
-    criteria: Iterable[str] = (),
-    scale: Mapping[str, float] | None = None,
-    own: str | None = None,
-) -> dict[str, float]:
-    """The parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
-
-    weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
-    a YAML with a mapping `parameters`. criteria: names of criteria besides the paper's six. scale: factors by
-    name; an ablation replaces what they give. own: the weight set of a guide with other criteria than the paper's; it
-    names them, and is taken where `weights` is the paper's set.
-    Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
-    factor that is negative or not finite.
-    """
-    learned = learned_parameters(weights, criteria, own)
-    return {**learned, **_scaled(learned, scale or {}), **ablation}
 
 
 @cache
@@ -79,13 +57,3 @@ def scale_from_words(text: str) -> dict[str, float]:
     """The scale of a text that `scale_in_words` made."""
     pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
     return {name: float(factor) for name, factor in pairs}
-
-
-def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[str, float]:
-    """Those parameters that have a factor, times it."""
-    for name, factor in scale.items():
-        if name not in learned:
-            raise unknown_key(f"scale.{name}", learned)
-        if not (math.isfinite(factor) and factor >= 0):
-            raise InputError(f"scale.{name} is {factor:g}: must be a number, at least 0 and finite")
-    return {name: learned[name] * factor for name, factor in scale.items()}

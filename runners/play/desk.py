@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from lme.config.composer import SHIPPED
 from lme.errors import InputError
 from lme.inputs.user_code import show_traceback, user_error
 from lme.types import Pose
-from runners.config.catalogue import SHIPPED
 from runners.play.details import LAYERS, detail_message
 from runners.play.drawing import FARTHEST, item_of
 from runners.play.fields import Fields

@@ -158,7 +158,7 @@ def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict
         ]
         names += [f"system/{name}" for name in getattr(job.config, "table", [])]
         for name in [*names, *([config_name] if config_name else [])]:
-            files = catalogue.files(name) if own and catalogue.has(name) else []
+            files = catalogue.option(name).files if own and catalogue.has(name) else ()
             found |= {
                 file.relative_to(own[0]).as_posix(): file for file in files if file.is_relative_to(own[0])
             }

@@ -154,7 +154,7 @@ def test_every_yaml_is_reached_by_a_command():
     groups |= {f"experiment/{name}" for name in commands}
     reached = {f"{group}/{option}" for group in groups for option in CATALOGUE.options(group)} | commands
     reached.add("map/_cold_trial")  # of experiment/cold_trial alone, because no other command can draw robots
-    assert set(CONF.rglob("*.yaml")) == {file for name in reached for file in CATALOGUE.files(name)}
+    assert set(CONF.rglob("*.yaml")) == {file for name in reached for file in CATALOGUE.option(name).files}
 
 
 def test_the_defaults_are_the_papers_main_experiment(composer):

@@ -1,26 +1,8 @@
-"""The plain-YAML reader of config folders: what a file inherits through its defaults list."""
+"""The options of config folders, their titles and the comments of their keys."""
 
 import pytest
-from omegaconf import OmegaConf
 
-from runners.config import schema
-from runners.config.catalogue import Catalogue, Key, shipped
-from runners.config.composer import Composer
-
-CATALOGUE = shipped()
-INHERITING = [
-    f"{group}/{option}"
-    for group in ("map", "robot", "planner")
-    for option in CATALOGUE.options(group)
-    if len(CATALOGUE.files(f"{group}/{option}")) > 1
-]
-
-
-@pytest.fixture(scope="module")
-def composer():
-    schema.register()
-    with Composer("eval") as composer:
-        yield composer
+from runners.config.catalogue import Catalogue, Key
 
 
 @pytest.fixture
@@ -36,22 +18,12 @@ def own(tmp_path):
     return Catalogue((tmp_path,))
 
 
-def test_a_file_holds_what_it_inherits(own):
-    assert own.values("robot/wide") == {"name": "long", "body": {"length": 9, "width": 8}}
-    assert [file.stem for file in own.files("robot/wide")] == ["_base", "long", "wide"]
-
-
 def test_a_key_keeps_the_inherited_comment_unless_it_has_its_own(own):
     assert own.keys("robot/wide") == [
         Key("name", "long", "its name"),
         Key("body.length", "9", "[m]"),
         Key("body.width", "8", "wide"),
     ]
-
-
-def test_defaults_before_self_are_overridden_and_those_after_override(own, tmp_path):
-    (tmp_path / "robot" / "back.yaml").write_text("# Back\ndefaults: [_self_, long]\nname: back\n")
-    assert own.values("robot/back")["name"] == "long"
 
 
 def test_a_base_file_is_not_an_option(own):
@@ -61,20 +33,7 @@ def test_a_base_file_is_not_an_option(own):
 
 def test_an_absent_file_is_not_found(own):
     with pytest.raises(FileNotFoundError):
-        own.files("robot/narrow")
+        own.option("robot/narrow")
     with pytest.raises(FileNotFoundError):
-        own.files("x" * 5000)
+        own.option("x" * 5000)
     assert own.options("x" * 5000) == []
-
-
-@pytest.mark.parametrize("name", INHERITING)
-def test_hydra_composes_the_same(composer, name):
-    group, _, option = name.partition("/")
-    composed = composer.compose([f"{group}={option}"])[group]
-    assert OmegaConf.to_container(composed) == CATALOGUE.values(name)
-
-
-def test_drawn_scenes_and_tuned_planners_inherit():
-    assert {"map/real1", "map/go2_b", "map/file", "robot/jackal_wheels", "planner/dwa_tuned"} <= set(
-        INHERITING
-    )

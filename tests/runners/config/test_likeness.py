@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from runners.config.catalogue import SHIPPED, Catalogue
+from lme.config.composer import SHIPPED
+from runners.config.catalogue import Catalogue
 from runners.config.command_line import compose
 from runners.config.likeness import map_like, robot_difference, robots_like
 from runners.records.launch_record import identity

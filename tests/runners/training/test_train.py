@@ -14,10 +14,10 @@ import pandas as pd
 import pytest
 import yaml
 
+from lme.config.parameters import parameters
 from lme.errors import InputError
 from lme.guides.lme.escaper import LocalMinimumEscaper
 from runners.cli.main import main
-from runners.config.weights import parameters
 from runners.records.launch_record import read_launch
 from runners.training.opening import JOURNAL
 from tests.builders import PUBLISHED, stage

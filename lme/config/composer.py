@@ -1,0 +1,163 @@
+"""Composing of `conf/` without Hydra, for the library, help and everything but the command line.
+
+`compose` merges a file with what its defaults list names, which takes nothing but YAML. `resolved` then replaces the
+interpolations. OmegaConf does this, as it does for Hydra, so a user's file means the same to a robot's own program as
+to `lme eval`; a parser of our own would be simpler only for the few forms that our own files use.
+"""
+
+from __future__ import annotations
+
+import os.path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any, cast
+
+from lme.errors import InputError
+from lme.inputs.guarded_file import YAML_BYTES, read_text
+from lme.inputs.resources import overlaid, resource_dir
+from lme.inputs.yaml_entry import read_yaml
+
+SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
+_SELF, _HERE = "_self_", "_here_"
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A file of a config group over those that it inherits.
+
+    package: the dotted key under which the whole config holds it; empty for a file with `# @package _global_`.
+    settings: its keys within the whole config. choices: the options of other groups that it chooses. files: those
+    that were merged, in this order.
+    """
+
+    package: str
+    settings: dict[str, Any]
+    choices: dict[str, Any]
+    files: tuple[Path, ...]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The keys as the file has them, below its package."""
+        values = self.settings
+        for name in filter(None, self.package.split(".")):
+            values = values.get(name, {})
+        return values
+
+
+def find(name: str, folders: Sequence[Path] = SHIPPED) -> Path | None:
+    """The YAML `name` ("robot/jackal") in the first folder that has it; None if there is none."""
+    files = (folder / f"{name}.yaml" for folder in folders)
+    return next(filter(os.path.isfile, files), None)  # Path.is_file raises for long names
+
+
+def compose(
+    file: Path, group: str, folders: Sequence[Path] = SHIPPED, choices: Mapping[str, str] | None = None
+) -> Option:
+    """Merge the file of an option of `group` with those that its defaults list names.
+
+    group: empty for the config of a command. choices: options of other groups, for a list with `${planner}`; entries
+    that depend on another choice are left out. Raises InputError for a file that cannot be read or composed.
+    """
+    return _composed(file, group, None, folders, choices or {}, ())
+
+
+def resolved(group: str, values: Mapping[str, Any], config: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """Replace the interpolations in the values of a group.
+
+    config: the other keys of the whole config. place: for messages. Raises InputError for one that leads nowhere.
+    """
+    if "${" not in str(values):
+        return dict(values)
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    register_resolvers()
+    try:
+        whole = OmegaConf.create({**config, group: values})
+        return cast(dict[str, Any], OmegaConf.to_container(whole[group], resolve=True))
+    except OmegaConfBaseException as error:
+        reason = str(error).splitlines()[0]
+        raised = "InputError raised while resolving interpolation: "
+        place = "" if reason.startswith(raised) else f"{place}: "
+        raise InputError(f"{place}{reason.removeprefix(raised)}") from error
+
+
+def register_resolvers() -> None:
+    """Make the resolvers of `conf/` known to OmegaConf; safe to call again."""
+    from omegaconf import OmegaConf
+
+    from lme.config.parameters import parameters
+
+    OmegaConf.register_new_resolver("parameters", parameters, replace=True)
+    OmegaConf.register_new_resolver("given", _given, replace=True)
+
+
+def _given(key: str, default: Any, *, _root_: Any) -> Any:
+    """The value of another key of the whole config; the default if there is no such key, or if it is null."""
+    from omegaconf import OmegaConf
+
+    value = OmegaConf.select(_root_, key)
+    return default if value is None else value
+
+
+def _composed(
+    file: Path,
+    group: str,
+    package: str | None,
+    folders: Sequence[Path],
+    choices: Mapping[str, str],
+    heirs: tuple[Path, ...],
+) -> Option:
+    """package: None for the file's own. heirs: the files that inherit this one."""
+    if file in heirs:
+        raise InputError(f"{file}: inherits itself; its defaults must name other files")
+    content = read_yaml(file) or {}
+    entries = content.get("defaults", []) if isinstance(content, dict) else None
+    if not isinstance(content, dict) or not isinstance(entries, list):
+        raise InputError(f"{file}: must be a mapping, in which `defaults` is a list")
+    package = _package(file, group) if package is None else package
+    own: dict[str, Any] = {key: value for key, value in content.items() if key != "defaults"}
+    for name in reversed(list(filter(None, package.split(".")))):
+        own = {name: own}
+
+    settings: dict[str, Any] = {}
+    chosen: dict[str, Any] = {}
+    files: list[Path] = []
+    for entry in entries if _SELF in entries else [*entries, _SELF]:
+        if entry == _SELF:
+            settings, files = overlaid(settings, own), [*files, file]
+            continue
+        slot, option = next(iter(entry.items())) if isinstance(entry, dict) and entry else ("", entry)
+        *keywords, slot = str(slot).split(" ")  # optional, override
+        if slot and (not group or slot.startswith("/")):
+            chosen[slot.removeprefix("/")] = option
+            continue
+        try:
+            option = None if option is None else Template(str(option)).substitute(choices)
+        except (KeyError, ValueError):  # a choice that has not been made
+            option = None
+        if option is None:
+            continue
+
+        # An inherited file has the package of its own group, unless the list names another.
+        subgroup, _, target = slot.partition("@")
+        name = option[1:] if option.startswith("/") else "/".join(filter(None, (group, subgroup, option)))
+        base = find(name, folders)
+        if base is not None:
+            base_group = name.rpartition("/")[0]
+            where = {"": None, _HERE: package}.get(target, f"{package}.{target}".strip("."))
+            layer = _composed(base, base_group, where, folders, choices, (*heirs, file))
+            settings, files = overlaid(settings, layer.settings), [*files, *layer.files]
+            chosen |= layer.choices
+        elif group and "optional" not in keywords:  # the schema of a command is listed too, but is not a file
+            raise InputError(f"{file}: its defaults name {name}.yaml, which there is not")
+    return Option(package, settings, chosen, tuple(files))
+
+
+def _package(file: Path, group: str) -> str:
+    """The dotted key under which the whole config holds a file, by its first comments or its group."""
+    lines = read_text(file, YAML_BYTES).splitlines()
+    is_global = any(line.strip("# ").split() == ["@package", "_global_"] for line in lines if line[:1] == "#")
+    return "" if is_global else group.replace("/", ".")
