@@ -14,7 +14,9 @@ from pathlib import Path
 from string import Template
 from typing import Any, cast
 
+from lme.config.parameters import parameters
 from lme.errors import InputError
+from lme.guides.lme.weight_files import PUBLISHED
 from lme.inputs.guarded_file import YAML_BYTES, read_text
 from lme.inputs.resources import overlaid, resource_dir
 from lme.inputs.yaml_entry import read_yaml
@@ -88,10 +90,21 @@ def register_resolvers() -> None:
     """Make the resolvers of `conf/` known to OmegaConf; safe to call again."""
     from omegaconf import OmegaConf
 
-    from lme.config.parameters import parameters
-
-    OmegaConf.register_new_resolver("parameters", parameters, replace=True)
+    OmegaConf.register_new_resolver("parameters", _parameters, replace=True)
     OmegaConf.register_new_resolver("given", _given, replace=True)
+
+
+def _parameters(*, _root_: Any, _parent_: Any) -> dict[str, float]:
+    """The parameters of a guide, whose other keys are beside this one."""
+    from omegaconf import OmegaConf
+
+    return parameters(
+        _root_.weights,
+        _root_.ablation,
+        _parent_.get("criteria") or (),
+        OmegaConf.select(_root_, "scale"),
+        _parent_.get("weight_set") or PUBLISHED,
+    )
 
 
 def _given(key: str, default: Any, *, _root_: Any) -> Any:

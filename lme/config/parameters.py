@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from lme.errors import InputError, nearest
-from lme.guides.lme.weight_files import learned_parameters
+from lme.guides.lme.weight_files import PUBLISHED, learned_parameters
 
 
 def parameters(
@@ -14,18 +14,17 @@ def parameters(
     ablation: Mapping[str, float],
     criteria: Iterable[str] = (),
     scale: Mapping[str, float] | None = None,
-    own: str | None = None,
+    weight_set: str = PUBLISHED,
 ) -> dict[str, float]:
     """Return the parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
 
     weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
-    a YAML with a mapping `parameters`. criteria: names of criteria besides the paper's six. scale: factors by
-    name; an ablation replaces what they give. own: the weight set of a guide with other criteria than the paper's; it
-    names them, and is taken where `weights` is the paper's set.
-    Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
+    a YAML with a mapping `parameters`; the paper's set stands for the guide's own. criteria: names of criteria besides
+    those of the guide's own set. scale: factors by name; an ablation replaces what they give. weight_set: the guide's
+    own. Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
     factor that is negative or not finite.
     """
-    learned = learned_parameters(weights, criteria, own)
+    learned = learned_parameters(weights, weight_set, criteria)
     factors = scale or {}
     for name, factor in factors.items():
         if name not in learned:

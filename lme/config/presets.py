@@ -16,7 +16,7 @@ from lme.guides.lme.weight_files import (
     PUBLISHED,
     find_weights,
     learned_parameters,
-    own_names,
+    set_names,
     shipped_weights,
 )
 from lme.inputs.resources import overlaid, resource_dir
@@ -91,9 +91,8 @@ def load_parameters(weights: str | Path = "published") -> dict[str, float]:
     content = read_yaml(find_weights(str(weights)))
     given = content.get("parameters") if isinstance(content, dict) else None
     names = set(given) if isinstance(given, dict) else set()
-    papers = set(own_names(PUBLISHED))
-    own = next((own for own in shipped_weights() if names == set(own_names(own)) != papers), None)
-    return learned_parameters(str(weights), own=own)
+    own = next((own for own in shipped_weights() if names == set(set_names(own))), PUBLISHED)
+    return learned_parameters(str(weights), own)
 
 
 def option(

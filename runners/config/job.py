@@ -9,13 +9,14 @@ from typing import Any, Generic, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 
-from lme.guides.lme.weight_files import PUBLISHED, own_weights
+from lme.guides.lme.weight_files import PUBLISHED
 from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
 from runners.config.changes import changed_keys, describe_changes
 from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
 from runners.config.urls import masked_text, masked_values
+from runners.config.weights import own_weights
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
 
@@ -28,7 +29,7 @@ class Job(Generic[C]):
     this job. changes: keys of the chosen options that have other values than the options' files, by dotted name. Both
     are without passwords.
     folders: of the configs, the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the
-    job is part of, if any. own_weights: the weight set of a guide that has criteria of its own.
+    job is part of, if any. own_weights: the weight set of the guide, if it takes one.
     """
 
     config: C

@@ -8,9 +8,9 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
-from lme.guides.lme.weight_files import PUBLISHED, find_weights, own_weights
+from lme.guides.lme.weight_files import PUBLISHED, find_weights
 from runners.config.catalogue import Catalogue
-from runners.config.weights import takes_weights
+from runners.config.weights import own_weights, takes_weights
 
 
 def check_weights(text: str, configs: Collection[DictConfig], catalogue: Catalogue) -> None:
@@ -43,7 +43,8 @@ def _uses(config: Mapping[str, Any], catalogue: Catalogue) -> bool:
 
 
 def _own(config: Mapping[str, Any]) -> str | None:
-    return own_weights(config["guide"])
+    own = own_weights(config["guide"])
+    return None if own == PUBLISHED else own
 
 
 def _other_guides(config: Mapping[str, Any], catalogue: Catalogue) -> Iterator[Mapping[str, Any]]:

@@ -2,42 +2,31 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guides.lme.score import CRITERIA, THRESHOLDS
-from lme.guides.lme.weight_files import own_names, own_weights
-from runners.config.catalogue import Catalogue
+from lme.guides.lme.weight_files import PUBLISHED, set_names
 from runners.config.flatten import flatten
 
-_TAKEN = re.compile(r"\$\{.*(?<!\w\.)\bweights\b")  # of the whole config; not ${planner.weights}
+PARAMETERS = "${parameters:}"  # the parameters of a guide, by the key `weights`
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
 
-@cache
-def own_weights_of(guide: str, folders: tuple[Path, ...]) -> str | None:
-    """The same of an option of the group `guide`, read once; None if the option no longer exists."""
-    try:
-        return own_weights(Catalogue(folders).values(f"guide/{guide}"))
-    except (FileNotFoundError, InputError):
-        return None
+def own_weights(guide: Mapping[str, Any]) -> str | None:
+    """The weight set that a guide's config, not resolved, names as its own; None if its parameters do not follow it."""
+    return guide.get("weight_set", PUBLISHED) if guide.get("parameters") == PARAMETERS else None
 
 
 def parameter_names(guide: Mapping[str, Any]) -> list[str]:
     """The parameters that a guide's config, not resolved, takes from a weight set; none where it takes none."""
     own = own_weights(guide)
-    if own is not None:
-        return own_names(own)
-    return [*CRITERIA, *THRESHOLDS, *(guide.get("criteria") or {})] if takes_weights(guide) else []
+    return [] if own is None else [*set_names(own), *(guide.get("criteria") or {})]
 
 
 def takes_weights(node: Mapping[str, Any]) -> bool:
     """Whether a config, not resolved, interpolates the key `weights`."""
-    return any(isinstance(value, str) and _TAKEN.search(value) for _, value in flatten(node))
+    return any(value in (PARAMETERS, "${weights}") for _, value in flatten(node))
 
 
 def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:

@@ -16,12 +16,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from lme.guides.lme.weight_files import PUBLISHED
-from runners.config.catalogue import shipped
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.config.likeness import map_like, robot_difference, robots_like
-from runners.config.weights import own_weights_of, scale_in_words
+from runners.config.weights import scale_in_words
 from runners.records.append_log import (
     APPEND_LOG,
     AppendLog,
@@ -216,12 +214,12 @@ def planned(episodes: pd.DataFrame, column: str) -> int:
 def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, object]]]:
     """Of each run: the records as its files hold them, and the columns that `read_episodes` adds.
 
-    Old records of LME+ name the weights that were used. Raises as `read_episodes` does.
+    Raises as `read_episodes` does.
     """
     found = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
-    for run_dir, launch, columns in zip(run_dirs, launches, _run_columns(launches), strict=True):
+    for run_dir, columns in zip(run_dirs, _run_columns(launches), strict=True):
         with log_of(run_dir) as log:
             table = episode_table(run_dir, log)
         if table.num_rows == 0:
@@ -230,7 +228,7 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
         missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
         if missing:
             raise InputError(f"records in {run_dir} lack the columns {missing}: not written by lme eval")
-        found.append((_with_own_weights(table, launch), {"run_dir": str(run_dir), **columns}))
+        found.append((table, {"run_dir": str(run_dir), **columns}))
     if not found:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
     return found
@@ -284,24 +282,6 @@ def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     if not has_records(run_dir):
         raise InputError(f"{run_dir} has no records: expected {EPISODES} or {APPEND_LOG}")
     return read_log(run_dir / APPEND_LOG)
-
-
-def _with_own_weights(table: pa.Table, launch: Launch | None) -> pa.Table:
-    """Records with the weight sets that were used: old ones say `published` even if a guide took its own set."""
-    import pyarrow as pa
-
-    if not {"guide", "weights"} <= set(table.column_names):
-        return table
-    folders = launch.folders if launch else shipped().folders
-    guides, weights = table["guide"].to_pylist(), table["weights"].to_pylist()
-    own = {guide: own_weights_of(str(guide), folders) for guide in set(guides)}
-    used = [
-        own[guide] or name if name == PUBLISHED else name for guide, name in zip(guides, weights, strict=True)
-    ]
-    if used == weights:
-        return table
-    place = table.column_names.index("weights")
-    return table.set_column(place, table.schema.field(place), pa.array(used, table["weights"].type))
 
 
 def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:

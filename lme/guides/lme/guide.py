@@ -21,9 +21,10 @@ from lme.types import Guidance, Observation
 class LmeConfig(EscaperConfig):
     """An escaper's settings, its parameters by name, and further criteria as {name: dotted path}.
 
-    parameters: {}: the published ones.
+    weight_set: its own. parameters: {}: those of the weight set.
     """
 
+    weight_set: str = PUBLISHED
     parameters: dict[str, float] = field(default_factory=dict)
     criteria: dict[str, str] = field(default_factory=dict)
 
@@ -34,7 +35,7 @@ class Lme:
     Config = LmeConfig
 
     def __init__(self, config: LmeConfig, robot: Robot) -> None:
-        parameters = config.parameters or learned_parameters(PUBLISHED)
+        parameters = config.parameters or learned_parameters(PUBLISHED, config.weight_set)
         criteria = {**PAPER_CRITERIA, **_load(config.criteria)}
         self.escaper = LocalMinimumEscaper(robot, parameters, config, criteria)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError, nearest
-from lme.guides.lme.score import CRITERIA, THRESHOLDS, read_parameters
+from lme.guides.lme.score import THRESHOLDS, read_parameters
 from lme.inputs.guarded_file import expanded
 from lme.inputs.resources import resource_dir
 from lme.inputs.yaml_entry import read_yaml
@@ -18,33 +17,23 @@ WEIGHTS = "weights.yaml"  # in the directory of a training run
 NETWORK = "weights.npz"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"
 IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
-_OWN = re.compile(r"\$\{parameters:.*,\s*([\w./-]+)\s*\}")  # the fifth argument of the resolver
 
 
 def learned_parameters(
-    weights: str, criteria: Iterable[str] = (), own: str | None = None
+    weights: str, weight_set: str = PUBLISHED, criteria: Iterable[str] = ()
 ) -> dict[str, float]:
-    """The parameters of a weight set: a weight for each criterion, d1 [m] and d2.
+    """Return the parameters of a weight set: a weight for each criterion, d1 [m] and d2.
 
-    weights: as for `find_weights`. criteria: names besides the paper's six. own: the weight set of a guide with other
-    criteria than the paper's; it names them, and is taken where `weights` is the paper's set. Raises InputError naming
-    the file where it is missing or malformed.
+    weights: as for `find_weights`; the paper's set stands for the guide's own. weight_set: the guide's own, which names
+    its criteria. criteria: names of further ones. Raises InputError naming the file where it is missing or malformed.
     """
-    if own is None:
-        return read_parameters(find_weights(weights), (*CRITERIA, *criteria))
-    names = [name for name in own_names(own) if name not in THRESHOLDS]
-    return read_parameters(find_weights(own if weights == PUBLISHED else weights), names)
+    names = [name for name in set_names(weight_set) if name not in THRESHOLDS]
+    return read_parameters(find_weights(weight_set if weights == PUBLISHED else weights), [*names, *criteria])
 
 
-def own_weights(guide: Mapping[str, Any]) -> str | None:
-    """The weight set that a guide's config, not resolved, names as its own; None where it has the paper's criteria."""
-    found = _OWN.fullmatch(str(guide.get("parameters")))
-    return found[1] if found and found[1] != "null" else None
-
-
-def own_names(own: str) -> list[str]:
+def set_names(weight_set: str) -> list[str]:
     """Names of the parameters in a weight set that ships."""
-    content = read_yaml(find_weights(own))
+    content = read_yaml(find_weights(weight_set))
     assert isinstance(content, dict)
     return list(content["parameters"])
 

@@ -7,18 +7,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lme.guides.lme.explanation import Explanation
-from lme.guides.lme.weight_files import learned_parameters
+from lme.guides.lme.weight_files import PUBLISHED, learned_parameters
 from lme.guides.lme_plus.escaper import EscaperPlusConfig, LocalMinimumEscaperPlus
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 
-OWN_SET = "lme_plus"  # of the weights that ship
-
 
 @dataclass(slots=True)
 class LmePlusConfig(EscaperPlusConfig):
-    """An escaper's settings and its parameters by name; {}: those that ship."""
+    """An escaper's settings, its own weight set, and its parameters by name; {}: those of the weight set."""
 
+    weight_set: str = "lme_plus"
     parameters: dict[str, float] = field(default_factory=dict)
 
 
@@ -28,7 +27,7 @@ class LmePlus:
     Config = LmePlusConfig
 
     def __init__(self, config: LmePlusConfig, robot: Robot) -> None:
-        parameters = config.parameters or learned_parameters(OWN_SET, own=OWN_SET)
+        parameters = config.parameters or learned_parameters(PUBLISHED, config.weight_set)
         self.escaper = LocalMinimumEscaperPlus(robot, parameters, config)
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from runners.cli.main import main
-from runners.config.weights import own_weights_of
 from runners.records.launch_record import launch_of, read_launch
 from runners.records.records import read_episodes
 from runners.reports.analysis.summary import row_keys
@@ -38,19 +36,11 @@ def test_resolved_weights_do_not_change_the_fingerprint():
     assert launch.configs[0]["weights"] == "published"  # as it was given: earlier runs are resumed by it
 
 
-def test_a_guide_that_a_file_no_longer_describes(tmp_path):
-    assert own_weights_of("lme_plus", (tmp_path,)) is None
-
-
-def test_records_say_which_set_was_used_those_of_earlier_versions_too(tmp_path, monkeypatch):
+def test_records_say_which_set_was_used(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["system=lme_plus", "map.worlds=0", "map.time_limit=0.3", "runs=1"]
     assert main(["eval", *words, "executor=serial", "tracking=none", "hydra.run.dir=run"]) == 0
-    file = Path("run/episodes.parquet")
-    records = pd.read_parquet(file)
-    assert set(records["weights"]) == {"lme_plus"}
     assert read_launch(Path("run")).weights == ["lme_plus"]
-    records.assign(weights="published").to_parquet(file)
     frame = read_episodes([Path("run")])
     assert set(frame["weights"]) == {"lme_plus"}
     assert "weights" not in row_keys(frame), "usual, so no column of the table"
