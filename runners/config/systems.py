@@ -1,4 +1,4 @@
-"""Named pairs of guide and planner, with their published figures: `conf/system/*.yaml`, and a user's own."""
+"""Named pairs of guide and planner: `conf/system/*.yaml`, and a user's own. Figures: `conf/published.yaml`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 from lme.config.composer import SHIPPED
 from lme.errors import InputError, nearest
-from runners.config.catalogue import Catalogue
-from runners.config.instantiate import fill_dataclass
+from runners.config.catalogue import Catalogue, shipped
+from runners.config.hydra_errors import unknown_key
 
 
 @dataclass(slots=True)
@@ -25,7 +25,7 @@ class System:
     guide: str
     planner: str
     global_planner: bool = False
-    published: dict[str, Any] | None = field(default=None)
+    published: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -40,7 +40,14 @@ def systems(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, System]:
     Raises InputError for a file that does not describe a pair.
     """
     catalogue = Catalogue(folders)
-    return {name: _read(catalogue, name) for name in catalogue.options("system")}
+    known = {name: _read(catalogue, name) for name in catalogue.options("system")}
+    figures = shipped().values("published")
+    guides = {system.guide for system in known.values() if catalogue.has(f"guide/{system.guide}")}
+    on_maps = {guide for guide in guides if "global_map" in catalogue.values(f"guide/{guide}")}
+    for name, system in known.items():
+        system.global_planner = system.guide in on_maps
+        system.published = figures.get(name, {})
+    return known
 
 
 def label(guide: str, planner: str, known: Iterable[System], changed: bool = False) -> str:
@@ -64,12 +71,16 @@ def check_names(names: Iterable[str], folders: tuple[Path, ...]) -> None:
 
 
 def _read(catalogue: Catalogue, name: str) -> System:
-    file = catalogue.file(f"system/{name}")
-    node = catalogue.values(f"system/{name}").get("system")
+    file, option = catalogue.file(f"system/{name}"), catalogue.option(f"system/{name}")
+    node = option.values.get("system")
     if not isinstance(node, dict):
-        raise InputError(f"{file}: must hold a mapping `system` with label, guide and planner")
-    try:
-        system: System = fill_dataclass(System, node, "system")
-    except InputError as error:
-        raise InputError(f"{error} (in {file})") from error
-    return system
+        raise InputError(f"{file}: must hold a mapping `system` with a label")
+    for key in node:
+        if key != "label":
+            raise InputError(f"{unknown_key(f'system.{key}', ['label'])} (in {file})")
+    if not isinstance(node.get("label"), str):
+        raise InputError(f"{file}: system.label is {node.get('label')!r}: must be the name in tables")
+    guide, planner = (option.choices.get(group) for group in ("guide", "planner"))
+    if not (isinstance(guide, str) and isinstance(planner, str)):
+        raise InputError(f"{file}: must choose guide and planner, by `override /guide: NAME` in its defaults")
+    return System(node["label"], guide, planner)

@@ -9,10 +9,8 @@ from runners.config.flatten import flatten
 from runners.records.episode_record import RunLabels
 
 LABELS = ("system", "robot", "map", "ablation")
-_PUBLISHED = "system.published."  # figures of the paper beside the results, which nobody chose for this run
 
 
 def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
     """The parameters by dotted key, with the labels as system=LME, robot=jackal, map=barn and ablation=none."""
-    found = {key: value for key, value in flatten(config) if not f"{key}.".startswith(_PUBLISHED)}
-    return found | {key: getattr(labels, key) for key in LABELS if labels is not None}
+    return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}

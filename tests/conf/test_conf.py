@@ -14,7 +14,7 @@ from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.worlds.check import check_task
 from runners.cli.main import command_files
-from runners.config import ablations, build, catalogue, schema
+from runners.config import ablations, build, catalogue, schema, systems
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer, without_hydra
 from runners.config.flatten import flatten
@@ -136,15 +136,14 @@ def test_every_file_is_explained(path):
     name = str(path.relative_to(CONF).with_suffix(""))
     assert len(CATALOGUE.title(name)) > 10
     keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name")]
-    if name.startswith("system/") and name != "system/lme":
-        return  # they have the keys of lme.yaml, which explains them
-    numbers = [key for key in keys if ".published." not in key.name]
-    if numbers:
-        assert sum(bool(key.comment) for key in numbers) / len(numbers) >= COMMENTED
+    if name == "published" or (name.startswith("system/") and name != "system/lme"):
+        return  # the first comments, or those of lme.yaml, explain the keys
+    if keys:
+        assert sum(bool(key.comment) for key in keys) / len(keys) >= COMMENTED
 
 
 def test_every_yaml_is_reached_by_a_command():
-    commands = {path.stem for path in CONF.glob("*.yaml")}
+    commands = {path.stem for path in CONF.glob("*.yaml")} - {"published"}
     assert commands <= set(command_files())
     groups = {
         "weight_set",
@@ -153,6 +152,7 @@ def test_every_yaml_is_reached_by_a_command():
     }
     groups |= {f"experiment/{name}" for name in commands}
     reached = {f"{group}/{option}" for group in groups for option in CATALOGUE.options(group)} | commands
+    reached.add("published")  # tables read it
     reached.add("map/_cold_trial")  # of experiment/cold_trial alone, because no other command can draw robots
     assert set(CONF.rglob("*.yaml")) == {file for name in reached for file in CATALOGUE.option(name).files}
 
@@ -279,18 +279,21 @@ def test_the_published_weights(composer):
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("system"))
-def test_a_system_file_sets_the_pair_that_it_names(chosen, option):
-    """Read as data, and chosen on the command line, it names the same pair."""
-    config = chosen("system", option)
-    system = config.system
-    assert system.guide == config.hydra.runtime.choices["guide"]
-    assert system.planner == config.hydra.runtime.choices["planner"]
+def test_a_system_is_the_pair_that_its_file_chooses(chosen, option):
+    """Read as data, and chosen on the command line, it is the same pair."""
+    config, system = chosen("system", option), systems.systems()[option]
+    choices = config.hydra.runtime.choices
+    assert (system.guide, system.planner) == (choices["guide"], choices["planner"])
     assert system.global_planner == ("global_map" in config.guide)
-    assert isinstance(system.label, str)
-    assert isinstance(system.global_planner, bool)
-    for figures in (system.published or {}).values():
-        assert figures.robots
-        assert all((CONF / "robot" / f"{robot}.yaml").is_file() for robot in figures.robots)
+    assert config.system.label == system.label
+
+
+def test_published_figures_are_rates_of_systems_that_there_are():
+    table = CATALOGUE.values("published")
+    assert set(table) <= set(CATALOGUE.options("system"))
+    for figures in (figures for maps in table.values() for figures in maps.values()):
+        assert figures["robots"]
+        assert all((CONF / "robot" / f"{robot}.yaml").is_file() for robot in figures["robots"])
         rates = sum(figures[outcome][0] for outcome in ("success", "collision", "timeout"))
         assert rates == pytest.approx(1.0, abs=0.0101)  # rounded to two digits
         assert all(

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 PUBLISHED_IN = {"barn": "Gazebo", "barn_official50": "Gazebo"}  # the paper ran its other maps in ROS Stage
 BARN_SUBSET = "lab100"  # the worlds of the paper's BARN figures, as far as is known
-_BARN_PLACES = {BARN_SUBSET: "barn", "official50": "barn_official50"}  # what conf/system/ calls these subsets
+_BARN_PLACES = {
+    BARN_SUBSET: "barn",
+    "official50": "barn_official50",
+}  # what conf/published.yaml calls these subsets
 _SIMULATORS = {"physics": "simulator with rigid bodies", "skid": "simulator of skidding wheels"}  # others: 2D
 _AS_PUBLISHED = {"ablation": "none", "filter": "none", "crowd": "none", "people": "truth"}
 TEXTS = ("robots", "source", "formula")  # of published figures, besides metrics
@@ -68,7 +71,7 @@ def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting],
             system.name, system.global_planner, _stats(given), _source(given)
         )
         for name, system in systems.items()
-        for map_name, given in (system.published or {}).items()
+        for map_name, given in system.published.items()
         for robot in given["robots"]
     }
 

@@ -22,8 +22,6 @@ planner:
   kp: 5.0
 system:
   label: Mine
-  guide: target
-  planner: simple
 """
 
 OWN_ROBOT = """\
@@ -139,10 +137,10 @@ def test_a_broken_system_of_ones_own_is_named(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine" / "system").mkdir(parents=True)
     file = tmp_path / "mine" / "system" / "ours.yaml"
-    file.write_text(OWN_SYSTEM.replace("guide: target\n  planner", "giude: target\n  planner"))
+    file.write_text(OWN_SYSTEM.replace("label", "labl"))
     assert main(["eval", "--config-dir", "mine", "system=ours", *QUICK]) == 2
     error = capsys.readouterr().err
-    assert "system.giude: no such key; did you mean guide?" in error
+    assert "system.labl: no such key; did you mean label?" in error
     assert str(file) in error
 
 

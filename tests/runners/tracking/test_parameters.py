@@ -9,9 +9,9 @@ LABELS = RunLabels(
 )  # fmt: skip
 
 
-def test_published_figures_are_none_of_them_and_the_labels_are():
+def test_they_are_the_config_and_the_labels():
     config = {
-        "system": {"label": "LME", "published": {"barn": {"robots": ["jackal"]}}},
+        "system": {"label": "LME"},
         "robot": {"name": "jackal"},
         "ablation": {},
     }
@@ -20,4 +20,3 @@ def test_published_figures_are_none_of_them_and_the_labels_are():
         "system.label": "LME", "robot.name": "jackal",
         "system": "LME", "robot": "jackal", "map": "barn", "ablation": "none",
     }  # fmt: skip
-    assert "system.published" not in parameters({"system": {"published": None}})
