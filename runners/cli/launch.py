@@ -20,7 +20,7 @@ from runners.cli import hydra_jobs, show
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.os_errors import explain_os_error
 from runners.cli.submitted import LauncherError
-from runners.config import arguments, catalogue, command_line, former, schema
+from runners.config import arguments, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, without_hydra
 from runners.config.hydra_errors import translate_error
@@ -108,8 +108,6 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
     if config_dir is not None:
         arguments.check_config_dir(config_dir)
-    configs = catalogue.shipped(*([config_dir] if config_dir else []))
-    kept = _in_todays_words(kept, saved, directory, configs)
     return replace(
         given,
         overrides=kept + given.overrides,
@@ -150,24 +148,6 @@ def _check_code(plan: command_line.Plan, directory: Path) -> None:
         for config in plan.configs.values():
             values = OmegaConf.to_container(without_hydra(config), resolve=False)
             trust.check_code(cast(dict[str, Any], values), directory)
-
-
-def _in_todays_words(
-    words: list[str], saved: launch_record.Launch, directory: Path, configs: Catalogue
-) -> list[str]:
-    """The overrides of an earlier run, also where they choose what has become an ablation.
-
-    Raises InputError for a sweep that today's words cannot make.
-    """
-    now = former.in_todays_words(words, configs)
-    for word in now:
-        name = former.named(word, configs)
-        if name:
-            raise InputError(
-                f"resume={directory}: {word} is no longer one sweep, because {name} is now "
-                f"{former.today(_key(word), name, configs)}; {run_directories.one_by_one(saved.command, directory)}"
-            )
-    return now
 
 
 def _key(override: str) -> str:

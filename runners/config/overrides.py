@@ -8,7 +8,7 @@ from pathlib import Path
 from hydra.core.override_parser.types import Override
 
 from lme.errors import InputError, nearest
-from runners.config import ablations, former, schema
+from runners.config import ablations, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
@@ -120,7 +120,6 @@ def _check_options(override: Override, composer: Composer) -> None:
             raise InputError(f"{text_of(override)}: names {twice} twice; omit one")
         for name in names:
             if str(name) not in known and not _in_subfolder(group, str(name), composer):
-                _refuse_former(group, str(name), composer.catalogue)
                 raise InputError(
                     f"{group}={name}: no such option; {nearest(str(name), _likely(group, known))}"
                     f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
@@ -141,13 +140,6 @@ def _takes_one(group: str, names: Sequence[str]) -> InputError:
 def _likely(group: str, known: Iterable[str]) -> Iterable[str]:
     """The options that a mistyped one may stand for: whoever names an ablation does not mean none."""
     return (name for name in known if (group, name) != (ablations.GROUP, "none"))
-
-
-def _refuse_former(group: str, name: str, catalogue: Catalogue) -> None:
-    """Raise InputError for an option with an ablation in its name, as some were once called."""
-    today = former.today(group, name, catalogue)
-    if today:
-        raise InputError(f"{group}={name}: no such option; write {today}")
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -10,8 +10,6 @@ from itertools import count
 from pathlib import Path
 
 from lme.errors import InputError
-from runners.config import former
-from runners.config.catalogue import Catalogue
 from runners.config.quoting import lme_command, resume_command
 from runners.records import inputs
 from runners.records.append_log import APPEND_LOG, lock
@@ -67,7 +65,12 @@ def _outdated(saved: Launch, launch: Launch, directory: Path) -> InputError:
     else:
         held = f"a sweep of {len(saved.configs)} jobs, which today has {len(launch.configs)}"
     same = any(config in launch.configs for config in saved.configs)
-    advice = one_by_one(launch.command, directory) if same else "start again in another directory"
+    advice = "start again in another directory"
+    if same:
+        advice = (
+            f"resume its jobs one by one, {resume_command(launch.command, directory / '0')} and so on "
+            f"({lme_command('table', directory)} tabulates all), or {advice}"
+        )
     changed = [each.files[name].source for each, name in inputs.differing(saved.inputs, launch.inputs)]
     where = f" ({shortened(changed)})" if changed else ""
     return InputError(f"{directory}: holds {held}: {_OUTDATED}{where}; {advice}")
@@ -78,23 +81,14 @@ def _changes(saved: Launch, launch: Launch) -> str:
     return shortened(list(dict.fromkeys(change for old, new in pairs for change in differences(old, new))))
 
 
-def one_by_one(command: str, sweep_dir: Path) -> str:
-    """What to do with a sweep that cannot be resumed as one."""
-    return (
-        f"resume its jobs one by one, {resume_command(command, sweep_dir / '0')} and so on "
-        f"({lme_command('table', sweep_dir)} tabulates all), or start again in another directory"
-    )
-
-
 def _same_command_line(saved: Launch, launch: Launch) -> bool:
-    """Whether both were started by the same command line in today's words, apart from Hydra's own part."""
+    """Whether both were started by the same command line, apart from Hydra's own part."""
     before, now = map(_command_line, (saved, launch))
     return before == now
 
 
 def _command_line(launch: Launch) -> tuple[object, ...]:
-    words = former.in_todays_words(launch.overrides, Catalogue(launch.folders))
-    own = [word for word in words if not word.startswith("hydra.")]
+    own = [word for word in launch.overrides if not word.startswith("hydra.")]
     return launch.command, launch.multirun, own, launch.config_dir, launch.config_name
 
 

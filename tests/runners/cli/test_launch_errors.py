@@ -69,7 +69,6 @@ def _never(job):
         ("hydra/sweeper=optuna", ["is not installed; pip install 'hydra-optuna-sweeper' installs it"]),
         ("search=tpe", ["search is a group of lme train; "]),
         ("figure=maps", ["figure is a group of lme figure; "]),
-        ("system=lme_plus_no_back", ["no such option; write system=lme_plus ablation=no_back"]),
         ("experiment=x", ["experiment=x: no such option; conf/experiment/ holds:"]),
         (
             "hydra.sweeper.params.seed=1,2",

@@ -52,6 +52,15 @@ def test_a_run_directory_of_another_config_is_refused_with_advice(tmp_path, now,
         check_same(launch(fingerprint="1", configs=[{"seed": 2}], **now), tmp_path)
 
 
+def test_a_sweep_that_has_other_jobs_now_is_resumed_job_by_job(tmp_path):
+    launch(overrides=["seed=x"], configs=[{"seed": 1}, {"seed": 2}], multirun=True).write(tmp_path)
+    now = launch(fingerprint="1", overrides=["seed=x"], configs=[{"seed": 1}], multirun=True)
+    with pytest.raises(
+        InputError, match=r"a sweep of 2 jobs, which today has 1: .*; resume its jobs one by one, "
+    ):
+        check_same(now, tmp_path)
+
+
 @pytest.mark.parametrize(
     "damage",
     [
