@@ -9,18 +9,17 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
+from lme.guides.lme.weight_files import PUBLISHED, find_weights
 from lme.worlds.barn.map_set import FRESH_KEYS, OFFICIAL, TARGET, check_given, is_idle
-from runners.config.catalogue import Catalogue
+from runners.config.composer import without_hydra
 from runners.config.overrides import text_of
-from runners.config.unused_weights import check_weights
+from runners.config.weights import own_weights, takes_weights
 
 
-def refuse_contradictions(
-    given: Sequence[Override], configs: Collection[DictConfig], catalogue: Catalogue
-) -> None:
+def refuse_contradictions(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
     """Raise InputError for a key with two values, worlds outside the subset given with them, and what no job uses.
 
-    given: the overrides as they were typed. configs: of the jobs that they make. catalogue: of the options.
+    given: the overrides as they were typed. configs: of the jobs that they make.
     """
     texts: dict[str, str] = {}
     for override in given:
@@ -33,7 +32,7 @@ def refuse_contradictions(
     for key in texts:
         _check_fresh(key, configs)
     if "weights" in texts:
-        check_weights(texts["weights"], configs, catalogue)
+        _check_weights(texts["weights"], configs)
 
 
 def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
@@ -57,3 +56,25 @@ def _check_worlds(barn: Mapping[str, Any]) -> None:
         raise InputError(
             f"map.worlds asks for {some}, which map.subset={subset} does not hold: give one of the two keys"
         )
+
+
+def _check_weights(text: str, configs: Collection[DictConfig]) -> None:
+    """A weight set must exist, and a job must drive with it: in a sweep DWA among LME's variants may do without.
+
+    `lme learn` names further guides, which may take it.
+    """
+    plain: list[Any] = [OmegaConf.to_container(without_hydra(config), resolve=False) for config in configs]
+    if not any("learner" in config or _drives_with_weights(config) for config in plain):
+        raise InputError(
+            f"{text}: nothing here drives with this weight set; omit it, or choose a guide such as guide=lme "
+            "(a network is planner.weights or guide.weights)"
+        )
+    for name in dict.fromkeys(str(config["weights"]) for config in plain):
+        if "${" not in name:
+            find_weights(name)
+
+
+def _drives_with_weights(config: Mapping[str, Any]) -> bool:
+    """Whether a config, not resolved, follows its key `weights`; a guide with a set of its own leaves the paper's."""
+    replaced = config["weights"] == PUBLISHED and own_weights(config["guide"]) not in (None, PUBLISHED)
+    return takes_weights(config) and not replaced

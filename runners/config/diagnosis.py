@@ -15,24 +15,15 @@ from omegaconf.errors import GrammarParseError, OmegaConfBaseException
 from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.requirements import install
-from runners.config import catalogue
+from runners.config import ablations, catalogue
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import describe_expected, full_key, keys_beside, one_line, translate_error
 from runners.config.job import chosen
-from runners.config.misfits import explained
 from runners.config.overrides import places, text_of
 
-_PLUGINS = {  # the packages of Hydra's own plugins
-    "hydra/launcher/joblib": "hydra-joblib-launcher",
-    "hydra/launcher/ray": "hydra-ray-launcher",
-    "hydra/launcher/rq": "hydra-rq-launcher",
-    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
-    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
-    "hydra/sweeper/ax": "hydra-ax-sweeper",
-    "hydra/sweeper/nevergrad": "hydra-nevergrad-sweeper",
-    "hydra/sweeper/optuna": "hydra-optuna-sweeper",
-}
+# The options of Hydra's own plugins, each in a package such as hydra-joblib-launcher.
+_PLUGIN = re.compile(r"hydra/(launcher|sweeper)/(ax|joblib|nevergrad|optuna|ray|rq|submitit)(_\w+)?")
 
 
 def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
@@ -44,9 +35,11 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
     if missing and not missing.startswith("hydra/"):
         return _no_file(missing, composer)
-    if missing in _PLUGINS:
+    plugin = _PLUGIN.fullmatch(missing or "")
+    if missing and plugin:
         group, _, option = missing.rpartition("/")
-        return InputError(f"{group}={option}: is not installed; {install(_PLUGINS[missing])} installs it")
+        package = f"hydra-{plugin[2]}-{plugin[1]}"
+        return InputError(f"{group}={option}: is not installed; {install(package)} installs it")
     file_error = re.match(r"In '([^']+)': \w+ raised while composing config:", str(error))
     if file_error:
         return _in_file(error, file_error.group(1), composer)
@@ -172,15 +165,19 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
 
 
 def add_location(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
-    """Add the user's file to a message, if that file sets the key that the message begins with; or the ablation."""
-    ablated = explained(error, chosen(config.hydra), composer.catalogue)
-    if ablated is not error:
-        return ablated
+    """Name the file that sets the key with which a message begins: an ablation's, or an option of the user's own."""
     key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
     group = key.partition(".")[0]
+    typed = {override.key_or_group for override in composer.parse(job)} - {group}
+    if any(key == name or key.startswith(f"{name}.") for name in typed):
+        return error
+    for name in chosen(config.hydra).get(ablations.GROUP, "").split(ablations.SEVERAL):
+        settings = ablations.settings(name, composer.catalogue)
+        unknown = tuple(f"parameter {name!r} is unknown" for name in settings.get(ablations.GROUP) or {})
+        if key in dotted_keys(settings) or str(error).startswith(unknown):
+            return InputError(f"{error} (in {composer.catalogue.file(f'{ablations.GROUP}/{name}')})")
     option = config.hydra.runtime.choices.get(group)
-    given = {o.key_or_group for o in composer.parse(job)} - {group}
-    if not isinstance(option, str) or any(key == name or key.startswith(f"{name}.") for name in given):
+    if not isinstance(option, str):
         return error
     file = composer.catalogue.file(f"{group}/{option}")
     return error if file.is_relative_to(resource_dir("conf")) else InputError(f"{error} (in {file})")

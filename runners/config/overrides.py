@@ -96,7 +96,7 @@ def _check_own_group(text: str, group: str, composer: Composer) -> None:
     shipped = Catalogue(composer.catalogue.folders[:1])
     if shipped.options(group):
         others = [f"lme {name}" for name in schema.COMMANDS if group in shipped.groups(name)]
-        theirs = f"{group} is a group of {_listed(others)}; " if others else ""
+        theirs = f"{group} is a group of {', '.join(others)}; " if others else ""
         raise InputError(f"{text}: no such group; {theirs}there are: {', '.join(composer.slots)}")
     if not text.startswith("+"):
         raise InputError(
@@ -113,7 +113,11 @@ def _check_options(override: Override, composer: Composer) -> None:
         if isinstance(option, dict):
             continue
         if isinstance(option, list) and group not in SEVERAL_OPTIONS:
-            raise _takes_one(group, [str(name) for name in option])
+            # Hydra would merge the files of several options, and keep what the last of them does not set.
+            several = ",".join(map(str, option))
+            raise InputError(
+                f"{group}=[{several}]: {group} takes one option; several are a sweep: -m {group}={several}"
+            )
         names = option if isinstance(option, list) else [option]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -127,24 +131,9 @@ def _check_options(override: Override, composer: Composer) -> None:
                 )
 
 
-def _takes_one(group: str, names: Sequence[str]) -> InputError:
-    """Hydra would merge the files of several options, and keep what the last of them does not set."""
-    text = f"{group}=[{','.join(names)}]: {group} takes one option"
-    if len(names) < 2:
-        return InputError(f"{text}; must be {group}={''.join(names) or 'NAME'}")
-    return InputError(
-        f"{text}, such as {group}={names[0]}; several are a sweep: -m {group}={','.join(names)}"
-    )
-
-
 def _likely(group: str, known: Iterable[str]) -> Iterable[str]:
     """The options that a mistyped one may stand for: whoever names an ablation does not mean none."""
     return (name for name in known if (group, name) != (ablations.GROUP, "none"))
-
-
-def _listed(names: Sequence[str]) -> str:
-    """ "a", "a and b", "a, b and c"."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def _values(override: Override) -> Iterator[object]:
@@ -161,12 +150,9 @@ def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
 
 def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
     """How a user's own option is given; empty where the name is near a known one, so probably mistyped."""
-    if Path(name).suffix in (".yaml", ".yml") and group != "map":
-        stem = Path(name).stem
-        how = f"{group}={stem} --config-dir DIR, with the file DIR/{group}/{stem}.yaml"
-        return f"; an option is given by its name: {how}"
     if group == "map" and Path(name).suffix:
         return f"; a map file of your own is given by map=file map.path={name}"
     if nearest(name, known):
         return ""
-    return f"; an option of your own needs --config-dir DIR, with the file DIR/{group}/{name}.yaml"
+    option = Path(name).stem if Path(name).suffix in (".yaml", ".yml") else name
+    return f"; {group}={option}, an option of your own, needs --config-dir DIR, with the file DIR/{group}/{option}.yaml"

@@ -13,6 +13,8 @@ from lme.errors import InputError, nearest
 from runners.config.catalogue import Catalogue, shipped
 from runners.config.hydra_errors import unknown_key
 
+PAIR = ("guide", "planner")  # the groups that a system chooses
+
 
 @dataclass(slots=True)
 class System:
@@ -80,7 +82,7 @@ def _read(catalogue: Catalogue, name: str) -> System:
             raise InputError(f"{unknown_key(f'system.{key}', ['label'])} (in {file})")
     if not isinstance(node.get("label"), str):
         raise InputError(f"{file}: system.label is {node.get('label')!r}: must be the name in tables")
-    guide, planner = (option.choices.get(group) for group in ("guide", "planner"))
+    guide, planner = (option.choices.get(group) for group in PAIR)
     if not (isinstance(guide, str) and isinstance(planner, str)):
         raise InputError(f"{file}: must choose guide and planner, by `override /guide: NAME` in its defaults")
     return System(node["label"], guide, planner)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lme.errors import InputError
-from lme.guides.lme.weight_files import PUBLISHED, set_names
+from lme.guides.lme.weight_files import PUBLISHED
 from runners.config.flatten import flatten
 
 PARAMETERS = "${parameters:}"  # the parameters of a guide, by the key `weights`
@@ -16,12 +16,6 @@ TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 def own_weights(guide: Mapping[str, Any]) -> str | None:
     """The weight set that a guide's config, not resolved, names as its own; None if its parameters do not follow it."""
     return guide.get("weight_set", PUBLISHED) if guide.get("parameters") == PARAMETERS else None
-
-
-def parameter_names(guide: Mapping[str, Any]) -> list[str]:
-    """The parameters that a guide's config, not resolved, takes from a weight set; none where it takes none."""
-    own = own_weights(guide)
-    return [] if own is None else [*set_names(own), *(guide.get("criteria") or {})]
 
 
 def takes_weights(node: Mapping[str, Any]) -> bool:

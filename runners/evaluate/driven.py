@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
-from runners.config.misfits import PAIR
 from runners.config.schema import SystemConfig
 from runners.config.space import PARAMETERS
+from runners.config.systems import PAIR
 
 # Parts of the config that drive a robot, and those that are groups: a file can choose their option.
 _DRIVES = ("robot", "system", "guide", "planner", "filter", "ablation", "scale", "sim")
