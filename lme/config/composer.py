@@ -14,12 +14,9 @@ from pathlib import Path
 from string import Template
 from typing import Any, cast
 
-from lme.config.parameters import parameters
 from lme.errors import InputError
-from lme.guides.lme.weight_files import PUBLISHED
-from lme.inputs.guarded_file import YAML_BYTES, read_text
+from lme.inputs.guarded_file import YAML_BYTES, read_text, read_yaml
 from lme.inputs.resources import overlaid, resource_dir
-from lme.inputs.yaml_entry import read_yaml
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
 _SELF, _HERE = "_self_", "_here_"
@@ -97,6 +94,10 @@ def register_resolvers() -> None:
 def _parameters(*, _root_: Any, _parent_: Any) -> dict[str, float]:
     """The parameters of a guide, whose other keys are beside this one."""
     from omegaconf import OmegaConf
+
+    # Not at the top: help, which must answer at once, composes too.
+    from lme.config.parameters import parameters
+    from lme.guides.lme.weight_files import PUBLISHED
 
     return parameters(
         _root_.weights,

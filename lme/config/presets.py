@@ -19,8 +19,9 @@ from lme.guides.lme.weight_files import (
     set_names,
     shipped_weights,
 )
+from lme.inputs.guarded_file import read_yaml
 from lme.inputs.resources import overlaid, resource_dir
-from lme.inputs.yaml_entry import Entry, read_yaml
+from lme.inputs.yaml_entry import Entry
 from lme.robots import Robot
 
 if TYPE_CHECKING:

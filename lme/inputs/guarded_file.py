@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -89,6 +89,26 @@ def decode_json(text: str | bytes) -> Any:
     return value
 
 
+def read_yaml(path: Path) -> object:
+    """The content of a YAML file.
+
+    Raises InputError if it cannot be read, is not valid, repeats a key, or is not a regular file of a bounded size.
+    """
+    try:
+        text = read_text(path, YAML_BYTES)
+        check_structure(text)
+        return yaml.load(text, Loader=_UniqueKeys)
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error
+    except InputError:
+        raise
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
 class UnfoldingError(yaml.MarkedYAMLError):
     """YAML is nested too deeply, or its aliases contain themselves or repeat very many values.
 
@@ -138,3 +158,23 @@ def check_structure(text: str) -> None:
             sizes[anchor] = size
         if nested:
             nested[-1] = nested[-1][0], nested[-1][1] + size
+
+
+class _UniqueKeys(SafeLoader):  # type: ignore[misc]
+    """Refuses a repeated key. PyYAML silently keeps the last one, which would lose a part of a drawing."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.MarkedYAMLError(
+                        problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
+                    )
+                seen.add(key.value)
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

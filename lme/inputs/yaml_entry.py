@@ -5,38 +5,15 @@ from __future__ import annotations
 import math
 import re
 import reprlib
-from collections.abc import Hashable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import yaml
 
 from lme.errors import InputError, nearest
-from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 from lme.types import Floats
 
 _EXPONENT = re.compile(r"([-+]?\d+)(?:\.(\d*))?[eE]([-+]?)(\d+)")  # of a number with one
-
-
-def read_yaml(path: Path) -> object:
-    """The content of a YAML file.
-
-    Raises InputError if it cannot be read, is not valid, repeats a key, or is not a regular file of a bounded size.
-    """
-    try:
-        text = read_text(path, YAML_BYTES)
-        check_structure(text)
-        return yaml.load(text, Loader=_UniqueKeys)
-    except yaml.MarkedYAMLError as error:
-        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error
-    except InputError:
-        raise
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 class Entry:
@@ -110,22 +87,6 @@ class Entry:
         return InputError(f"{self.place}: {key} is {_shorten(value)}: must be {right}{_as_number(value)}")
 
 
-class _UniqueKeys(SafeLoader):  # type: ignore[misc]
-    """Refuses a repeated key. PyYAML silently keeps the last one, which would lose a part of a drawing."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise yaml.MarkedYAMLError(
-                        problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
-                    )
-                seen.add(key.value)
-        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
-        return mapping
-
-
 def _number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -158,7 +119,3 @@ def _as_number(value: object) -> str:
 def _shorten(value: object) -> str:
     """A value, shortened to fit on one line."""
     return "empty" if value is None else " ".join(reprlib.repr(value).split())
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

@@ -14,8 +14,8 @@ from PIL import Image, UnidentifiedImageError
 
 from lme.errors import InputError
 from lme.inputs import plausibility
-from lme.inputs.guarded_file import expanded, open_bytes
-from lme.inputs.yaml_entry import Entry, read_yaml
+from lme.inputs.guarded_file import expanded, open_bytes, read_yaml
+from lme.inputs.yaml_entry import Entry
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import corners, outlines
 from lme.worlds.floor_plan import FloorPlan, enclosed

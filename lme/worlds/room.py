@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.inputs.guarded_file import read_yaml
 from lme.inputs.resources import resource_dir
-from lme.inputs.yaml_entry import read_yaml
 from lme.types import Floats
 from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan

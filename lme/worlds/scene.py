@@ -21,8 +21,9 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.geometry.frames import to_world
+from lme.inputs.guarded_file import read_yaml
 from lme.inputs.resources import resource_dir
-from lme.inputs.yaml_entry import Entry, read_yaml
+from lme.inputs.yaml_entry import Entry
 from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
 from lme.worlds.floor_plan import FloorPlan

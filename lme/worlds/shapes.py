@@ -29,7 +29,8 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError
-from lme.inputs.yaml_entry import Entry, read_yaml
+from lme.inputs.guarded_file import read_yaml
+from lme.inputs.yaml_entry import Entry
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.movers import mover_of

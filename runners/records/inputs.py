@@ -25,9 +25,8 @@ import yaml
 
 from lme.errors import InputError
 from lme.guides.lme.weight_files import find_network, find_weights
-from lme.inputs.guarded_file import expanded
+from lme.inputs.guarded_file import expanded, read_yaml
 from lme.inputs.resources import resource_dir
-from lme.inputs.yaml_entry import read_yaml
 from runners.records import trust
 from runners.records.whole_file import replacing
 

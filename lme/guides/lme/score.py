@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from lme.errors import InputError, nearest
-from lme.inputs.yaml_entry import read_yaml
+from lme.inputs.guarded_file import read_yaml
 from lme.types import Floats
 
 CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")  # the paper's criteria in the order of w1…w6

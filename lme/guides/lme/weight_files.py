@@ -8,9 +8,8 @@ from typing import Any
 
 from lme.errors import InputError, nearest
 from lme.guides.lme.score import THRESHOLDS, read_parameters
-from lme.inputs.guarded_file import expanded
+from lme.inputs.guarded_file import expanded, read_yaml
 from lme.inputs.resources import resource_dir
-from lme.inputs.yaml_entry import read_yaml
 
 PUBLISHED = "published"  # the paper's weight set
 WEIGHTS = "weights.yaml"  # in the directory of a training run

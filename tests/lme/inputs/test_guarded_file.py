@@ -18,8 +18,8 @@ from lme.inputs.guarded_file import (
     read_bytes,
     read_json,
     read_text,
+    read_yaml,
 )
-from lme.inputs.yaml_entry import read_yaml
 from lme.planners.drl_vo.importing import import_archive
 from lme.planners.lics.importing import import_state
 from lme.worlds.barn.files import read_world

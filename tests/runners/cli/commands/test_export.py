@@ -14,9 +14,8 @@ import lme
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import export
-from runners.evaluate.from_python import _records
 from runners.records.episode_record import EpisodeResult
-from runners.records.records import RecordWriter, read_episodes
+from runners.records.records import RecordWriter
 from tests.builders import episode_record
 from tests.composing import jobs_of
 from tests.made_runs import write_run
@@ -250,14 +249,3 @@ def test_steps_of_no_run(capsys):
     assert capsys.readouterr().err == (
         "lme export: RUN is missing: give the directory of a run or of a sweep, before --steps\n"
     )
-
-
-def test_records_name_the_weights_that_were_used(tmp_path, capsys):
-    """Old records of LME+ say `published`."""
-    for name, guide in (("plus", "lme_plus"), ("lme", "lme"), ("own", "mine")):
-        write_run(tmp_path / name, guide=guide, weights="published")
-    export.main([str(tmp_path), "--columns", "guide,weights"])
-    rows = set(capsys.readouterr().out.split()[1:])
-    assert rows == {"lme_plus,lme_plus", "lme,published", "mine,published"}
-    assert set(read_episodes([tmp_path / "plus"])["weights"]) == {"lme_plus"}
-    assert set(_records(tmp_path / "plus")["weights"]) == {"lme_plus"}  # as `lme.evaluate` returns them
