@@ -1,8 +1,9 @@
 """A binary heap in two arrays, of keys and of items, with the least key first. The caller keeps its size.
 
-Python's `heapq` compiles in Numba too, on a list of tuples, but takes 1.4 to 1.8 times as long, and orders equal keys
-by item where this heap leaves them as they lie. Grids have many equal keys, so another path of the same length would
-win.
+Python's `heapq` compiles in Numba too, on a list of tuples, but takes 1.4 to 1.8 times as long, and orders equal
+keys <<<<<<< Updated upstream by item where this heap leaves them as they lie. Grids have many equal keys, so
+another path of the same length would win. ======= by item where this heap leaves them as they lie. Grids have many
+equal keys, so other paths of the same length would win. >>>>>>> Stashed changes
 """
 
 from typing import Any

@@ -4,7 +4,11 @@
 item. Results come as they finish. `map` runs one list of items; `open` keeps the processes for several lists.
 
 Pools of other libraries were tried with two workers and nine items, of which one kills its worker. loky's, like that
+<<<<<<< Updated upstream
 of `concurrent.futures`, then fails all items that have not finished, and does not tell which of them was at fault;
+=======
+of `concurrent.futures`, then fails all items that have not finished, and does not tell which of them was at fault.
+>>>>>>> Stashed changes
 pebble's loses that item alone. But all three report an initialiser's error as a broken pool, so a mistake in a config
 would not reach the user, and their workers outlive a killed parent. With pebble, what hands out items, carries errors
 over and ends workers would stay here, about as long as it is.
