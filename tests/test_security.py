@@ -22,7 +22,7 @@ ALLOWED = {"runners/workers/cluster_worker.py: pickle.loads"}  # what the coordi
 SAFE_LOADERS = {
     "_UniqueKeys",
     "SafeLoader",
-}  # of lme.inputs.yaml_entry and lme.inputs.guarded_file, as tested below
+}  # of lme.inputs.guarded_file, as tested below
 
 
 def calls(path):
@@ -74,9 +74,9 @@ def test_the_check_finds_what_it_looks_for(code):
 def test_the_loaders_of_yaml_are_safe():
     import yaml
 
-    from lme.inputs import guarded_file, yaml_entry
+    from lme.inputs import guarded_file
 
-    for loader in (yaml_entry._UniqueKeys, guarded_file.SafeLoader):
+    for loader in (guarded_file._UniqueKeys, guarded_file.SafeLoader):
         with pytest.raises(yaml.constructor.ConstructorError, match="python/object"):
             yaml.load("!!python/object/apply:os.getcwd []", loader)
 

@@ -315,9 +315,13 @@ def _planned(launch: Launch) -> dict[str, int]:
     if launch.command != "eval":
         return {}
     num_worlds, runs = launch.num_worlds, launch.configs[0].get("runs")
-    if num_worlds is None or not isinstance(runs, int):
+    if num_worlds is None:
         raise InputError(
-            f"{launch.directory}: its {LAUNCH}, of an earlier lme, does not give num_worlds and runs: drive it again"
+            f"{launch.directory}: its {LAUNCH}, of an earlier lme, gives no num_worlds: drive it again"
+        )
+    if not isinstance(runs, int):
+        raise InputError(
+            f"{launch.directory}: its {LAUNCH} is damaged: runs is {runs!r}, must be a whole number"
         )
     return {PLANNED_WORLDS: num_worlds, PLANNED_EPISODES: num_worlds * runs}
 

@@ -15,6 +15,7 @@ WHOLE = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["pr
 ROBOTS = tomllib.loads((ROOT / "lme" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXPERIMENTS = {
     "hydra-core",
+    "jinja2",
     "matplotlib",
     "mlflow",
     "onnx",

@@ -318,7 +318,7 @@ def test_the_planned_numbers_are_sums_over_runs(tmp_path):
 def test_a_run_of_an_earlier_version_is_to_be_driven_again(tmp_path):
     write(tmp_path, KEYS[:1])
     Launch("eval", "0", False, [], [{"runs": 2}]).write(tmp_path)
-    with pytest.raises(InputError, match=r"launch\.json, of an earlier lme, does not give num_worlds"):
+    with pytest.raises(InputError, match=r"launch\.json, of an earlier lme, gives no num_worlds"):
         read_episodes([tmp_path])
 
 

@@ -50,7 +50,7 @@ def test_one_run_that_somebody_has_changed_does_not_stop_the_others(here, capsys
     assert "%FF.png" in text
     left_out = text.partition("<h2>Left out</h2>")[2]
     assert r"caf\udce9\x1b[31m: the name is not UTF-8" in left_out
-    assert "eval/two: cannot be read" in left_out
+    assert "eval/two: its launch.json is damaged: runs is &#39;&lt;b&gt;&#39;" in left_out
     assert "\x1b" not in text + "".join(capsys.readouterr())
 
 
