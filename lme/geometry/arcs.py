@@ -81,7 +81,11 @@ def within_reach(
     horizons: Floats,
     slack: float,
 ) -> tuple[Floats, Floats, Floats]:
-    """What `first_contact` needs for any twist: near points, rising least distances, what they must keep [m]."""
+    """Return the points that any of the twists can reach, nearest first, as `first_contact` takes them.
+
+    Returns the points (M, 2), lower bounds of their distances in ascending order (M,), and the distance that each
+    point must keep (M,) [m].
+    """
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
     return near, ranges, slack * clearances(near, box)
@@ -97,13 +101,15 @@ def first_contact(
     least: float,
     horizon: float,
 ) -> float:
-    """`first_contacts` for one twist, among the points `within_reach`."""
+    """Return the result of `first_contacts` for one twist. near: the points of `within_reach`."""
     points, ranges, kept = near
     if v == 0.0 and omega == 0.0:
         return np.inf
+    # Straight ahead: the distance until contact, divided by v.
     if abs(omega) < STRAIGHT * v:
         way: float = _straight(points, ranges, kept, box, margin, (v * least, v * horizon))
         return way / v
+    # On an arc: the angle about the centre of rotation until contact, divided by |ω|.
     turns = abs(omega) * least, abs(omega) * horizon
     turn: float = _turn(points, ranges, kept, box, margin, v / omega, turns)
     return turn / abs(omega)
@@ -123,12 +129,14 @@ def _nearest_first(points, reach):
     """Points within reach of the origin, sorted into rings (M, 2), and the inner radius of each one's ring (M,)."""
     scale = _RINGS / max(reach, EDGE)
     ring_of, start = np.empty(len(points), np.int64), np.zeros(_RINGS + 2, np.int64)
+    # Ring of each point by its distance; −1 for points out of reach.
     for i in range(len(points)):
         away = math.sqrt(points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1])
         ring_of[i] = min(int(away * scale), _RINGS) if away <= reach else -1
     for i in range(len(points)):
         if ring_of[i] >= 0:
             start[ring_of[i] + 1] += 1
+    # Counting sort: start[ring] becomes the index of the ring's first point.
     for ring in range(_RINGS + 1):
         start[ring + 1] += start[ring]
     near, ranges = np.empty((start[_RINGS + 1], 2)), np.empty(start[_RINGS + 1])
@@ -149,12 +157,17 @@ def _rounding(kept, rounding, margin):
 
 @njit(cache=True, error_model="numpy")
 def _straight(points, ranges, kept, box, margin, limits):
-    """Distance straight ahead until contact [m]. limits: below the first, any contact counts; inf beyond the second."""
+    """Distance straight ahead until contact [m], inf if there is none.
+
+    limits (enough, limit) [m]: the first contact found below `enough` is returned, be it the first of the motion or
+    not; contacts beyond `limit` are ignored.
+    """
     enough, limit = limits
     half_length, half_width, rounding = box
     r_max = math.hypot(half_length, half_width) + rounding + margin
     best, found = limit, np.inf
     for i in range(len(points)):
+        # All points from here on are too far away to be met before the best contact.
         if ranges[i] > best + r_max:
             break
         if kept[i] <= 0.0:
@@ -163,6 +176,7 @@ def _straight(points, ranges, kept, box, margin, limits):
         beside = abs(points[i, 1]) - half_width
         if points[i, 0] <= 0.0 or beside > r:
             continue
+        # Front of the footprint at this lateral offset: on the straight edge or on the rounded corner.
         front = half_length + (r if beside <= 0.0 else math.sqrt(r * r - beside * beside))
         way = points[i, 0] - front
         if 0.0 <= way <= best:  # less than 0: beside the footprint, so the robot moves away from it
@@ -174,17 +188,22 @@ def _straight(points, ranges, kept, box, margin, limits):
 
 @njit(cache=True, error_model="numpy")
 def _turn(points, ranges, kept, box, margin, radius, limits):
-    """Angle about the centre until contact [rad], at most a full circle; limits as in `_straight`."""
+    """Angle about the centre until contact [rad], inf if there is none within a full circle.
+
+    limits: as in `_straight`, but angles [rad].
+    """
     enough, limit = limits
     half_length, half_width, rounding = box
     grown = rounding + margin
     front = half_length + grown
     r_max = math.hypot(half_length, half_width) + grown
+    # Mirror a right turn to a left one; `low` and `high` bound the annulus that the footprint sweeps.
     side, R = math.copysign(1.0, radius), abs(radius)
     low, high = _annulus(R, half_length, half_width, grown)
     best, found = min(limit, 2.0 * math.pi), np.inf
     cos, sin = _rotation(best)
     leaving = R > half_width + grown and best <= math.pi
+    # From near to far: every contact found shortens the rest of the search.
     for i in range(len(points)):
         if ranges[i] > min(best, 2.0) * R + r_max:  # the chord is at most 2R
             break
@@ -234,8 +253,10 @@ def _entry(x, y, square, R, half_length, half_width, r):
     """
     psi = math.atan2(x, R - y)
     first = np.inf
+    # Edges of the two rectangles; a disc has none.
     if half_length > 0.0 or half_width > 0.0:
         first = _edge_entry(x, y, psi, square, R, half_length, half_width, r)
+    # Discs at the left corners, then at the right corners.
     if r > 0.0:
         rho = math.sqrt(max(square + R * R, 0.0))
         first = min(first, _corner_entry(x, y, psi, rho, R, half_length, half_width, r))
@@ -252,6 +273,7 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
     below the centre, the rear above it, the left side at x > 0 and the right side at x < 0.
     """
     first = np.inf
+    # Front and rear: the circle meets x = ±front at R − y = ±√(R² + square − front²).
     front = half_length + r
     below = R * R + square - front * front  # (R − y)² where the circle meets x = ±front
     if below >= 0.0:
@@ -263,6 +285,7 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
             first = min(first, _wrap_positive(psi - math.atan2(front, root)))
         if abs(R + root) <= half_width + EDGE:
             first = min(first, _wrap_positive(psi - math.atan2(-front, -root)))
+    # Left and right side: the circle meets y = left at x² = R² + square − (R − left)².
     for left in (half_width + r, -half_width - r):
         beside = x * x + y * y - left * left + 2.0 * R * (left - y)  # x² where the circle meets y = left
         if 0.0 <= beside <= (half_length + EDGE) ** 2:
@@ -280,6 +303,7 @@ def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):
     """
     below = R - half_width
     D = math.sqrt(half_length * half_length + below * below)
+    # r² = (ρ − D)² + 4 ρ D sin²(β/2), with ρ − D = (ρ² − D²) / (ρ + D) to avoid cancellation.
     squares = x * x + y * y - half_length * half_length - half_width * half_width
     difference = (squares + 2.0 * R * (half_width - y)) / (rho + D)
     rest, whole = r * r - difference * difference, 4.0 * rho * D

@@ -34,9 +34,10 @@ def sweep(
 
 @njit(cache=True, error_model="numpy")
 def sweep_box(poses, half_length, half_width, rounding, circles, edges):
-    """`sweep` for other kernels, with the box as separate numbers."""
+    """Return the result of `sweep` for other kernels, with the box as separate numbers."""
     near_circles, near_edges = _broad_phase(poses, half_length, half_width, rounding, circles, edges)
     least = np.inf
+    # Distance to the sharp rectangle at each pose, less the rounding of its corners.
     for k in range(len(poses)):
         frame = (poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2]))
         clearance = min(
@@ -57,15 +58,18 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
     and at least d − r_max − travel at every pose.
     """
     x, y = poses[len(poses) // 2, 0], poses[len(poses) // 2, 1]
+    # Greatest distance of a pose from the middle one.
     travel = 0.0
     for k in range(len(poses)):
         travel = max(travel, math.hypot(poses[k, 0] - x, poses[k, 1] - y))
     to_circle, to_edge = _circle_distances(x, y, circles), _edge_distances(x, y, edges)
+    # Distance from the middle position to the nearest obstacle.
     nearest = np.inf
     for i in range(len(circles)):
         nearest = min(nearest, to_circle[i])
     for i in range(len(edges)):
         nearest = min(nearest, to_edge[i])
+    # The clearance at the middle pose is at most nearest − r_min, so farther obstacles cannot be the nearest.
     r_min = min(half_length, half_width) + rounding
     r_max = math.hypot(half_length, half_width) + rounding
     limit = (max(nearest - r_min, 0.0) + r_max + travel) * (1.0 + 1e-9)
@@ -74,7 +78,7 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
 
 @njit(cache=True, error_model="numpy")
 def _within(distances, limit):
-    """Indices of the distances up to the limit; compiles much faster than numpy's."""
+    """Indices of the distances up to the limit. This loop compiles much faster than NumPy's functions."""
     found = np.empty(len(distances), np.int64)
     count = 0
     for i in range(len(distances)):
@@ -121,6 +125,7 @@ def _to_edges(frame, half_length, half_width, edges, chosen):
     x, y, cos, sin = frame
     least = np.inf
     for i in chosen:
+        # The segment in the frame of the rectangle.
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
         segment = (cos * ax + sin * ay, cos * ay - sin * ax, cos * bx + sin * by, cos * by - sin * bx)
         if _crosses(segment, half_length, half_width):
@@ -131,19 +136,23 @@ def _to_edges(frame, half_length, half_width, edges, chosen):
 
 @njit(cache=True, error_model="numpy")
 def _crosses(segment, half_length, half_width):
-    """Whether a segment meets the rectangle centred on the origin, by the separating axis theorem."""
+    """Return whether a segment meets the rectangle centred on the origin, by the separating axis theorem."""
     ax, ay, bx, by = segment
     if min(ax, bx) > half_length or max(ax, bx) < -half_length:
         return False
     if min(ay, by) > half_width or max(ay, by) < -half_width:
         return False
+    # The third axis is the normal of the segment.
     dx, dy = bx - ax, by - ay
     return abs(ax * dy - ay * dx) <= half_length * abs(dy) + half_width * abs(dx)
 
 
 @njit(cache=True, error_model="numpy")
 def _rectangle_to_segment(segment, half_length, half_width):
-    """Squared distance if they do not meet: from an end of the segment, or from a corner."""
+    """Squared distance between a rectangle and a segment that do not meet.
+
+    It is attained at an end of the segment or at a corner of the rectangle.
+    """
     ax, ay, bx, by = segment
     least = min(
         _point_to_box(ax, ay, half_length, half_width), _point_to_box(bx, by, half_length, half_width)
@@ -173,12 +182,13 @@ def point_to_segment(x, y, x0, y0, x1, y1):
 
 @njit(cache=True, error_model="numpy")
 def first_event(travel, goal, tolerance, box, circles, edges):
-    """How many of the poses are passed, least clearance [m], contact, arrival.
+    """Number of poses up to the first event, least clearance [m], whether in contact, and whether arrived.
 
     travel (K, 3); goal (2,) with its tolerance [m]; box (half_length, half_width, rounding) [m] of what collides;
     circles (C, 3) and edges (E, 4). The motion ends with the first pose in contact or within the tolerance, and
     contact on arrival counts as contact only.
     """
+    # Poses after the arrival do not count.
     arrival = first_within(travel, goal, tolerance)
     passed = travel[: arrival + 1] if arrival >= 0 else travel
     clearance, contact = sweep_box(passed, box[0], box[1], box[2], circles, edges)

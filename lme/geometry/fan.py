@@ -59,20 +59,23 @@ def bearing(x: float, y: float) -> float:
 
 @njit(cache=True, error_model="numpy", inline="always")
 def unsigned_bearing(x: float, y: float) -> float:
-    """|atan2(y, x)| in [0, π] with an error below 1e-15 rad; 0 for (0, 0). Places nearer than 1e-280 have any.
+    """|atan2(y, x)| in [0, π] with an error below 1e-15 rad; 0 for (0, 0), any value for places nearer than 1e-280.
 
     It has no branches, so loops over it are vectorised and take a tenth of atan2's time. Source: the rational
     approximation of arctan in the Cephes Mathematical Library (Moshier 1989, Methods and Programs for Mathematical
     Functions), for up to tan(π/8); arctan(t) = π/4 + arctan((t − 1)/(t + 1)) up to 1.
     """
+    # Reduce the angle to arctan(t), t ≤ 1, and beyond tan(π/8) to arctan((t − 1)/(t + 1)).
     ax, ay = abs(x), abs(y)
     t = min(ax, ay) / max(ax, ay, _TINY)
     far = t > _TAN_PI_8
     t = (t - 1.0) / (t + 1.0) if far else t
+    # arctan(t) = t + t z P(z)/Q(z) with z = t².
     z = t * t
     p = (((_ATAN_P[0] * z + _ATAN_P[1]) * z + _ATAN_P[2]) * z + _ATAN_P[3]) * z + _ATAN_P[4]
     q = ((((z + _ATAN_Q[0]) * z + _ATAN_Q[1]) * z + _ATAN_Q[2]) * z + _ATAN_Q[3]) * z + _ATAN_Q[4]
     angle = t + t * (z * p / q)
+    # Undo the reductions: eighth, quarter and half of a turn.
     angle = angle + 0.25 * math.pi if far else angle
     angle = 0.5 * math.pi - angle if ay > ax else angle
     return math.pi - angle if x < 0.0 else angle
@@ -82,6 +85,7 @@ def unsigned_bearing(x: float, y: float) -> float:
 def direction(turn: float) -> tuple[float, float]:
     """Cosine and sine of an angle given in turns; the error is below 1e-14."""
     turn -= np.floor(turn)
+    # Turn the middle of the slice by the rest, with the Taylor series of cosine and sine.
     i = min(int(turn * _SLICES), _SLICES - 1)
     off = 2.0 * math.pi * (turn - (i + 0.5) / _SLICES)
     square = off * off
@@ -99,7 +103,7 @@ _FAR = 1e100  # [m²] products of squares beyond this may overflow
 
 @njit(cache=True, error_model="numpy")
 def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bools:
-    """Whether each segment apex–end comes nearer than `radius` [m] to any point (paper Eqs. 4–6): (N,).
+    """Return whether each segment apex–end comes nearer than `radius` [m] to any point (paper Eqs. 4–6): (N,).
 
     apex (2,), ends (N, 2), points (M, 2) [m], in any order. A distance of exactly `radius` does not block.
     """
@@ -109,6 +113,7 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
     if min(len(ends), len(points)) <= _FEW or not sum_ends + sum_points < _FAR:  # also where one is NaN
         _test_all(arms, rays, radius, blocked)
         return blocked
+    # Sort the ends into bins of bearing, and find the bins in the tangent cone of each point.
     wide = radius + _SLACK * (radius + math.sqrt(sum_ends) + math.sqrt(sum_points))
     axis = (arms[0].sum(), arms[1].sum())  # reference for bearings, so that a narrow fan does not wrap around
     bearing = _bearings(arms, axis)
@@ -117,6 +122,7 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
     scale = num_bins / (bearing.max() - low + _SLACK)
     cones = _cones(rays, axis, wide, low, scale, num_bins)
     ends_left, arms_left, start, stop, reach = _sort_into_bins(arms, bearing, low, scale, num_bins, wide)
+    # Blocked ends leave their bins, so every pass has fewer of them to test.
     for offset in range(_STRIDE):
         _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
     return blocked
@@ -124,7 +130,11 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
 
 @njit(cache=True, error_model="numpy")
 def _near(dx, dy, length_square, qx, qy, radius_square):
-    """Whether q is nearer than the radius to the segment from the origin to d. No branches: none can be predicted."""
+    """Return whether q is nearer than the radius to the segment from the origin to d.
+
+    It has no branches, since none could be predicted.
+    """
+    # Squared distance to the line, replaced by that to the end or to the origin where q projects beyond them.
     along, across, ex, ey = qx * dx + qy * dy, qx * dy - qy * dx, qx - dx, qy - dy
     square, limit = across * across, radius_square * length_square
     beyond = along >= length_square
@@ -173,18 +183,20 @@ def _cones(rays, axis, wide, low, scale, num_bins):
 
     The tangents are the ray turned by ±asin(wide / length). If the apex is in the disc, the cone covers all bins.
     If the cone contains the direction opposite to the axis, it wraps around: num_bins is added to its last bin.
-    No branches, for vectorisation.
+    It has no branches, so the loop is vectorised.
     """
     ax, ay = axis
     top = float(num_bins)
     out = np.empty((2, rays.shape[1]), np.int32)
     for j in range(rays.shape[1]):
         x, y = rays[0, j], rays[1, j]
+        # The ray in the frame of the axis, turned by ∓α: cos = length · cos α, wide = length · sin α.
         u, v = x * ax + y * ay, y * ax - x * ay
         square = rays[2, j] - wide * wide
         cos = math.sqrt(max(square, 0.0))
         first = (diamond(u * cos + v * wide, v * cos - u * wide) - low) * scale
         last = (diamond(u * cos - v * wide, v * cos + u * wide) - low) * scale
+        # Limit the cone to existing bins; one that wraps around ends in the next turn.
         wrap = top if first > last else 0.0
         first, last = min(max(first, 0.0), top), min(max(last, -1.0), top - 1.0) + wrap
         out[0, j] = int(first) if square > 0.0 else 0
@@ -194,18 +206,21 @@ def _cones(rays, axis, wide, low, scale, num_bins):
 
 @njit(cache=True, error_model="numpy")
 def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
-    """Counting sort of the ends: indices (N,), arms (4, N), where bins start and stop, and their reach (num_bins,).
+    """Sort the ends into bins by counting.
 
-    The fourth row is the squared distance at which a point is too far to block the arm. The reach of a bin is the
-    greatest of its ends, 0 without any.
+    Returns the sorted indices (N,), the sorted arms (4, N), the start (num_bins + 1,) and the stop (num_bins,) of
+    each bin, and its reach (num_bins,). The fourth row of the arms is the squared distance from which on a point is
+    too far away to block the arm. The reach of a bin is the greatest of its ends, 0 if it has none.
     """
     start = np.zeros(num_bins + 1, np.int64)
     bin_of = np.empty(len(bearing), np.int64)
+    # Count the ends of each bin; the sums are where the bins start.
     for i in range(len(bearing)):
         bin_of[i] = min(int((bearing[i] - low) * scale), num_bins - 1)
         start[bin_of[i] + 1] += 1
     for k in range(num_bins):
         start[k + 1] += start[k]
+    # Put each end into the next free slot of its bin.
     stop = start[:-1].copy()
     reach = np.zeros(num_bins)
     ends = np.empty(len(bearing), np.int64)
@@ -232,10 +247,12 @@ def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
         qx, qy, square = rays[0, j], rays[1, j], rays[2, j]
         if square >= farthest:
             continue
+        # Bins of the point's cone; the first bin follows the last one.
         for turned in range(cones[0, j], cones[1, j] + 1):
             k = turned if turned < num_bins else turned - num_bins
             if square >= reach[k]:
                 continue
+            # Move the ends that stay to the front of the bin, and recompute its reach.
             before, left = stop[k], start[k]
             reach[k] = 0.0
             for i in range(start[k], before):

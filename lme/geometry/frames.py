@@ -11,7 +11,7 @@ from lme.types import Floats, Pose
 
 
 def wrap_angle(angle: float) -> float:
-    """The angle wrapped to (−π, π] [rad]; exact for any finite angle."""
+    """Wrap an angle to (−π, π] [rad]; exact for any finite angle."""
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped <= -math.pi else wrapped
 
@@ -47,17 +47,17 @@ def compose(pose: Pose, child: Pose) -> Pose:
 
 
 def between(a: Pose, b: Pose, share: float) -> Pose:
-    """The pose at a share of the way from `a` (0) to `b` (1), turning the shorter way."""
+    """Interpolate between the poses `a` (share 0) and `b` (share 1), turning the shorter way."""
     turn = wrap_angle(b.yaw - a.yaw)
     return Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
 
 
 def _coordinates(points: Floats) -> Any:
-    """x and y of points (..., 2); of a single point two numbers, which Python adds faster than numpy."""
+    """Split points (..., 2) into x and y; a single point into two numbers, which Python adds faster than NumPy."""
     return points.T if points.ndim > 1 else points.tolist()
 
 
 def _points(x: Any, y: Any) -> Floats:
-    """The points (..., 2) with these coordinates."""
+    """Join coordinates to points (..., 2)."""
     points = np.array((x, y))
     return points if points.ndim == 1 else np.ascontiguousarray(points.T)

@@ -1,9 +1,8 @@
-"""A binary heap in two arrays, of keys and of items, with the least key first. The caller keeps its size.
+"""A binary heap in two arrays, one of keys and one of items, with the least key first. The caller keeps its size.
 
-Python's `heapq` compiles in Numba too, on a list of tuples, but takes 1.4 to 1.8 times as long, and orders equal
-keys <<<<<<< Updated upstream by item where this heap leaves them as they lie. Grids have many equal keys, so
-another path of the same length would win. ======= by item where this heap leaves them as they lie. Grids have many
-equal keys, so other paths of the same length would win. >>>>>>> Stashed changes
+Python's `heapq` compiles in Numba too, on a list of tuples, but takes 1.4 to 1.8 times as long. It orders equal keys
+by item, where this heap leaves them as they lie. Grids have many equal keys, so `heapq` would choose other paths of
+the same length.
 """
 
 from typing import Any
@@ -19,8 +18,9 @@ Items = NDArray[np.signedinteger[Any]]
 
 @njit(cache=True, error_model="numpy")
 def push(keys: Floats, items: Items, size: int, key: float, item: int) -> int:
-    """Push an item; returns the new size, which must fit the arrays."""
+    """Push an item and return the new size, which must fit the arrays."""
     k = size
+    # Parents with a greater key move down until the new item fits.
     while k > 0 and key < keys[(k - 1) // 2]:
         keys[k], items[k] = keys[(k - 1) // 2], items[(k - 1) // 2]
         k = (k - 1) // 2
@@ -30,10 +30,11 @@ def push(keys: Floats, items: Items, size: int, key: float, item: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def pop(keys: Floats, items: Items, size: int) -> int:
-    """Remove the first item; returns the new size."""
+    """Remove the first item and return the new size."""
     size -= 1
     key, item = keys[size], items[size]
     k, child = 0, 1
+    # The last item sinks from the root; the lesser child of each pair moves up.
     while child < size:
         if child + 1 < size and keys[child + 1] < keys[child]:
             child += 1
@@ -47,5 +48,5 @@ def pop(keys: Floats, items: Items, size: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def enlarged(keys: Floats, items: Items) -> tuple[Floats, Items]:
-    """Both arrays with room for twice as many."""
+    """Return copies of both arrays with room for twice as many entries."""
     return np.concatenate((keys, np.empty_like(keys))), np.concatenate((items, np.empty_like(items)))

@@ -29,6 +29,7 @@ def drive(
     v_max, omega_max, alpha_v, alpha_omega = limits
     v_goal = min(max(command[0], -v_max), v_max)
     omega_goal = min(max(command[1], -omega_max), omega_max)
+    # Enough steps that no point of the footprint moves further than `max_step` in one.
     fastest = max(abs(twist[0]), abs(v_goal)) + reach * max(abs(twist[1]), abs(omega_goal))
     steps = max(1, math.ceil(fastest * dt / max_step - 1e-9))
     poses = np.empty((steps, 3))
@@ -36,6 +37,7 @@ def drive(
     travelled = 0.0
     for k in range(steps):
         until = dt * (k + 1) / steps
+        # Midpoint rule: the distance of the step is driven along the heading at its middle.
         middle = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, dt * (k + 0.5) / steps)
         total = _ramp_integral(twist[0], v_goal, alpha_v, until)
         x += (total - travelled) * math.cos(middle)
@@ -53,13 +55,14 @@ def even_limits(
     limits: tuple[float, float, float, float],
     dt: float,
 ) -> tuple[float, float, float, float]:
-    """The limits with α lowered so that v and ω change over the whole of `dt` [s] instead of at α, then hold.
+    """Lower α in the limits so that v and ω change over the whole of `dt` [s], instead of at α and then holding.
 
     twist, command (v, ω); limits (v_max, ω_max, α_v, α_ω).
     """
     v_max, omega_max, alpha_v, alpha_omega = limits
     v = min(max(command[0], -v_max), v_max)
     omega = min(max(command[1], -omega_max), omega_max)
+    # The acceleration that takes all of `dt`, unless the limit is lower; never 0, since ramps divide by it.
     alpha_v = min(alpha_v, max(abs(v - twist[0]) / dt, 1e-9))
     alpha_omega = min(alpha_omega, max(abs(omega - twist[1]) / dt, 1e-9))
     return v_max, omega_max, alpha_v, alpha_omega
@@ -85,7 +88,7 @@ def first_beyond(poses: Floats, start: Floats, distance: float) -> int:
 
 @njit(cache=True)
 def time_beyond(poses: Floats, start: Floats, distance: float, begin: float, end: float) -> float:
-    """When the first of the (K, 3) poses is at least `distance` [m] from the (2,) start [s]; NaN if none is.
+    """Time at which the first of the (K, 3) poses is at least `distance` [m] from the (2,) start [s]; NaN if none is.
 
     The motion lasts from `begin` to `end` [s]; the last pose is at `end`.
     """
@@ -124,7 +127,7 @@ _SKIN = 0.1  # [m] behind the nearest point of a mover
 
 @njit(cache=True, error_model="numpy")
 def movers_among(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Bools, Floats]:
-    """Whether each of the (M, 2) points belongs to a mover, and the movers (P, 5) with their radii [m].
+    """Find the points (M, 2) that belong to movers: a mask (M,), and the movers (P, 5) with their radii [m].
 
     seen (S, 2): points of the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
     radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
@@ -132,10 +135,12 @@ def movers_among(points: Floats, seen: Floats, people: Floats, most: float) -> t
     movers = np.empty((len(people), 5))
     own = np.zeros(len(points), np.bool_)
     for n in range(len(people)):
+        # Radius of the mover: distance from its centre to the nearest point of the scan.
         square = most * most
         for m in range(len(seen)):
             square = min(square, (seen[m, 0] - people[n, 0]) ** 2 + (seen[m, 1] - people[n, 1]) ** 2)
         movers[n, :4], movers[n, 4] = people[n], math.sqrt(square)
+        # Its own points lie at most `_SKIN` beyond that radius.
         for m in range(len(points)):
             dx, dy = points[m, 0] - people[n, 0], points[m, 1] - people[n, 1]
             own[m] = own[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN

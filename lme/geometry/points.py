@@ -50,6 +50,7 @@ def _hits(ranges, directions, range_min, range_max, mount):
     for i in range(len(ranges)):
         if not (range_min <= ranges[i] < range_max):  # also drops NaN; range_max may be inf, a range may not
             continue
+        # End of the beam in the lidar frame, then in the base frame.
         along, across = ranges[i] * directions[i, 0], ranges[i] * directions[i, 1]
         x = mount[0] + cos * along - sin * across
         y = mount[1] + sin * along + cos * across + 0.0  # −0 would turn a bearing of π into −π
@@ -63,10 +64,12 @@ def _hits(ranges, directions, range_min, range_max, mount):
 def _order(keys):
     """Indices for a stable sort of the keys; fast if they rise except for one jump from π to −π."""
     n = len(keys)
+    # Start after the jump, if there is one.
     start = 0
     for i in range(1, n):
         if keys[i] < keys[i - 1] - 2.0:
             start = i
+    # Insertion sort: few points have to move, since the keys nearly rise.
     order = np.empty(n, np.int64)
     for k in range(n):
         new = start + k if start + k < n else start + k - n
@@ -90,7 +93,7 @@ _UNROLLED = 4  # inputs per pass over a row: each pass reads and writes the row 
 def dense(
     inputs: NDArray[np.float32], kernel: NDArray[np.float32], bias: NDArray[np.float32], slope: float
 ) -> NDArray[np.float32]:
-    """inputs (N, I) @ kernel (I, O) + bias (O,), then leaky ReLU: (N, O). A slope of 1 leaves out the ReLU.
+    """Dense layer: inputs (N, I) @ kernel (I, O) + bias (O,), then leaky ReLU: (N, O). A slope of 1 omits the ReLU.
 
     The order of the sums does not depend on the number of threads, unlike that of BLAS.
     """
@@ -101,6 +104,7 @@ def dense(
     for n in range(len(inputs)):
         for o in range(width):
             out[n, o] = bias[o]
+        # Four rows of the kernel in each pass, then the remaining ones.
         for i in range(0, whole, _UNROLLED):
             a, b, c, d = inputs[n, i], inputs[n, i + 1], inputs[n, i + 2], inputs[n, i + 3]
             for o in range(width):

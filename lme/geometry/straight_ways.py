@@ -17,17 +17,19 @@ _ROUNDING = 1e-9  # share of a distance that no rounding error reaches
 def straight_ways(
     places: Floats, points: Floats, box: tuple[float, float, float], margin: float, turn_margin: float
 ) -> Bools:
-    """Whether the robot can turn on the spot to each place and then drive there without contact: (N,).
+    """Return whether the robot can turn on the spot to each place and then drive there without contact: (N,).
 
     places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
-    sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn. A
-    point that is already nearer must just not come any nearer.
+    sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn.
+    A point that is already nearer need only not come nearer still.
     """
+    # Straight ways, then the turns before them: only points within the turning outline matter there.
     blocked = _blocked_ahead(places, points, box, margin)
     near, _ = _split(points, math.hypot(box[0], box[1]) + box[2] + turn_margin, np.inf)
     if box[0] > 0.0 and len(near):
         turns = np.array([[0.0, 1.0], [0.0, -1.0]])
         margins, zeros, full = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
+        # At 1 rad/s the times until contact are the greatest free turns [rad].
         left, right = first_contacts(turns, near, box, margins, zeros, full, KEPT)
         for n in range(len(places)):
             bearing = math.atan2(places[n, 1], places[n, 0])
@@ -45,7 +47,10 @@ def reachable(
     turn_margin: float,
     tight: float,
 ) -> Floats:
-    """1 for places to which a way is free (`straight_ways`); if there is none, ½ with margins times `tight`: (N,)."""
+    """Rate each place: 1 if the way there is free (`straight_ways`), else 0: (N,).
+
+    If no way is free, both margins are multiplied by `tight`, and the places that are then free have ½.
+    """
     ways, value = straight_ways(places, points, box, margin, turn_margin), 1.0
     if not ways.any():
         ways, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
@@ -58,11 +63,12 @@ def reachable(
 
 @njit(cache=True, error_model="numpy")
 def _blocked_ahead(places, points, box, margin):
-    """Whether a point is on the straight way to each place, for a robot that faces it: (N,)."""
+    """Return whether a point is on the straight way to each place, for a robot that faces it: (N,)."""
     width = box[1] + box[2] + margin
     ahead = max(box[0] - box[1], 0.0)  # reach of the front beyond the half disc at the end of the swept strip
     ends, origin = np.empty(places.shape), np.zeros(2)
     farthest = 0.0
+    # Lengthen each way by what the front reaches beyond the disc at its end.
     for n in range(len(places)):
         away = math.sqrt(places[n, 0] * places[n, 0] + places[n, 1] * places[n, 1])
         stretch = 1.0 + ahead / max(away, 1e-3)
@@ -70,6 +76,7 @@ def _blocked_ahead(places, points, box, margin):
         farthest = max(farthest, stretch * away)
     beside, before = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
     blocked = fan_blocked(origin, ends, before, width)
+    # Points that are within the width already: none may come nearer than the nearest of them is, but for KEPT.
     if len(beside):
         blocked |= fan_blocked(origin, ends, beside, KEPT * math.sqrt((beside**2).sum(axis=1).min()))
     return blocked
@@ -77,12 +84,13 @@ def _blocked_ahead(places, points, box, margin):
 
 @njit(cache=True, error_model="numpy")
 def _split(points, near, far):
-    """The points nearer to the origin than `near`, and the others up to `far` [m], in their order: two of (M, 2)."""
+    """Split points into those nearer to the origin than `near` and the others up to `far` [m], in their order."""
     inner, outer = np.empty(points.shape), np.empty(points.shape)
     i, j = 0, 0
     for n in range(len(points)):
         x, y = points[n, 0], points[n, 1]
         away = math.sqrt(x * x + y * y)
+        # Write each point to both arrays, and advance only where it belongs: no branches.
         inner[i, 0], inner[i, 1] = x, y
         outer[j, 0], outer[j, 1] = x, y
         i += away < near
