@@ -21,7 +21,7 @@ def straight_ways(
 
     places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
     sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn.
-    A point that is already nearer need only not come nearer still.
+    For a point that is already nearer, it is enough that it comes no nearer.
     """
     # Straight ways, then the turns before them: only points within the turning outline matter there.
     blocked = _blocked_ahead(places, points, box, margin)

@@ -1,4 +1,4 @@
-"""A grid over the edges of a large world, so that only those near a beam or a robot are looked at.
+"""A grid over the edges of a large world, so that only those near a beam or a robot are tested.
 
 A beam goes from cell to cell (Amanatides & Woo 1987, DOI 10.2312/egtp.19871000) and ends in the first in which it
 meets an edge.
@@ -34,7 +34,7 @@ NO_EDGES = EdgeGrid((0.0, 0.0, 1.0, 0, 0), np.zeros(1, np.int64), np.empty((0, 4
 
 
 def edge_grid(edges: Floats) -> EdgeGrid:
-    """The grid of edges (E, 4), E ≥ 1, with about E cells."""
+    """Build the grid of edges (E, 4), E ≥ 1, with about E cells."""
     low, high = edges.reshape(-1, 2).min(axis=0) - _SLACK, edges.reshape(-1, 2).max(axis=0) + _SLACK
     side = math.sqrt((high - low).prod() / len(edges))
     columns, rows = (math.ceil(span / side) for span in (high - low).tolist())
@@ -46,7 +46,7 @@ def edge_grid(edges: Floats) -> EdgeGrid:
 def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -> Floats:
     """The edges (K, 4) of the grid that may be the nearest of its edges, or in contact, at some pose.
 
-    poses (P, 3) of a footprint, P ≥ 1; box (half_length, half_width, rounding) [m]. An edge may come twice.
+    poses (P, 3) of a footprint, P ≥ 1; box (half_length, half_width, rounding) [m]. An edge may occur twice.
     """
     half_length, half_width, rounding = box
     r_min = min(half_length, half_width) + rounding
@@ -57,14 +57,16 @@ def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -
 
 @njit(cache=True, error_model="numpy")
 def _by_cell(edges, low_x, low_y, side, rows, columns):
-    """`starts` and `edges` of an `EdgeGrid`."""
+    """Compute `starts` and `edges` of an `EdgeGrid`."""
     starts = np.zeros(rows * columns + 1, np.int64)
+    # Count the edges of each cell; the sums are where the cells start.
     for i in range(len(edges)):
         for row in _rows(edges, i, low_y, side, rows):
             first, last = _columns(edges, i, row, low_x, low_y, side, columns)
             for column in range(first, last):
                 starts[row * columns + column + 1] += 1
     starts = np.cumsum(starts)
+    # Copy each edge to all cells that it touches.
     found, filled = np.empty((starts[-1], 4)), starts.copy()
     for i in range(len(edges)):
         for row in _rows(edges, i, low_y, side, rows):
@@ -87,6 +89,7 @@ def _columns(edges, i, row, low_x, low_y, side, columns):
     """First and last + 1 of the columns that edge i touches in a row."""
     x0, y0, along_x, along_y = edges[i, 0], edges[i, 1], edges[i, 2] - edges[i, 0], edges[i, 3] - edges[i, 1]
     begin, end = 0.0, 1.0  # of the part in the row
+    # Clip the edge to the row, as shares of its length.
     if abs(along_y) > _SLACK:
         low, high = low_y + row * side - _SLACK - y0, low_y + (row + 1) * side + _SLACK - y0
         begin, end = (
@@ -100,17 +103,18 @@ def _columns(edges, i, row, low_x, low_y, side, columns):
 
 @njit(cache=True, error_model="numpy")
 def _cell(place, low, side, count):
-    """The index of a coordinate's row or column, or of the nearest."""
+    """Index of the row or column that contains a coordinate, or of the nearest one."""
     return min(max(math.floor((place - low) / side), 0), count - 1)
 
 
 @njit(cache=True, error_model="numpy")
 def _near_edges(poses, r_min, r_max, frame, starts, edges):
-    """The bounds are those of the broad phase in `lme.geometry.collision`."""
+    """Edges for `near_edges`, by the bounds of the broad phase in `lme.geometry.collision`."""
     x, y = poses[len(poses) // 2, 0], poses[len(poses) // 2, 1]
     travel = 0.0
     for k in range(len(poses)):
         travel = max(travel, math.hypot(poses[k, 0] - x, poses[k, 1] - y))
+    # The clearance at the middle pose is at most gap − r_min, so farther edges cannot be the nearest.
     gap = nearest(x, y, frame, starts, edges)
     limit = (max(gap - r_min, 0.0) + r_max + travel) * (1.0 + 1e-6)
     return edges[_within(x, y, limit, frame, starts, edges)]
@@ -123,6 +127,7 @@ def nearest(x, y, frame, starts, edges):
         return np.inf
     low_x, low_y, side, rows, columns = frame
     reach, farthest = 2.0 * side, math.hypot(abs(x - low_x), abs(y - low_y)) + side * (rows + columns)
+    # Double the window until it holds an edge.
     within = _within(x, y, reach, frame, starts, edges)
     while len(within) == 0 and reach < farthest:  # ends for any number, also inf and NaN
         reach *= 2.0
@@ -139,6 +144,7 @@ def _within(x, y, limit, frame, starts, edges):
     low_x, low_y, side, rows, columns = frame
     found, count = np.empty(64, np.int64), 0
     first, last = _cell(x - limit, low_x, side, columns), _cell(x + limit, low_x, side, columns)
+    # Exact distances of the edges in the cells of the window.
     for row in range(_cell(y - limit, low_y, side, rows), _cell(y + limit, low_y, side, rows) + 1):
         for i in range(starts[row * columns + first], starts[row * columns + last + 1]):
             apart = point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3])
@@ -159,6 +165,7 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
     """
     low_x, low_y, side, rows, columns = frame
     dx, dy = turn[0] * beam[0] - turn[1] * beam[1], turn[1] * beam[0] + turn[0] * beam[1]
+    # Start cell, metres from border to border, and metres to the first border in each direction.
     across, up = (x - low_x) / side, (y - low_y) / side
     column, row = math.floor(across), math.floor(up)
     per_column, per_row = side / max(abs(dx), 1e-300), side / max(abs(dy), 1e-300)
@@ -166,8 +173,10 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
     at_row = (row + 1 - up if dy > 0.0 else up - row) * per_row
     next_column, next_row = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
     is_inside = 0 <= column < columns and 0 <= row < rows
+    # From outside the grid, all edges are tested at once.
     k = row * columns + column
     first, last = (starts[k], starts[k + 1]) if is_inside else (0, len(edges))
+    # Test the edges of one cell after another, until a hit lies in the cell itself.
     while True:
         far = _first_of(x, y, turn, beam, dx, dy, far, edges, first, last)
         if not is_inside or far < min(at_column, at_row) - _SURE:
@@ -186,13 +195,15 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
-    """`first_hit` among edges first…last − 1. dx, dy: the beam's direction in the world."""
+    """Return the result of `first_hit` among edges first…last − 1. dx, dy: the beam's direction in the world."""
     cos, sin = turn
     for i in range(first, last):
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
+        # Skip edges that are surely on one side of the beam's line.
         start_side, end_side = ax * dy - ay * dx, bx * dy - by * dx
         if (start_side > _SURE and end_side > _SURE) or (start_side < -_SURE and end_side < -_SURE):
             continue
+        # The exact test, in the lidar's frame: the beam passes the two ends on different sides.
         start_x, start_y = cos * ax + sin * ay, cos * ay - sin * ax
         end_x, end_y = cos * bx + sin * by, cos * by - sin * bx
         across_start = start_x * beam[1] - start_y * beam[0]

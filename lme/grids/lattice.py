@@ -1,8 +1,8 @@
 """Ray casting in a world whose edges lie on a lattice, with the results of `lme.perception.raycast` to the last bit.
 
-All beams of a quadrant take a step before any takes the next, and a step has no branches: a wrong guess of a branch
-costs more than the step. The last step gives the edge that a beam hits. A beam that passes close to a node, or almost
-along an axis, goes through the grid of edges instead, where it meets all edges that it may hit.
+All beams of a quadrant take a step before any takes the next, and a step has no branches, since a mispredicted one
+would cost more than the step. The last step gives the edge that a beam hits. A beam that passes close to a node, or
+almost along an axis, goes through the grid of edges instead, where it meets all edges that it may hit.
 """
 
 from __future__ import annotations
@@ -52,18 +52,20 @@ NO_LATTICE = Lattice(
 
 
 def lattice_of(edges: Floats) -> Lattice:
-    """The lattice of edges (E, 4), E ≥ 1; `NO_LATTICE` if they do not lie on one, or if it has too many cells."""
+    """Build the lattice of edges (E, 4), E ≥ 1; `NO_LATTICE` if they lie on none, or if it has too many cells."""
     return _lattice_of(edges.tobytes())
 
 
 @lru_cache(maxsize=2)
 def _lattice_of(buffer: bytes) -> Lattice:
-    """`lattice_of`, which worlds that differ only in what moves share."""
+    """Build a lattice once for all worlds that differ only in their moving obstacles."""
     edges = np.frombuffer(buffer).reshape(-1, 4).copy()
+    # All edges must be parallel to an axis and have a length.
     spans = np.abs(edges[:, 2:] - edges[:, :2])
     lengths = spans.max(axis=1)
     if spans.min(axis=1).any() or not lengths.all():
         return NO_LATTICE
+    # A whole number of cells from border to border; the shortest edge says how many.
     low, high = edges.reshape(-1, 2).min(axis=0), edges.reshape(-1, 2).max(axis=0)
     counts = np.rint((high - low) / lengths.min())
     if not counts.all() or (counts + 2).prod() > _MOST_CELLS:
@@ -81,15 +83,17 @@ def _lattice_of(buffer: bytes) -> Lattice:
 
 @njit(cache=True, error_model="numpy")
 def _sides(nodes, rows, columns):
-    """`uprights` and `levels` of a `Lattice`, whose outermost cells are beyond its border."""
+    """Compute `uprights` and `levels` of a `Lattice`; its outermost cells lie beyond its border."""
     uprights = np.full((rows, columns + 1), FREE, np.int32)
     levels = np.full((rows + 1, columns), FREE, np.int32)
+    # Note the edge on every side that it covers; a second edge makes it SEVERAL.
     for i in range(len(nodes)):
         x0, y0, x1, y1 = nodes[i]
         for row in range(min(y0, y1), max(y0, y1)):
             uprights[row, x0] = i if uprights[row, x0] == FREE else SEVERAL
         for column in range(min(x0, x1), max(x0, x1)):
             levels[y0, column] = i if levels[y0, column] == FREE else SEVERAL
+    # Free sides of the outermost cells end the lattice.
     for row in range(rows):
         for line in (0, 1, columns - 1, columns):
             uprights[row, line] = BORDER if uprights[row, line] == FREE else uprights[row, line]
@@ -101,7 +105,7 @@ def _sides(nodes, rows, columns):
 
 @njit(cache=True, error_model="numpy")
 def _rectangles(uprights, levels):
-    """`rectangles` of a `Lattice`."""
+    """Compute `rectangles` of a `Lattice`."""
     rows, columns = len(uprights), levels.shape[1]
     out = np.empty((4, rows * columns), np.uint16)
     for quadrant in range(4):
@@ -111,7 +115,7 @@ def _rectangles(uprights, levels):
 
 @njit(cache=True, error_model="numpy")
 def _grow(quadrant, uprights, levels, out):
-    """The rectangles of a quadrant, each that of a neighbour and one more row or column, or the cell alone.
+    """Compute a quadrant's rectangles: each is a neighbour's and one more row or column, or the cell alone.
 
     Rows and columns are counted in the direction of the quadrant, from the last to the first.
     """
@@ -120,16 +124,18 @@ def _grow(quadrant, uprights, levels, out):
     wide, high = np.zeros((2, 2, columns + 1), np.int64)  # in the last row and in this one
     open_rows = np.zeros(
         columns, np.int64
-    )  # from the cell on, with no edge between them or to the next column
+    )  # rows from the cell on, without an edge between them or to the next column
     for a in range(rows - 1, -1, -1):
         row = rows - 1 - a if down else a
         open_columns = 0
         wide[0], high[0] = wide[1], high[1]
         for b in range(columns - 1, -1, -1):
             column = columns - 1 - b if left else b
+            # Edges towards the next column and the next row.
             wall, lid = uprights[row, column + 1 - left] != FREE, levels[row + 1 - down, column] != FREE
             open_rows[b] = 0 if wall else 1 if lid else 1 + open_rows[b]
             open_columns = 0 if lid else 1 if wall else 1 + open_columns
+            # Extend the next column's rectangle by this cell's column, or the next row's by its row; keep the better.
             w, h = 1, 1
             if not wall:
                 w, h = min(wide[1, b + 1] + 1, SPAN_MAX), min(high[1, b + 1], open_rows[b])
@@ -138,13 +144,14 @@ def _grow(quadrant, uprights, levels, out):
                 if _worth(other_w, other_h) > _worth(w, h):
                     w, h = other_w, other_h
             wide[1, b], high[1, b] = w, h
+            # Edges on the two sides by which a beam enters the cell.
             entry = (uprights[row, column + left] != FREE) + 2 * (levels[row + down, column] != FREE)
             out[row * columns + column] = w | h << SPAN_BITS | entry << 2 * SPAN_BITS
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _worth(wide, high):
-    """How far beams of all directions go in a rectangle, about."""
+    """Rough measure of how far beams of all directions go in a rectangle."""
     return wide * high / (wide + high)
 
 
@@ -162,7 +169,7 @@ _UPRIGHT, _SURE, _WALL = (
 def cast_lattice(
     x, y, heading, range_max, table, grid_frame, starts, in_cells, frame, uprights, levels, rectangles, edges
 ):
-    """`lme.perception.raycast.cast_grid` for an `EdgeGrid` and the `Lattice` of the same edges.
+    """Return the result of `lme.perception.raycast.cast_grid` for an `EdgeGrid` and the `Lattice` of its edges.
 
     heading: of the first beam in the world [rad]; table: `beam_table`.
     """
@@ -172,6 +179,7 @@ def cast_lattice(
     doubtful, last = np.ones(len(rates), np.bool_), 0
     if _is_sure(x, y, frame, uprights, levels):
         while last < len(rates):
+            # Neighbouring beams of one quadrant walk together.
             first = last
             while last < len(rates) and quadrants[last] == quadrants[first]:
                 last += 1
@@ -180,6 +188,7 @@ def cast_lattice(
             beams = table[:, first:last]
             sides = (quadrant & 1, quadrant >> 1, uprights, levels)
             _meet(x, y, turn, beams, sides, edges, steps, ends, ranges[first:last], doubtful[first:last])
+    # Doubtful beams go through the grid of edges.
     for i in range(len(rates)):
         if doubtful[i]:
             beam = (table[0, i], table[1, i])
@@ -189,7 +198,7 @@ def cast_lattice(
 
 @njit(cache=True, error_model="numpy")
 def _rates(turn, table, per):
-    """Of each beam: columns and rows per metre, metres per column and per row, and its quadrant."""
+    """Columns and rows per metre, metres per column and per row of each beam: (B, 4); and its quadrant (B,)."""
     rates, quadrants = np.empty((table.shape[1], 4)), np.empty(table.shape[1], np.uint8)
     for i in range(table.shape[1]):
         dx, dy = (
@@ -204,12 +213,13 @@ def _rates(turn, table, per):
 
 @njit(cache=True, error_model="numpy")
 def _is_sure(x, y, frame, uprights, levels):
-    """Whether (x, y) is inside the lattice, in a cell for sure or where it does not matter in which."""
+    """Return whether (x, y) is inside the lattice, and surely in one cell or where the choice does not matter."""
     low_x, low_y, side, rows, columns = frame
     across, up = (x - low_x) / side, (y - low_y) / side
     if not (1.0 < across < columns - 1.0 and 1.0 < up < rows - 1.0):
         return False
     column, row, line, level = int(across), int(up), round(across), round(up)
+    # Close to a line between cells, the choice matters if an edge lies on it nearby.
     for k in range(-1, 2):
         if abs(across - line) < _NODE and uprights[row + k, line] != FREE:
             return False
@@ -223,11 +233,12 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
     """Walk all beams of a quadrant to a wall or beyond range_max.
 
     Columns and rows are counted in the direction of the quadrant. Returns (B, 3) of the cell that a beam entered last:
-    its column, its row, and its entry in `Lattice.rectangles`; and (B,) how it ended.
+    its column, its row, and its entry in `Lattice.rectangles`; and how the beam ended (B,).
     """
     low_x, low_y, side, rows, columns = frame
     x, y = (x - low_x) / side, (y - low_y) / side
     steps, ends = np.empty((len(rates), 3), np.int32), np.zeros(len(rates), np.uint8)
+    # Mirror the start, so that columns and rows rise along the beams of every quadrant.
     origin, next_column, next_row = 0, 1, columns
     if quadrant & 1:
         x, origin, next_column = columns - x, columns - 1, -1
@@ -235,6 +246,7 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
         y, origin, next_row = rows - y, origin + (rows - 1) * columns, -columns
     column, row = int(x), int(y)
     entry = free[uint64(origin + row * next_row + column * next_column)]
+    # Beams almost along an axis do not walk; they stay doubtful.
     walking, count = np.empty(len(rates), np.int32), 0
     for i in range(len(rates)):
         steps[i, 0], steps[i, 1], steps[i, 2] = column, row, entry
@@ -246,10 +258,12 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
         for j in range(count):
             i = uint64(walking[uint64(j)])
             column, row, entry = int64(steps[i, 0]), int64(steps[i, 1]), int64(steps[i, 2])
+            # Far sides of the free rectangle, and the first of them that the beam meets.
             to_column, to_row = column + (entry & SPAN_MAX), row + (entry >> SPAN_BITS & SPAN_MAX)
             at_column, at_row = (to_column - x) * rates[i, 2], (to_row - y) * rates[i, 3]
             upright, distance = at_column < at_row, min(at_column, at_row)
             across, up = x + distance * rates[i, 0], y + distance * rates[i, 1]
+            # Enter the cell behind that side; close to a node it is not sure which one this is.
             column, row = to_column if upright else int64(across), int64(up) if upright else to_row
             along = up if upright else across
             sure = abs(along - np.floor(along + 0.5)) > _NODE
@@ -265,7 +279,7 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
 
 @njit(cache=True, error_model="numpy")
 def _meet(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
-    """Shorten the ranges of a quadrant's beams to the edges where they ended; clears `doubtful` for sure ones.
+    """Shorten the ranges of a quadrant's beams to the edges where they ended, and clear `doubtful` for sure ones.
 
     The arithmetic of a hit is that of `lme.perception.raycast`.
     """
@@ -273,11 +287,13 @@ def _meet(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
     left, down, uprights, levels = sides
     rows, columns = len(uprights), levels.shape[1]
     for i in range(len(ranges)):
+        # No sure wall: the beam went beyond range_max if its place is sure, and is doubtful otherwise.
         if ends[i] < _SURE + _WALL:
             doubtful[i] = ends[i] < _SURE or ends[i] >= _WALL
             continue
         column, row = int64(steps[i, 0]), int64(steps[i, 1])
         column, row = columns - 1 - column if left else column, rows - 1 - row if down else row
+        # The edge on the side by which the beam entered its last cell.
         k = int64(
             uprights[uint64(row), uint64(column + left)]
             if ends[i] & _UPRIGHT
@@ -288,6 +304,7 @@ def _meet(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
             continue
         k = uint64(k)
         ax, ay, bx, by = edges[k, 0] - x, edges[k, 1] - y, edges[k, 2] - x, edges[k, 3] - y
+        # Distance along the beam to the edge's line, in the lidar's frame.
         start_x, start_y = cos * ax + sin * ay, cos * ay - sin * ax
         end_x, end_y = cos * bx + sin * by, cos * by - sin * bx
         across_start = start_x * beams[1, i] - start_y * beams[0, i]

@@ -25,7 +25,7 @@ HIGHEST = 252  # highest cost of other cells
 
 @njit(cache=True, error_model="numpy")
 def lattice(value: float) -> int:
-    """The nearest integer, with halves rounded away from zero, so that rounding is symmetric."""
+    """Round to the nearest integer, halves away from zero, so that rounding is symmetric."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
@@ -43,7 +43,7 @@ def observe(
     spans: tuple[float, float, float, float],
     inf_is_valid: bool,
 ) -> None:
-    """Mark the cells that beams of scan `number` (≥ 1) hit and clear those they pass; hits and costs in place.
+    """Mark the cells that beams of scan `number` (≥ 1) hit and clear those they pass, in place.
 
     pose: of the lidar in the frame of the grid. ranges (B,) [m]; angles (angle_min, angle_increment) [rad];
     spans (range_min, range_max, obstacle_range, raytrace_range) [m]. A hit beyond obstacle_range marks no free
@@ -53,6 +53,7 @@ def observe(
     New hits raise costs; the costs of cleared hits remain until `inflate`.
     """
     range_min, range_max = np.float32(spans[0]), np.float32(spans[1])
+    # Mark the cell of each return, or renew the number of its last hit.
     for k in range(len(ranges)):
         if range_min <= ranges[k] < range_max:
             bearing = pose[2] + angles[0] + k * angles[1]
@@ -67,6 +68,7 @@ def observe(
                 ):  # else walls beyond obstacle_range would be cleared
                     hits[i, j] = number
     for k in range(len(ranges)):
+        # Clear the cells that the beam passes, as far as it says that they are free.
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
             length = min(ranges[k], range_max, spans[3])
@@ -101,12 +103,14 @@ def _free(hits, grid, since, pose, cos, sin, length):
     x, y, reach = pose[0] / grid[2], pose[1] / grid[2], length / grid[2]
     i, j = lattice(x), lattice(y)
     step_i, step_j = (1 if cos > 0.0 else -1), (1 if sin > 0.0 else -1)
+    # Distances along the beam to the next border in each direction, and from border to border [cells].
     next_i = (i + 0.5 * step_i - x) / cos if cos != 0.0 else np.inf
     next_j = (j + 0.5 * step_j - y) / sin if sin != 0.0 else np.inf
     per_i = abs(1.0 / cos) if cos != 0.0 else np.inf
     per_j = abs(1.0 / sin) if sin != 0.0 else np.inf
     a, b = i - grid[0], j - grid[1]
     entered = 0.0
+    # Go from cell to cell; the beam enters the current one at `entered`.
     while entered < reach:
         if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < since:
             hits[a, b] = 0
@@ -125,6 +129,7 @@ def draw_discs(hits: Hits, grid: Grid, discs: Floats) -> None:
         x, y, reach = discs[k, 0] / cell, discs[k, 1] / cell, discs[k, 2] / cell
         for i in range(lattice(x - reach), lattice(x + reach) + 1):
             for j in range(lattice(y - reach), lattice(y + reach) + 1):
+                # Distance from the centre to the nearest point of the cell.
                 away = math.hypot(max(abs(i - x) - 0.5, 0.0), max(abs(j - y) - 0.5, 0.0))
                 if away <= reach:
                     _occupy(hits, grid, i, j)
@@ -137,6 +142,7 @@ def draw_edges(hits: Hits, grid: Grid, edges: Floats) -> None:
     for k in range(len(edges)):
         x0, y0 = edges[k, 0] / cell, edges[k, 1] / cell
         dx, dy = edges[k, 2] / cell - x0, edges[k, 3] / cell - y0
+        # At least two samples per cell, so that none is passed over.
         steps = math.ceil(2.0 * math.hypot(dx, dy)) + 1
         for s in range(steps + 1):
             _occupy(hits, grid, lattice(x0 + dx * s / steps), lattice(y0 + dy * s / steps))
@@ -151,7 +157,7 @@ def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
     cell, rows, last = grid[2], hits.shape[0], len(polygon) - 1
     low = max(lattice(polygon[:, 1].min() / cell) - grid[1], 0)
     high = min(lattice(polygon[:, 1].max() / cell) - grid[1], hits.shape[1] - 1)
-    # [i, j]: whether a line j changes sides between its cells i − 1 and i
+    # [i, j]: whether line j of cells crosses an edge between its cells i − 1 and i
     changes = np.zeros((rows + 1, max(high - low + 1, 0)), np.bool_)
     for k in range(len(polygon)):
         (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last else 0]
@@ -159,6 +165,7 @@ def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
         for j in range(first, min(lattice(max(y0, y1) / cell) - grid[1], high) + 1):
             y = (j + grid[1]) * cell
             if (y < y0) != (y < y1):
+                # First cell whose centre is not before the crossing; the loops correct rounding.
                 x = x0 + (x1 - x0) * (y - y0) / (y1 - y0)
                 i = min(max(math.ceil(x / cell) - grid[0], 0), rows)
                 while i > 0 and (i - 1 + grid[0]) * cell >= x:
@@ -166,6 +173,7 @@ def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
                 while i < rows and (i + grid[0]) * cell < x:
                     i += 1
                 changes[i, j - low] ^= True
+    # Along each line, every crossing changes between outside and inside.
     for j in range(low, high + 1):
         inside = False
         for i in range(rows - 1, -1, -1):

@@ -15,7 +15,7 @@ from lme.types import Bools, Floats, Ints
 
 @njit(cache=True, error_model="numpy")
 def outline_capacity(outline: Floats, cell_size: float) -> int:
-    """The greatest number of cells that `outline_cells` can list at any pose."""
+    """Greatest number of cells that `outline_cells` can list at any pose."""
     length = 0.0
     for k in range(len(outline)):
         m = (k + 1) % len(outline)
@@ -27,13 +27,14 @@ def outline_capacity(outline: Floats, cell_size: float) -> int:
 def outline_cells(
     outline: Floats, pose: tuple[float, float, float], grid: Grid, shape: tuple[int, int], cells: Ints
 ) -> int:
-    """List the cells under the outline at `pose` in `cells` (M,), M ≥ `outline_capacity`; their number.
+    """List the cells under the outline at `pose` in `cells` (M,), M ≥ `outline_capacity`, and return how many.
 
-    Cells are indices of the flat array, corners are listed twice. -1 if a corner is outside the array.
+    Cells are indices of the flat array, corners are listed twice. Returns -1 if a corner is outside the array.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     count, last = 0, len(outline) - 1
     i, j = _corner(outline, last, pose, cos, sin, grid)
+    # Draw the side from each corner to the next, beginning with the last corner.
     for k in range(len(outline)):
         a, b = _corner(outline, k, pose, cos, sin, grid)
         if a < 0 or b < 0 or a >= shape[0] or b >= shape[1]:
@@ -64,13 +65,14 @@ def outline_cost(
 def covered_cells(
     outline: Floats, pose: tuple[float, float, float], grid: Grid, shape: tuple[int, int]
 ) -> Bools:
-    """Whether each cell of the array lies under the outline at `pose` or inside it: (I, J).
+    """Return whether each cell of the array lies under the outline at `pose` or inside it: (I, J).
 
-    None does if a corner is outside the array.
+    No cell does if a corner is outside the array.
     """
     cells = np.empty(outline_capacity(outline, grid[2]), np.int64)
     count = outline_cells(outline, pose, grid, shape, cells)
     covered = np.zeros(shape, np.bool_)
+    # First and last column of the outline in each row; it is convex, so all between them are covered.
     low, high = np.full(shape[0], shape[1]), np.full(shape[0], -1)
     for k in range(count):
         i, j = cells[k] // shape[1], cells[k] % shape[1]
@@ -100,8 +102,9 @@ def _corner(outline, k, pose, cos, sin, grid):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _line(i, j, a, b, columns, cells, count):
-    """Append the cells from (i, j) to (a, b), both included; the new count."""
+    """Append the cells from (i, j) to (a, b), both included, and return the new count."""
     di, dj = abs(a - i), abs(b - j)
+    # Steps of the flat index along the longer axis and across it.
     along, across = (columns if a > i else -columns), (1 if b > j else -1)
     if dj > di:
         along, across = across, along
@@ -110,6 +113,7 @@ def _line(i, j, a, b, columns, cells, count):
     for _ in range(most + 1):
         cells[count] = cell
         count += 1
+        # Step across whenever the error reaches a whole cell.
         error += least
         if error >= most:
             error -= most

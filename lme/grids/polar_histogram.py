@@ -22,6 +22,7 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
     half = math.ceil(_farthest(points, reach) / cell_size)
     side = 2 * half + 1
     hits = np.zeros((side, side, 3))  # number of returns, sums of x and y
+    # Count and add up the returns in each cell.
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         if x * x + y * y > reach * reach:
@@ -31,6 +32,7 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
         hit[1] += x
         hit[2] += y
     cells, count = np.empty((min(side * side, len(points)), 2)), 0
+    # List the mean of each cell that has a return.
     for row in range(side):
         for column in range(side):
             hit = hits[row, column]
@@ -66,6 +68,7 @@ def polar_density(
     for i in range(len(cells)):
         distance = math.sqrt(cells[i, 0] ** 2 + cells[i, 1] ** 2)
         weight = peak - (peak - 1.0) * (distance / reach) ** 2
+        # Sectors whose centres are within asin(radius / d) of the cell's direction, or a quarter turn if d ≤ radius.
         middle = (math.atan2(cells[i, 1], cells[i, 0]) + yaw) / alpha
         half = math.asin(radius / distance) / alpha if distance > radius else 0.25 * num_sectors
         first, last = math.ceil(middle - half), math.floor(middle + half)
@@ -87,6 +90,7 @@ def turning_limits(cells: Floats, turn_radius: float, radius: float) -> tuple[fl
     touch = (turn_radius + radius) ** 2
     for i in range(len(cells)):
         x, y = cells[i, 0], cells[i, 1]
+        # Skip cells that the tightest arc on their side passes at `radius` or more.
         if x * x + (abs(y) - turn_radius) ** 2 >= touch:
             continue
         bearing = math.atan2(y, x)
@@ -117,6 +121,7 @@ def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
     A wider one gives a direction `wide`/2 from either edge, and the target's if it lies between them.
     """
     num_sectors = len(blocked)
+    # Start at a blocked sector, so that no valley is divided.
     edge = 0
     while edge < num_sectors and not blocked[edge]:
         edge += 1
@@ -128,6 +133,7 @@ def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
         if blocked[k % num_sectors]:
             k += 1
             continue
+        # One valley: all free sectors up to the next blocked one.
         first = k
         while not blocked[k % num_sectors]:
             k += 1
@@ -146,6 +152,7 @@ def cheapest(
     """
     best, least, apart = -1, np.inf, np.inf
     for i in range(len(candidates)):
+        # Weighted sum of the differences from the target, the heading and the previous choice.
         cost = 0.0
         for j in range(3):
             cost += costs[j] * abs(_remainder(candidates[i] - towards[j], float(n)))
@@ -158,9 +165,11 @@ def cheapest(
 @njit(cache=True, error_model="numpy")
 def _offer(first, last, target, wide, num_sectors, out, count):
     """Append the candidates of the valley from sector `first` to `last`; return the new number of candidates."""
+    # A narrow valley gives its middle.
     if last - first + 1 < wide:
         out[count] = 0.5 * (first + last)
         return count + 1
+    # A wide one gives a direction near either edge, and the target's between them.
     right, left = first + 0.5 * wide, last - 0.5 * wide
     if right >= left:
         out[count] = 0.5 * (first + last)
@@ -176,7 +185,7 @@ def _offer(first, last, target, wide, num_sectors, out, count):
 
 @njit(cache=True, error_model="numpy")
 def _nearest(value):
-    """The nearest integer, with halves rounded away from zero, so that left and right are symmetric."""
+    """Round to the nearest integer, halves away from zero, so that left and right are symmetric."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 

@@ -65,7 +65,7 @@ class GlobalPlanner(GlobalPath):
         self.cell_costs = _cell_costs(config)
 
     def _updated(self, observation: Observation) -> Costmap:
-        """The map with this scan, to be inflated for this speed."""
+        """Return the map with this scan; it will be inflated for the current speed."""
         costmap = super()._updated(observation)
         config, slow = self._inflation, self._inflation.costmap.inflation_radius
         share = min(max(observation.twist.v / config.full_speed, 0.0), 1.0)
@@ -78,7 +78,7 @@ class GlobalPlanner(GlobalPath):
 
 
 def _cell_costs(config: GlobalPlannerConfig) -> Floats:
-    """What the search pays for a cell of each cost: (256,), inf where it may not pass."""
+    """Search cost of a cell for each cost of the costmap: (256,), inf where paths may not pass."""
     costs = np.arange(256)
     paid = np.minimum(config.neutral_cost + config.cost_factor * costs, config.lethal_cost - 1.0)
     return np.where(costs < HIGHEST, paid, np.inf)

@@ -88,7 +88,7 @@ class GlobalPath:
         self._world = (world, start)
 
     def guide(self, observation: Observation) -> Guidance:
-        """The path from the robot to the target; the subgoal is the farthest point on it in sight.
+        """Return the path from the robot to the target; the subgoal is the farthest point on it in sight.
 
         If no path exists, the path is the straight line and the subgoal is the robot's position. Raises
         InputError if the true map is needed and none was given.
@@ -108,7 +108,7 @@ class GlobalPath:
         return Guidance(subgoal, path, switched, not route.found)
 
     def _updated(self, observation: Observation) -> Costmap:
-        """The map; an observed one is rebuilt if it is due."""
+        """Return the map; an observed one is rebuilt first if it is due."""
         if self.costmap is None:
             self.costmap = self._begun(to_world(observation.target, observation.odometry))
         if self._config.global_map == "observed":
@@ -118,7 +118,7 @@ class GlobalPath:
         return self.costmap
 
     def _begun(self, goal: Floats) -> Costmap:
-        """The map before the first scan: empty, or the true one."""
+        """Create the map before the first scan: empty, or the true one."""
         if self._config.global_map == "observed":
             return Costmap(self._config.costmap, self._robot, goal[None])
         if self._world is None:
@@ -130,12 +130,12 @@ class GlobalPath:
         return costmap
 
     def _obstructed(self, route: _Route, costmap: Costmap) -> bool:
-        """Whether a point of the path ahead has become forbidden since planning."""
+        """Return whether a point of the path ahead has become forbidden since planning."""
         now = costmap.forbidden(route.points[route.at :])
         return bool((now & ~route.forbidden[route.at :]).any())
 
     def _plan(self, observation: Observation, costmap: Costmap) -> _Route:
-        """A new route on the current map."""
+        """Plan a new route on the current map."""
         if self._config.global_map == "observed" or self._route is None:
             costmap.refresh()
         robot = np.array(observation.odometry[:2])
@@ -174,7 +174,7 @@ class GlobalPath:
         """The farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
 
         The corridor has the radius of the padded robot, else of the robot, else of its inner disc, limited to the
-        current clearance. If no point is in sight: the point one robot radius along the path.
+        current clearance. If no point is in sight, the point one robot radius along the path is taken.
         """
         robot, padding = self._robot, self._config.costmap.footprint_padding
         near = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]
@@ -188,7 +188,7 @@ class GlobalPath:
         return np.array(near[step - 1])
 
     def _switched(self, route: _Route, before: _Route) -> bool:
-        """Whether the route departs from the old one by more than the robot's width."""
+        """Return whether the route departs from the old one by more than the robot's width."""
         return departs(route.points, before.points[before.at :], 2.0 * self._robot.r)
 
 

@@ -31,6 +31,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
     """
     rows, columns = costs.shape
     scale = heuristic_weight * table.min()
+    # Best-first search: `keys` and `cells` are a heap of cells by `_key`.
     g = np.full(rows * columns, np.inf)
     keys, cells = np.empty(8 * rows * columns + 1), np.empty(8 * rows * columns + 1, np.int32)
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
@@ -44,6 +45,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
             continue  # outdated: a cheaper path was found later
         if cell == last:
             break
+        # A cheaper way over this cell lowers the cost of a neighbour.
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 step = _step(costs, table, i, j, di, dj)
@@ -71,6 +73,7 @@ def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> In
         count += 1
         if (i == start[0] and j == start[1]) or count == g.size:
             return path[:count][::-1].copy()
+        # Go back to the neighbour with the least cost by way of it; in a tie, to the one nearer to the line.
         least, nearest, came_i, came_j = np.inf, np.inf, i, j
         for di in range(-1, 2):
             for dj in range(-1, 2):
@@ -86,7 +89,7 @@ def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> In
 
 @njit(cache=True, error_model="numpy")
 def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
-    """Replace pieces of a path (K, 2) of cells by straight lines that cost no more; corners (C, 2).
+    """Replace pieces of a path (K, 2) of cells by straight lines that cost no more, and return its corners (C, 2).
 
     g: costs from `search`. Paths with only eight directions are longer than necessary. The farthest possible line
     is tried first.
@@ -96,6 +99,7 @@ def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
     while here < last:
         corners[count] = path[here]
         count += 1
+        # Try ever shorter lines, until one costs no more than the path between its ends.
         span = last - here
         while span > 1:
             there = here + span
@@ -110,9 +114,10 @@ def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
 
 @njit(cache=True, error_model="numpy")
 def departs(path: Floats, other: Floats, limit: float) -> bool:
-    """Whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `other` (L, 2)."""
+    """Return whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `other` (L, 2)."""
     last = 0  # start here, since the next point is probably near the same one
     for k in range(len(path)):
+        # Look for a near point, beginning at the last one.
         near = False
         for n in range(len(other)):
             m = (last + n) % len(other)
@@ -129,10 +134,12 @@ def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> 
     """The passable cell nearest to `cell`, in a tie the one nearer to `towards`; (-1, -1) if there is none."""
     rows, columns = costs.shape
     best, best_away, found_i, found_j = np.inf, np.inf, -1, -1
+    # Square rings around the cell, until all cells of the next are farther away than the best.
     for ring in range(max(rows, columns)):
         if ring * ring > best:
             break
         for i in range(max(cell[0] - ring, 0), min(cell[0] + ring + 1, rows)):
+            # All cells on the first and last row of a ring, the two ends of the others.
             across = 1 if abs(i - cell[0]) == ring else max(2 * ring, 1)
             for j in range(cell[1] - ring, cell[1] + ring + 1, across):
                 if 0 <= j < columns and table[costs[i, j]] < np.inf:
@@ -150,6 +157,7 @@ def _line_cost(costs, table, a, b, enough):
     length = math.hypot(di, dj)
     pieces = math.ceil(2.0 * length)
     total, before = 0.0, table[costs[a[0], a[1]]]
+    # Trapezoidal rule: each piece costs its length times the mean of its ends.
     for k in range(1, pieces + 1):
         i = int(math.copysign(math.floor(abs(di) * k / pieces + 0.5), di))
         j = int(math.copysign(math.floor(abs(dj) * k / pieces + 0.5), dj))
@@ -170,6 +178,7 @@ def _step(costs, table, i, j, di, dj):
     mean = 0.5 * (table[costs[i, j]] + table[costs[a, b]])
     if di == 0 or dj == 0:
         return mean
+    # A diagonal move must not cut a corner that is not passable.
     if table[costs[i, b]] == np.inf or table[costs[a, j]] == np.inf:
         return np.inf
     return _SQRT2 * mean

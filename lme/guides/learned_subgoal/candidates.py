@@ -29,5 +29,5 @@ def candidates() -> Floats:
 
 
 def mirrored_bearings() -> Ints:
-    """The bearing that each is with left and right swapped: (BEARINGS,)."""
+    """Index that each bearing has with left and right swapped: (BEARINGS,)."""
     return -np.arange(BEARINGS) % BEARINGS

@@ -19,8 +19,8 @@ SHIPPED = "learned_subgoal.npz"  # `lme learn experiment=learn/learned_subgoal` 
 class LearnedSubgoal:
     """Hierarchical reinforcement learning with intermediate targets: the upper level, for any planner.
 
-    Every `period` a network that was trained by PPO chooses a candidate of a polar grid around the robot, of those to
-    which a straight way is free. It is drawn by its probability. In between, the subgoal stays in place.
+    Once per `period`, a network trained by PPO gives a probability to each candidate of a polar grid around the robot
+    to which a straight way is free, and one is drawn. In between, the subgoal stays in place.
     """
 
     Config = LearnedSubgoalConfig
@@ -39,7 +39,7 @@ class LearnedSubgoal:
         self._interface.clear()
 
     def guide(self, observation: Observation) -> Guidance:
-        """The subgoal chosen now or in one of the last control periods."""
+        """Return the subgoal chosen now or in one of the last control periods."""
         if self._left == 0:
             seen = self._interface.features(observation, observation.target)
             self._interface.choose(draw(self._network.logits(*seen), self._rng))

@@ -1,4 +1,4 @@
-"""Interface between a robot and its subgoal network: what the network sees, and what its choice means."""
+"""Interface between a robot and its subgoal network: the network's inputs, and the subgoal of its choice."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class SubgoalFeatures(NamedTuple):
 
 
 class SubgoalInterface:
-    """The network's inputs for a robot, and the subgoal that its last choice means.
+    """Inputs of the network for a robot, and the subgoal of its last choice.
 
     steps: control periods between two choices.
     """
@@ -78,7 +78,10 @@ class SubgoalInterface:
         self._new = self._blocked = False
 
     def features(self, observation: Observation, target: Floats) -> SubgoalFeatures:
-        """The inputs of the network. target: (2,) in the robot frame [m]. Where nothing is free, all candidates are."""
+        """Return the inputs of the network. target: (2,) in the robot frame [m].
+
+        If no candidate is free, all of them count as free.
+        """
         self._follow(observation)
         config = self._config
         points = obstacle_points(observation.scan, self._mount)
@@ -95,7 +98,7 @@ class SubgoalInterface:
         self._subgoal, self._new = self._candidates[index : index + 1], True
 
     def guidance(self, observation: Observation) -> Guidance:
-        """The subgoal; called once per control period, after `choose` where there was one."""
+        """Return the subgoal. Call it once per control period, after `choose` if that was called."""
         new, self._new = self._new, False
         if not new:
             self._follow(observation)

@@ -10,7 +10,7 @@ from lme.types import Floats
 
 @njit(cache=True, error_model="numpy")
 def nearest_by_sector(points: Floats, sectors: int, reach: float) -> Floats:
-    """Distance of the nearest point in each sector, `reach` without one nearer [m]: (sectors,).
+    """Distance of the nearest point in each sector, `reach` if there is none nearer [m]: (sectors,).
 
     points (M, 2) in the robot frame [m]. Sector 0 is centred straight ahead, the others follow counter-clockwise.
     """

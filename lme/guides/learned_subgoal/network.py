@@ -1,4 +1,4 @@
-"""The subgoal network: two hidden layers over what is seen, and a logit for every candidate."""
+"""The subgoal network: two hidden layers, and a logit for every candidate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SubgoalPolicy:
 
 
 def draw(logits: Floats, rng: np.random.Generator) -> int:
-    """A candidate drawn by its probability."""
+    """Draw a candidate by its probability."""
     odds = np.cumsum(np.exp(logits - logits.max()))
     return int(np.searchsorted(odds, rng.random() * odds[-1], side="right"))
 

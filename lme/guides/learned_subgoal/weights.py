@@ -38,5 +38,5 @@ def write_weights(weights: Weights, file: IO[bytes]) -> None:
 
 
 def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The arrays of `SHAPES` and `TRAINED` in a file that `write_weights` made. Raises InputError as `read_arrays`."""
+    """Read the arrays of `SHAPES` and `TRAINED` from a file. Raises InputError as `read_arrays` does."""
     return read_arrays(path, _FILE, "a subgoal network")
