@@ -42,6 +42,7 @@ def nearest_near_segment(points: Floats, end: Floats, radius: float) -> int:
         square = x * x + y * y
         if square >= best_square:
             continue
+        # Nearer than the radius to the start, the end or the inside of the segment, by where the point projects.
         along = x * end[0] + y * end[1]
         if along <= 0.0:
             near = square < radius * radius

@@ -50,7 +50,7 @@ class EscaperConfig:
 
 
 class LocalMinimumEscaper:
-    """Generates subgoals and maintains the current one. It needs a local planner to drive to them."""
+    """Generator of subgoals, which also maintains the current one. A local planner must drive to them."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class LocalMinimumEscaper:
         config: EscaperConfig | None = None,
         criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
     ) -> Self:
-        """Create it with the parameters of a weight file. Raises InputError if the file is missing or invalid."""
+        """Create an escaper with the parameters of a weight file. Raises InputError if it is missing or invalid."""
         return cls(robot, read_parameters(Path(path), tuple(criteria)), config, criteria)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -100,7 +100,7 @@ class LocalMinimumEscaper:
         return None if self._last is None else explain(self._last)
 
     def _step(self, observation: Observation) -> Step:
-        """Algorithm 1: generate, score, keep or switch."""
+        """Run one step of Algorithm 1: generate, score, keep or switch."""
         self._advance(observation)
         view = self._look(observation)
         parts = self._generate(observation, view)
@@ -108,6 +108,7 @@ class LocalMinimumEscaper:
         old = None if self._subgoal is None else candidates
         if self._subgoal is not None:
             parts.append(self._subgoal[None])
+        # Score the candidates and, in the last column, the old subgoal.
         pool = np.concatenate(parts)
         features = np.empty((len(self._criteria), len(pool)))
         for row, criterion in enumerate(self._criteria):
@@ -165,12 +166,12 @@ class LocalMinimumEscaper:
 
 
 def _checked(criterion: Criterion) -> Criterion:
-    """A user's own criterion that raises ReturnedError unless it gives each candidate a finite number."""
+    """Wrap a user's criterion so that it raises ReturnedError unless it gives each candidate a finite number."""
     return lambda candidates, view: checked_values(criterion(candidates, view), len(candidates), criterion)
 
 
 def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:
-    """Whether a point lies in the sector [bearing_min, bearing_min + fov], within `reach` [m]."""
+    """Return whether a point lies in the sector [bearing_min, bearing_min + fov], within `reach` [m]."""
     x, y = point.tolist()
     off_centre = math.remainder(math.atan2(y, x) - bearing_min - fov / 2, 2 * math.pi)
     return math.hypot(x, y) <= reach and abs(off_centre) <= fov / 2

@@ -44,7 +44,7 @@ class Lme:
         self.escaper.reset(rng)
 
     def guide(self, observation: Observation) -> Guidance:
-        """The subgoal of Algorithm 1."""
+        """Return the subgoal of Algorithm 1."""
         decision = self.escaper.decide(observation)
         return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked)
 

@@ -29,11 +29,13 @@ def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
     if every gap is spanned, also the one from the last point to the first.
     """
     num_points = len(points)
+    # Span gaps between neighbours, then between blocks; the gaps that stay open divide the sectors.
     spanned = np.zeros(num_points, np.bool_)  # the gap from each point to the next, cyclic
     _span_neighbours(points, gap * gap, full_circle, spanned)
     start, boxes, nearest = _blocks(points, spanned)
     _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned)
     sectors = _sectors(spanned)
+    # No gap is open: one closed ring.
     if num_points > 0 and len(sectors) == 0:
         ring = np.zeros((1, 2), np.int64)
         ring[0, 1] = num_points - 1
@@ -43,7 +45,7 @@ def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
 
 @njit(cache=True, error_model="numpy")
 def _ahead(xi, yi, xj, yj):
-    """For i before j by bearing: whether the counter-clockwise arc from i to j is the shorter one."""
+    """Return whether the counter-clockwise arc from i to j is the shorter one, for i before j by bearing."""
     return (yi < 0.0) == (yj < 0.0) or xi * yj - yi * xj >= 0.0
 
 
@@ -55,6 +57,7 @@ def _span_neighbours(points, gap_square, full_circle, spanned):
         xi, yi, xj, yj = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
         dx, dy = xj - xi, yj - yi
         spanned[i] = dx * dx + dy * dy < gap_square and _ahead(xi, yi, xj, yj)
+    # The gap from the last point to the first is spanned across ±π.
     if full_circle and last > 0:
         xi, yi, xj, yj = points[0, 0], points[0, 1], points[last, 0], points[last, 1]
         dx, dy = xj - xi, yj - yi
@@ -70,12 +73,14 @@ def _blocks(points, spanned):
     k = -1
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
+        # Begin a block after an open gap, or if the last one is full.
         if i == 0 or not spanned[i - 1] or i - start[k] == _BLOCK:
             k += 1
             start[k] = i
             boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = x, x, y, y
             nearest[k] = x * x + y * y
             continue
+        # Otherwise widen the current one.
         boxes[k, 0], boxes[k, 1] = min(boxes[k, 0], x), max(boxes[k, 1], x)
         boxes[k, 2], boxes[k, 3] = min(boxes[k, 2], y), max(boxes[k, 3], y)
         nearest[k] = min(nearest[k], x * x + y * y)
@@ -94,12 +99,14 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
     for a in range(num_blocks):
         joined = max(joined, a)
         end = a + num_blocks if full_circle else num_blocks - 1
+        # Skip the blocks that follow without an open gap.
         while joined < end and spanned[start[joined % num_blocks + 1] - 1]:
             joined += 1
         if joined == end:
             if full_circle:
                 return
             continue
+        # The farthest block that is linked to this one spans all gaps before it.
         farthest = _last_in_view(points, gap, start, nearest[a], a, joined, end)
         linked = _farthest_linked(points, gap * gap, start, boxes, a, joined, farthest)
         for b in range(joined, linked):
@@ -117,10 +124,12 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):
     num_blocks = len(start) - 1
     i = start[a + 1] - 1
     xi, yi = points[i, 0], points[i, 1]
+    # Greatest bearing: that of the block's last point, turned by asin(gap / d).
     sine = gap * (1.0 + _SLACK) / math.sqrt(nearest)
     bounded = sine < 1.0 - _SLACK
     cosine = math.sqrt(1.0 - sine * sine) if bounded else 0.0
     limit_x, limit_y = xi * cosine - yi * sine, yi * cosine + xi * sine
+    # Stop at the first block that begins beyond it, or is no longer ahead.
     for b in range(joined + 1, end + 1):
         j = start[b - num_blocks] if b >= num_blocks else start[b]
         xj, yj = points[j, 0], points[j, 1]
@@ -137,6 +146,7 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
     left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
     for b in range(farthest, joined, -1):
         k = b - num_blocks if b >= num_blocks else b
+        # Distance of the two boxes, which no two of their points undercut.
         dx = max(boxes[k, 0] - right, left - boxes[k, 1], 0.0)
         dy = max(boxes[k, 2] - top, bottom - boxes[k, 3], 0.0)
         if dx * dx + dy * dy < gap_square and _linked(
@@ -148,10 +158,11 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
 
 @njit(cache=True, error_model="numpy")
 def _linked(points, gap_square, start, boxes, a, b, turned):
-    """Whether a point of block b is near a point of block a and ahead of it; turned: b is reached across ±π."""
+    """Return whether a point of block b is near one of block a and ahead of it; turned: b is reached across ±π."""
     left, right, bottom, top = boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3]
     for i in range(start[a], start[a + 1]):
         xi, yi = points[i, 0], points[i, 1]
+        # Skip points that are too far from the box of block b.
         dx, dy = max(left - xi, xi - right, 0.0), max(bottom - yi, yi - top, 0.0)
         if dx * dx + dy * dy >= gap_square:
             continue
@@ -172,6 +183,7 @@ def _sectors(spanned):
     across = num_points > 0 and spanned[num_points - 1]  # the first points belong to the last sector
     sectors = np.empty((num_points, 2), np.int64)
     count, first, last = 0, 0, -1
+    # Every open gap ends a sector and begins the next.
     for i in range(num_points):
         if spanned[i]:
             continue
@@ -181,6 +193,7 @@ def _sectors(spanned):
             sectors[count, 0], sectors[count, 1] = first, i
             count += 1
         first = i + 1
+    # The sector across ±π begins after the last open gap.
     if last >= 0:
         sectors[count, 0], sectors[count, 1] = first, last
         count += 1

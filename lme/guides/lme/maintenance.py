@@ -14,7 +14,7 @@ from lme.types import Floats, Twist
 
 
 class Choice(StrEnum):
-    """Whether the subgoal was kept or switched, and why."""
+    """Outcome of one step: the subgoal was kept or switched, and why."""
 
     FIRST = "first"  # there was no old one
     REACHED = "reached"  # the old one is nearer than d1
@@ -36,7 +36,7 @@ def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Flo
 
 
 def carried(points: Floats, move: Move, dt: float) -> Floats:
-    """The same points (N, 2) in the current robot frame: by UpdatePos, or by odometry where that is better."""
+    """Transform points (N, 2) to the current robot frame: by UpdatePos, or by odometry where that is better."""
     if move.pose is None:
         return update_position(points, move.before, move.now, dt)
     return to_robot(points, move.pose)
@@ -60,7 +60,7 @@ def _shift_and_turn(points: Floats, forward: float, angle: float) -> Floats:
 
 @njit(cache=True)
 def _remember(positions: Floats, length: int, forward: float, angle: float) -> Floats:
-    """The last `length` of the (N, 2) positions and the origin, after a motion."""
+    """Append the origin to the (N, 2) positions, keep the last `length`, and transform them by a motion."""
     kept = min(len(positions), length - 1)
     recent = np.zeros((kept + 1, 2))
     recent[:kept] = positions[len(positions) - kept :]
@@ -104,5 +104,5 @@ class History:
             self._positions = to_robot(_remember(self._positions, self._length, 0.0, 0.0), move.pose)
 
     def points(self) -> Floats:
-        """(H, 2) positions at least `min_distance` away [m], oldest first."""
+        """Positions (H, 2) at least `min_distance` away [m], oldest first."""
         return _at_least(self._positions, self._min_distance)

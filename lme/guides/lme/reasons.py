@@ -56,7 +56,7 @@ def reason(now: Explanation, before: Explanation | None = None) -> str:
 
 
 def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
-    """(first step, last step, reason) for all steps of an episode, in order.
+    """Return (first step, last step, reason) for all steps of an episode, in order.
 
     Consecutive decisions that kept the subgoal, or that replaced a reached one, share one sentence.
     """
@@ -163,7 +163,7 @@ def _gain(now: Explanation) -> float:
 
 
 def _describe_changes(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
-    """How the old subgoal's features fell since the step before, for the criteria that favour the new one."""
+    """Describe how the old subgoal's features fell since the last step, for criteria that favour the new one."""
     if before is None or now.old_features is None:
         return ""
     then = _features_of_chosen(before)
@@ -180,14 +180,14 @@ def _describe_changes(now: Explanation, before: Explanation | None, named: Seque
 
 
 def _features_of_chosen(step: Explanation) -> Floats:
-    """(C,) features of the subgoal that a step chose."""
+    """Features (C,) of the subgoal that a step chose."""
     if step.decision.choice is Choice.KEPT and step.old_features is not None:
         return step.old_features
     return step.features[:, step.new]
 
 
 def _describe_fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
-    """How the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
+    """Describe how the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
     lost = weight * (then - now)
     if term.value <= 0.0 or lost < term.value / 2:
         return ""
@@ -212,14 +212,14 @@ def _difference(gain: float) -> str:
 
 
 def _shown(value: float, whole_from: float = 100.0) -> str:
-    """A positive number with few digits; no decimals if it is at least `whole_from`."""
+    """Format a positive number with few digits, without decimals if it is at least `whole_from`."""
     if value < 0.001:
         return "less than 0.001"
     return f"{value:.2g}" if value < 1.0 else f"{value:.{0 if value >= whole_from else 1}f}"
 
 
 def _fewest_digits(value: float, bound: float) -> str:
-    """A number with the fewest digits that keep it on its side of the bound."""
+    """Format a number with the fewest digits that keep it on its side of the bound."""
     digits = 0 if value >= 100.0 else 1 if value >= 1.0 else 2
     while digits < 9 and np.sign(round(value, digits) - bound) != np.sign(value - bound):
         digits += 1

@@ -20,7 +20,7 @@ THRESHOLDS = ("d1", "d2")  # of subgoal maintenance
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """weights: (C,) one per criterion, in their order. d1 [m], d2: thresholds of subgoal maintenance."""
+    """Weights (C,), one per criterion in their order, and the thresholds d1 [m] and d2 of subgoal maintenance."""
 
     weights: Floats
     d1: float
@@ -55,7 +55,7 @@ class Parameters:
 def score(features: Floats, weights: Floats) -> Floats:
     """S of Eq. 7 for (C, N) features and (C,) weights: (N,).
 
-    Sums in the order of the criteria, because a matrix product may round equal candidates differently.
+    The sum is taken in the order of the criteria, because a matrix product may round equal candidates differently.
     """
     scores = np.empty(features.shape[1])
     for j in range(len(scores)):
@@ -69,7 +69,8 @@ def score(features: Floats, weights: Floats) -> Floats:
 def rank(features: Floats, weights: Floats, candidates: int, reachable: int) -> tuple[Floats, int, bool]:
     """S of all N points, index of the best candidate, and whether no candidate is reachable.
 
-    The first points are the candidates. reachable: row of the (C, N) features that is 0 where a point is not.
+    The first points are the candidates. reachable: row of the (C, N) features that is 0 where a point is not
+    reachable.
     """
     scores = score(features, weights)
     new = int(np.argmax(scores[:candidates]))

@@ -33,7 +33,7 @@ class Blockage(NamedTuple):
 def find_blockage(
     points: Floats, target: Floats, radius: float, full_circle: bool, rule: str
 ) -> Blockage | None:
-    """The sector between robot and target; None if there is none, or if the sectors form a closed ring.
+    """Find the sector between robot and target; None if there is none, or if the sectors form a closed ring.
 
     points: (M, 2) scan points sorted by bearing; target: (2,); radius: r [m].
     rule "corridor": the sector of the nearest scan point within r of the segment O–T;
@@ -64,7 +64,7 @@ def _sector_of(points: Floats, index: int, gap: float, full_circle: bool) -> tup
 
 @njit(cache=True)
 def _past_the_end(sector: Floats, target: Floats, radius: float) -> tuple[bool, Floats]:
-    """Whether A is the first of the (P, 2) sector's points, not the last; B, `radius` beyond A on the ray OA."""
+    """Return whether A is the first, not the last, of the sector's points (P, 2), and B, `radius` beyond A on OA."""
     first_is_nearer = _angle_between(sector[0], target) <= _angle_between(sector[-1], target)
     A = sector[0] if first_is_nearer else sector[-1]
     return first_is_nearer, A * (1.0 + radius / math.hypot(A[0], A[1]))

@@ -1,4 +1,4 @@
-"""Find learned parameters and networks by name, by training run, or by file; and read the former."""
+"""Find learned parameters and networks by name, by training run, or by file; and read the parameters."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def set_names(weight_set: str) -> list[str]:
 
 
 def find_weights(weights: str) -> Path:
-    """The weight file that `weights` names. Raises InputError where there is none."""
+    """Return the weight file that `weights` names. Raises InputError if there is none."""
     shipped = shipped_weights()
     if weights in shipped:
         return shipped[weights]
@@ -58,7 +58,7 @@ def find_weights(weights: str) -> Path:
 
 
 def with_network(node: Mapping[str, Any], part: str = "planner") -> Mapping[str, Any]:
-    """The config of a part in which `weights`, if it is given, is the path of the network that it names."""
+    """Return the config of a part with `weights`, if given, replaced by the path of the network that it names."""
     given = node.get("weights")
     return (
         {**node, "weights": str(find_network(given, f"{part}.weights"))} if isinstance(given, str) else node
@@ -66,9 +66,9 @@ def with_network(node: Mapping[str, Any], part: str = "planner") -> Mapping[str,
 
 
 def find_network(weights: str, key: str = "planner.weights") -> Path:
-    """The network file that the value of `key` names: shipped or in `outputs/weights/`, of a run, or by path.
+    """Return the network file that `weights` names: shipped or in `outputs/weights/`, of a run, or by path.
 
-    Raises InputError.
+    key: the config key of `weights`, for the error. Raises InputError if there is none.
     """
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
     known = {**registered, **shipped_networks()}

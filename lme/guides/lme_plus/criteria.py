@@ -38,7 +38,7 @@ class Sight(NamedTuple):
     v_max: float
 
     def plain(self) -> tuple[Any, ...]:
-        """The same in plain tuples: Numba takes named ones for other types, and needs longer to recognise them."""
+        """Return the same values in plain tuples, which Numba recognises faster than named ones."""
         times, narrow, robot_time, grid, *places = self.field
         field = times, narrow, robot_time, (*grid,), *places
         return self.points, (*self.pose,), field, self.box, self.margin, self.v_max
@@ -87,7 +87,7 @@ CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest
 def ranked(
     pool: Floats, sight: Sight | tuple[Any, ...], weights: Floats, candidates: int
 ) -> tuple[Floats, Floats, int, bool]:
-    """The criteria (C, N) of (N, 2) points, their S (N,), the best candidate's index, and whether none is reachable.
+    """Compute the criteria (C, N) of (N, 2) points, their S (N,), the best candidate, and whether none is reachable.
 
     The first points are the candidates. sight: `Sight.plain`. See `lme.guides.lme.score.rank`.
     """

@@ -27,10 +27,10 @@ _NONE = np.empty((0, 2))
 _CANDIDATES = 100  # random ones
 _EVERY = 3  # decisions with the same expected times, if nobody is near and the target does not move
 _BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
-_TRIED = 10.0  # [s] before narrow passages, after which they are expected to take twice as long
-_MOST = 5.0  # times that this is done
-_STANDS = 0.05  # [m/s] slower than this the robot stands
-_SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
+_TRIED = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
+_MOST = 5.0  # greatest number of these doublings
+_STANDS = 0.05  # [m/s] below this speed the robot counts as standing
+_SAME_TARGET = 0.1  # [m] by which the target may move before the times are recomputed
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ class EscaperPlusParts:
 
 @dataclass(slots=True)
 class EscaperPlusConfig:
-    """How far it remembers, the distance that it keeps, and what it expects of the speed near obstacles and people."""
+    """Range of the memory, distance to obstacles, and expected speed near obstacles and people."""
 
     reach: float = 12.0  # [m] of the memory and of the expected times
     margin: float = 0.08  # [m] distance to obstacle points on a straight way and in the turn before it
@@ -61,7 +61,7 @@ class EscaperPlusConfig:
 
 
 class LocalMinimumEscaperPlus:
-    """Generates subgoals and maintains the current one, like `lme.guides.lme.escaper.LocalMinimumEscaper`."""
+    """Generator of subgoals that maintains the current one, like `lme.guides.lme.escaper.LocalMinimumEscaper`."""
 
     def __init__(
         self, robot: Robot, parameters: Mapping[str, float], config: EscaperPlusConfig | None = None
@@ -113,7 +113,7 @@ class LocalMinimumEscaperPlus:
         return None if self._last is None else explain(self._last)
 
     def _step(self, observation: Observation, sight: Sight, way: Floats) -> Step:
-        """Algorithm 1 of the paper, with the criteria of LME+. way (K, 2): places on the fastest way."""
+        """Run one step of Algorithm 1 with the criteria of LME+. way (K, 2): places on the fastest way."""
         subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
         pool = self._generate(observation, way, subgoal)
         candidates = len(pool) - (subgoal is not None)
@@ -129,14 +129,14 @@ class LocalMinimumEscaperPlus:
         return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _choose(self, subgoal: Floats | None, scores: Floats, new: int) -> Choice:
-        """Whether to switch from the subgoal, whose score is the last, to the candidate `new`."""
+        """Choose between the subgoal, whose score is the last, and the candidate `new`."""
         if subgoal is None:
             return Choice.FIRST
         distance, parameters = math.hypot(*subgoal.tolist()), self._parameters
         return choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
 
     def _view(self, observation: Observation, sight: Sight) -> View:
-        """What an explanation shows: the points of the scan and the target; LME+ has no history and no blockage."""
+        """View for an explanation: the points of the scan and the target; LME+ has no history and no blockage."""
         radius = self._robot.footprint.r_min + self._config.margin
         return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
 
@@ -150,11 +150,11 @@ class LocalMinimumEscaperPlus:
         return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), way
 
     def _reach(self, observation: Observation) -> float:
-        """How far candidates may be [m]."""
+        """Greatest distance of a candidate [m]."""
         return min(self._candidates.max_range, observation.scan.range_max)
 
     def _times(self, target: Floats, pose: Pose) -> Field:
-        """The expected times of the last decisions, or new ones, if these are old or of another target."""
+        """Return the expected times of the last decisions, or new ones if those are old or of another target."""
         memory, field = self._memory, self._field
         self._age += 1
         old = self._age >= _EVERY or len(memory.people) > 0
@@ -167,7 +167,7 @@ class LocalMinimumEscaperPlus:
         return field
 
     def _learned_of(self, target: Floats) -> LearnedTimes:
-        """What was learned of the ways to a target."""
+        """Return the times learned for ways to a target; all is forgotten if this is another one."""
         other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
         if other:
             self._tried = 0.0
@@ -177,7 +177,7 @@ class LocalMinimumEscaperPlus:
         return self._learned
 
     def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
-        """Random candidates all around, places on the fastest way, the target if it is in range; then the subgoal."""
+        """Random candidates all around, places on the fastest way, the target if it is in range; last, the subgoal."""
         reach = self._reach(observation)
         parts = [sample(self._rng, self._candidates, reach, -math.pi, 2 * math.pi)]
         if self._config.parts.structured:

@@ -35,7 +35,7 @@ class LmePlus:
         self.escaper.reset(rng)
 
     def guide(self, observation: Observation) -> Guidance:
-        """The subgoal with the least expected time, the known obstacle points, and the fastest way."""
+        """Return the subgoal with the least expected time, the known obstacle points, and the fastest way."""
         decision, points, way = self.escaper.decide(observation)
         return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points, way)
 

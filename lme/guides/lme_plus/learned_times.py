@@ -1,4 +1,4 @@
-"""Times that a search shows to be the least possible, for later searches."""
+"""Lower bounds of travel times, learned from one search for later ones."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ def learn(
 ) -> None:
     """Raise the times of the disc's cells in `learned` (A, B) to what a search found, or to the least that it allows.
 
-    corner: of the frame of the grid in `learned`. times (W, W): see `travel_times`; it has searched all ways of the
-    robot at `here` (2,) to the target (2,) of up to `most` [s]. So a cell that it has no time of takes at least `most`,
-    less the time of the straight way from the robot, to within the time for one cell. Cells of which that is no more
-    than the straight way takes are left out, also if the target `moves` [m]: they are outside of an ellipse.
+    corner: index of the grid's frame in `learned`. times (W, W): see `travel_times`, which has searched all ways of
+    up to `most` [s] from the robot at `here` (2,) to the target (2,). A cell without a time therefore takes at least
+    `most`, less the time of the straight way from the robot, to within the time for one cell. Outside of an ellipse,
+    this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are left
+    out.
     """
     low_x, low_y, cell, size = grid
+    # Robot and target as (row, column); the disc and the ellipse bound the columns of each row.
     x, y = (here[0] - low_x) / cell + 0.5, (here[1] - low_y) / cell + 0.5
     to_x, to_y = (target[0] - low_x) / cell + 0.5, (target[1] - low_y) / cell + 0.5
     ellipse = _ellipse(x, y, to_x, to_y, (most * v_max + moves) / cell)
@@ -46,6 +48,7 @@ def learn(
             learned[corner[0] + i, corner[1] + first : corner[1] + last + 1],
             times[i, first : last + 1],
         )
+        # known = max(known, min(found, most − straight way from the robot)).
         across = (i - x) ** 2
         for n in range(len(known)):  # without branches, for the processor's vectors
             along = first + n - y
@@ -56,9 +59,13 @@ def learn(
 
 @njit(cache=True, error_model="numpy")
 def _ellipse(x, y, to_x, to_y, length):
-    """The places on ways of a length between two others [cells]: centre, and a, b, c of a x² + 2 b x y + c y² ≤ 1."""
+    """Ellipse of the places on ways of a length between two others [cells].
+
+    Returns its centre, and a, b, c of a x² + 2 b x y + c y² ≤ 1 about the centre.
+    """
     apart = math.hypot(to_x - x, to_y - y)
     cos, sin = ((to_x - x) / apart, (to_y - y) / apart) if apart > 0.0 else (1.0, 0.0)
+    # Inverse squares of the half axes: length / 2, and √(length² − apart²) / 2.
     along, across = 4.0 / length**2, 4.0 / max(length**2 - apart**2, 1e-9)
     a, c = cos * cos * along + sin * sin * across, sin * sin * along + cos * cos * across
     b = cos * sin * (along - across)
@@ -70,6 +77,7 @@ def _columns(row, ellipse):
     """First and last column of the ellipse in a row; the last is before the first if there is none."""
     x, y, a, b, c = ellipse
     off = row - x
+    # Solve a off² + 2 b off s + c s² = 1 for the columns y + s.
     root = (b * off) ** 2 - c * (a * off * off - 1.0)
     if root < 0.0:
         return 1.0, 0.0
@@ -83,13 +91,13 @@ Learned = tuple[
 
 
 class LearnedTimes:
-    """The least time to the target from each cell that was ever in reach [s], in the carried frame; 0 where none was.
+    """Least time to the target from each cell that was ever in reach [s], in the carried frame; 0 for all others.
 
-    A search says the time of the cells that it visited, and a least time of those that it had no reason to visit. Such
-    times only rise, as in Learning Real-Time A* (Korf 1990), in the form of Real-Time Adaptive A* (Koenig and Likhachev
-    2006, AAMAS, DOI 10.1145/1160633.1160682). Later, when a cell is at the edge of the disc and the points about it are
-    not known, it still has its time. So a dead end that is longer than the reach of the memory is not entered again and
-    again. The array grows in steps of the disc's width, so with the way.
+    A search gives the time of the cells that it visited, and a lower bound for those that it had no reason to visit.
+    Such times only rise, as in Learning Real-Time A* (Korf 1990), in the form of Real-Time Adaptive A* (Koenig and
+    Likhachev 2006, AAMAS, DOI 10.1145/1160633.1160682). When a cell is later at the edge of the disc, and the points
+    around it are no longer known, it still has its time. A dead end that is longer than the reach of the memory is
+    therefore not entered again and again. The array grows with the way, in steps of the disc's width.
     """
 
     def __init__(self) -> None:
@@ -97,13 +105,14 @@ class LearnedTimes:
         self._first = 0, 0  # index of the first cell
 
     def around(self, grid: Grid) -> Learned:
-        """The times, of which those about the cells of a grid may be changed."""
+        """Return the times and the grid's corner in them; the caller may change those of the grid's cells."""
         wide = grid.size + 2
         low = round(grid.x / grid.cell) - 1, round(grid.y / grid.cell) - 1
         corner = low[0] - self._first[0], low[1] - self._first[1]
         rows, columns = self._times.shape
         if 0 <= corner[0] <= rows - wide and 0 <= corner[1] <= columns - wide:
             return self._times, corner
+        # Grow by whole widths of the disc, on every side where the frame is outside.
         if not self._times.size:
             self._first = low
         pads, first = [], []
@@ -117,25 +126,25 @@ class LearnedTimes:
     def learn(
         self, times: Floats, grid: Grid, here: Floats, target: Floats, most: float, v_max: float
     ) -> None:
-        """Take in the `times` (W, W) of a search of all ways from `here` to `target` (2,) of up to `most` [s]."""
+        """Learn from the `times` (W, W) of a search of all ways from `here` to `target` (2,) of up to `most` [s]."""
         moves = 2.0 * OTHER_TARGET
         learn(*self.around(grid), times, (*grid,), here, target, most, v_max, moves)
 
 
-_AFTER = 2.0  # [s] before a place in all, from which it counts
-_COST = 10.0  # [-] times as long as the robot was stuck before a place, the way through it takes longer
-_SAME = 0.5  # [m] between two places that count as one
-_RADIUS = 0.3  # [m] around a place, where the way takes longer
+_AFTER = 2.0  # [s] total time stuck before a place, from which on the place counts
+_COST = 10.0  # [-] delay of the way through a place, in multiples of the time stuck before it
+_SAME = 0.5  # [m] nearer places count as one
+_RADIUS = 0.3  # [m] around a place within which the way takes longer
 
 
 class StuckPlaces:
     """Places on the fastest way in front of which no candidate could be reached, in the carried frame.
 
-    A body that is longer than wide may not get where a disc of its inner radius can. So expected times do not know of
-    such places until it has tried. The way through one takes longer by `_COST` times as long as the robot was stuck
-    before it. So it takes another way at some time, however much longer that is.
+    A body that is longer than wide may not fit where a disc of its inner radius does, so the expected times do not
+    know of such places until the robot has tried them. The way through a place is then longer by `_COST` times the
+    time that the robot was stuck before it. Eventually the robot takes another way, however much longer that is.
 
-    rows: (S, 6) x, y [m], velocity 0, radius [m] and time per metre [s/m], as `kernels.travel_time` takes people.
+    rows: (S, 6) x, y [m], velocity 0, radius [m] and time per metre [s/m], as `travel_times` takes people.
     """
 
     def __init__(self, dt: float) -> None:
@@ -145,11 +154,11 @@ class StuckPlaces:
 
     def forget(self) -> None:
         """Forget all places, for another target."""
-        self._places, self._waited = np.empty((0, 2)), np.empty(0)  # [m], and how long before each [s]
+        self._places, self._waited = np.empty((0, 2)), np.empty(0)  # [m], and the time stuck before each [s]
         self.rows: Floats = np.empty((0, 6))
 
     def wait(self, place: Floats) -> None:
-        """Count one control period that the robot is stuck before a place (2,) [m]."""
+        """Count one control period in which the robot is stuck before a place (2,) [m]."""
         away = distances_to(self._places, place)
         if len(away) and away.min() < _SAME:
             self._waited[away.argmin()] += self._dt

@@ -18,7 +18,7 @@ from lme.types import Bools, Floats, Limits, Observation, Pose
 
 @njit(cache=True, error_model="numpy")
 def squares_around(reach: float, square: float) -> Bools:
-    """Whether each square within `reach` [m] has a point, for `remember`: none has, before and after each call."""
+    """Create the mask of squares within `reach` [m] that `remember` fills: all False, before and after each call."""
     side = 2 * _half(reach, square) + 1
     return np.zeros((side, side), np.bool_)
 
@@ -43,20 +43,22 @@ def remember(
     slack: float,
     range_max: float,
 ) -> tuple[Floats, Floats]:
-    """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2), and in the robot frame.
+    """Merge the points of a scan with the remembered ones that it cannot see, one per square.
 
-    taken: `squares_around` the robot. memory (N, 2), and the first result: in the carried frame [m]. points (M, 2): of
-    the scan, in the robot frame. ranges (B,), and beams: first bearing and increment [rad] in the lidar's frame, which
-    is at `mount`. pose: of the robot in the carried frame. square [m]: side of the squares. A remembered point is
-    dropped if it is farther than `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly
-    (`slack` [m]): then either a beam passed it, or the scan has a newer point of the same surface. Beams say nothing of
-    points that are not `slack` nearer than `range_max` [m].
+    Returns them in the carried frame and in the robot frame: (K, 2) each [m]. taken: `squares_around` the robot.
+    memory (N, 2): remembered points in the carried frame [m]. points (M, 2): of the scan, in the robot frame. ranges
+    (B,), and beams: first bearing and increment [rad] in the lidar's frame, which is at `mount`. pose: of the robot
+    in the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than `reach`
+    [m] from the robot, or if its beam and both neighbours reach it, or nearly (`slack` [m]): then either a beam
+    passed it, or the scan has a newer point of the same surface. Beams say nothing of points that are not at least
+    `slack` nearer than `range_max` [m].
     """
     half = _half(reach, square)
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
     kept = np.empty((len(points) + len(memory), 2))
     count = 0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    # Points of the scan in the carried frame, the first one in each square.
     for m in range(len(points)):
         px, py = points[m, 0], points[m, 1]
         if px * px + py * py > reach * reach:
@@ -67,6 +69,7 @@ def remember(
             taken[i, j] = True
             kept[count, 0], kept[count, 1] = x, y
             count += 1
+    # Remembered points in the squares that are left, unless the scan sees their place.
     lidar = pose[0] + cos * mount[0] - sin * mount[1], pose[1] + sin * mount[0] + cos * mount[1]
     first = pose[2] + mount[2] + beams[0]
     for n in range(len(memory)):
@@ -79,6 +82,7 @@ def remember(
         taken[i, j] = True
         kept[count, 0], kept[count, 1] = x, y
         count += 1
+    # Leave `taken` as it was, and transform the kept points to the robot frame.
     kept, around = kept[:count], np.empty((count, 2))
     for n in range(count):
         i, j = math.floor(kept[n, 0] / square) - first_i, math.floor(kept[n, 1] / square) - first_j
@@ -90,7 +94,8 @@ def remember(
 
 @njit(cache=True, error_model="numpy")
 def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
-    """Whether the beam nearest in angle and its neighbours end beyond the point, or less than `slack` before it."""
+    """Return whether the nearest beam and its neighbours end beyond a point, or less than `slack` before it."""
+    # Beam nearest in angle, modulo a turn; there is none in the blind arc.
     turn = 2.0 * math.pi / abs(increment)
     beam = (math.atan2(dy, dx) - first) / increment
     beam -= turn * math.floor((beam + 0.5) / turn)
@@ -109,7 +114,7 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
 
 @njit(cache=True, error_model="numpy")
 def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
-    """The points (N, 2) within `reach` of a place [m], and the others, each in their order."""
+    """Split points (N, 2) into those within `reach` of a place [m] and the others, each in their order."""
     near = np.empty(len(points), np.bool_)
     for n in range(len(points)):
         near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
@@ -117,9 +122,9 @@ def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Flo
 
 
 _NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
-_STANDING = 0.05  # [m/s] slower people stand
-_SAME = 0.5  # [m] from where somebody stood a period ago: the same person
-_SORTED = 1.0  # [m] of way after which points near and far are sorted again
+_STANDING = 0.05  # [m/s] below this speed people count as standing
+_SAME = 0.5  # [m] a person this near to where one stood a period ago is the same
+_SORTED = 1.0  # [m] driven before points are sorted into near and far again
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 _SQUARE = 0.05  # [m] one point is kept per square of this side
 
@@ -128,17 +133,17 @@ class Memory:
     """Points seen so far, in a frame fixed to the ground that starts at the robot.
 
     The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
-    heading); v and ω are taken to change at their limits of acceleration and then to hold. Where odometry is the better
-    source, it is carried by that (`lme.perception.dead_reckoning`). It drifts like any dead reckoning, so only near and
-    recent points can be relied on. A point is forgotten as soon as the scan sees its place,
-    so points behind obstacles and in the blind arc are kept, and far ones until the robot comes back.
+    heading); v and ω are taken to change at their limits of acceleration and then to hold. Where odometry is the
+    better source, the frame follows it (`lme.perception.dead_reckoning`). It drifts like any dead reckoning, so only
+    near and recent points can be relied on. A point is forgotten as soon as the scan sees its place, so points behind
+    obstacles and in the blind arc are kept, and far ones until the robot comes back.
     """
 
     def __init__(self, robot: Robot, reach: float, keeps: bool = True, people: bool = True) -> None:
-        """reach: farther points are out of use until the robot comes nearer [m].
+        """reach [m]: farther points are not used until the robot comes nearer.
 
-        keeps: if not, only the points of the current scan are known. people: if not, the points of tracked people are
-        kept like all others.
+        keeps: False leaves only the points of the current scan. people: False keeps the points of tracked people like
+        all others.
         """
         self._keeps, self._tells_people = keeps, people
         self._dt = robot.dt
@@ -149,10 +154,10 @@ class Memory:
         self._far: Floats = _NOTHING  # out of reach, in the carried frame
         self._sorted_at = self.pose
         self._near = reach + _SORTED
-        self._reach = self._near + _SORTED  # the points of `reach` are all in, wherever they were sorted
+        self._reach = self._near + _SORTED  # holds all points within `reach`, wherever they were last sorted
         self._taken = squares_around(self._reach, _SQUARE)
         self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
-        # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and for how long they stand [s]
+        # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and time they have stood [s]
         self.people = _NOBODY
         self._reckoning = DeadReckoning(self._dt)
 
@@ -182,14 +187,14 @@ class Memory:
             self.known = np.concatenate((self.known, theirs))
 
     def _sort(self) -> None:
-        """Put the points that have come into reach among the near ones, and those that have left it among the far."""
+        """Move the points that have come into reach to the near ones, and those that have left it to the far ones."""
         self._sorted_at = self.pose
         if self._keeps:
             points = np.concatenate((self.points, self._far))
             self.points, self._far = split(points, self.pose[:2], self._near)
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
-        """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""
+        """Split the scan's points into those of no person and those of people, (M, 2) each; note where people are."""
         before, self.people = self.people, _NOBODY
         if not (self._tells_people and len(pedestrians)):
             return self.seen, self.seen[:0]
@@ -200,7 +205,7 @@ class Memory:
         return self.seen[~own], self.seen[own]
 
     def _standing(self, people: Floats, before: Floats) -> Floats:
-        """For how long each of the people (P, 5) stands (P,) [s], by those of the last period (Q, 6)."""
+        """Time for which each of the people (P, 5) has stood [s]: (P,), by those of the last period (Q, 6)."""
         still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
         if not (still.any() and len(before)):
             return np.zeros(len(people))
@@ -211,7 +216,7 @@ class Memory:
 
 
 def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
-    """The pose one control period later."""
+    """Return the pose one control period later."""
     if move.pose is not None:
         x, y, yaw = compose(pose, move.pose)
         return Pose(x, y, yaw)

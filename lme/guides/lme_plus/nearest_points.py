@@ -1,4 +1,4 @@
-"""How far the nearest obstacle point is from each cell of a grid, drawn point by point and erased again."""
+"""Distance from each cell of a grid to the nearest obstacle point, drawn point by point and erased again."""
 
 import math
 
@@ -14,7 +14,7 @@ _ROUNDING = 1e-6  # [cells] that a window is wider
 
 @njit(cache=True, error_model="numpy")
 def pad(comfort: float, cell: float) -> int:
-    """Cells around the grid that `draw` may write to."""
+    """Number of cells around the grid that `draw` may write to."""
     span: int = _span(comfort, cell)
     return 2 * span + _LANES
 
@@ -31,13 +31,13 @@ def draw(
     comfort: float,
     inner: float,
 ) -> tuple[int, float]:
-    """Lower `squares` to the distances from points that are less than `comfort` [m] away; changes the first four.
+    """Lower `squares` to the distances from points less than `comfort` [m] away. The first four arguments change.
 
     squares: squared distance of each cell's centre to the nearest point [cells²], the grid's cells and `pad` more on
-    all sides. Of several points in a cell all but the first may not count where they are `inner` [m] away (≤ comfort).
-    first (size, size), all −1, becomes the index of one point in each cell, and following (≥ M,) that of the next one
-    in the same cell; −1: none. points (M, 2), robot (2,) in the frame of the grid (x, y, cell, size). Returns the
-    number of `marks` (≥ M,), which `erase` needs, and the robot's distance to the nearest point [m].
+    all sides. Of several points in a cell, all but the first may be ignored where they are `inner` [m] away (≤
+    comfort). first (size, size), all −1, becomes the index of one point in each cell, and following (≥ M,) that of
+    the next one in the same cell; −1: none. points (M, 2), robot (2,) in the frame of the grid (x, y, cell, size).
+    Returns the number of `marks` (≥ M,), which `erase` needs, and the robot's distance to the nearest point [m].
     """
     low_x, low_y, cell, size = grid
     span, half, border = _span(comfort, cell), _half(comfort, cell), pad(comfort, cell)
@@ -49,14 +49,17 @@ def draw(
             continue
         nearest = min(nearest, (points[m, 0] - robot[0]) ** 2 + (points[m, 1] - robot[1]) ** 2)
         inside = 0 <= i < size and 0 <= j < size
+        # The first point in a cell covers its whole window, and the others only the inner part of it.
         if inside and first[i, j] >= 0:
             reach = near
         else:
             reach = half
             marks[count] = (i - half + border) * squares.shape[1] + j - half + border
             count += 1
+        # Put the point before the others in its cell.
         if inside:
             following[m], first[i, j] = first[i, j], m
+        # Squared distances from the point to the centres of the window's cells, `_LANES` columns at once.
         for lane in range(0, half + reach + 1, _LANES):  # from where the first point's window begins
             left = j - half + lane
             middle = left + 0.5
@@ -78,9 +81,10 @@ def erase(
     comfort: float,
     cell: float,
 ) -> None:
-    """Undo `draw`: `squares` is infinite again and `first` −1."""
+    """Undo `draw`: make `squares` infinite and `first` −1 again."""
     half, border, wide = _half(comfort, cell), pad(comfort, cell), squares.shape[1]
     size = len(first)
+    # The marked windows contain those of all other points.
     for n in range(count):
         top, left = marks[n] // wide, marks[n] % wide
         i, j = top + half - border, left + half - border
@@ -95,7 +99,7 @@ def erase(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _span(comfort, cell):
-    """Points more than this number of cells outside the grid are left out."""
+    """Number of cells beyond which points outside the grid are left out."""
     return int(comfort / cell) + 1
 
 

@@ -1,4 +1,4 @@
-"""How wide the passage is in which a cell lies, by the points on both of its sides."""
+"""Width of the passage in which a cell lies, by the points on both of its sides."""
 
 import math
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lme.guides.lme_plus.travel_grid import HALF_DIAGONAL, Grid, Pace
 from lme.types import Floats
 
-_ONE_SIDED = 0.9  # share of the way from points on one side alone by which they are then farther at least
+_ONE_SIDED = 0.9  # least share of a step by which one leads away from points that are on one side alone
 
 
 @njit(cache=True, error_model="numpy")
@@ -27,11 +27,12 @@ def half_width(
     The cell is in row i and column j of the grid, from 0. squares, and obstacles, which are points (M, 2), following
     (M,) and first (size, size): see `nearest_points.draw`; `border` cells of squares are around the grid. One of the
     two points is the nearest in the grid to the cell's centre, at least half a cell away. The other is on the other
-    side, so the angle between them is more than a right one, and less than 2 `inner` from it.
+    side: the angle between them is more than a right one, and they are less than 2 `inner` apart.
     """
     (points, following, first), (low_x, low_y, cell, size) = obstacles, grid
     square = squares[i + border, j + border]
     x, y = low_x + (i + 0.5) * cell, low_y + (j + 0.5) * cell
+    # Direction and squared distance of the nearest point.
     ax, ay, nearest = 0.0, 0.0, np.inf
     reach = int(math.sqrt(square) + 0.5)
     for a in range(max(i - reach, 0), min(i + reach + 1, size)):
@@ -45,11 +46,13 @@ def half_width(
                 m = following[m]
     if nearest < 0.25 * cell * cell:
         return 0.0
+    # Least distance from that point to one on the other side.
     most = 4.0 * pace.inner * pace.inner
     side = HALF_DIAGONAL * math.sqrt(nearest)
     width, reach = most, int(2.0 * pace.inner / cell + 0.5)
     for a in range(max(i - reach, 0), min(i + reach + 1, size)):
         for b in range(max(j - reach, 0), min(j + reach + 1, size)):
+            # Skip cells that lie wholly on the side of the first point.
             if (a - i) * ax + (b - j) * ay > side:
                 continue
             m = first[a, b]
@@ -63,9 +66,9 @@ def half_width(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def may_be_passage(squares, i, j, tight, comfort):
-    """Whether a cell can be in a narrow passage; tight, comfort: as in `Pace`, but in cells. i, j: as in `squares`.
+    """Return whether a cell can be in a narrow passage; tight, comfort: as in `Pace`, in cells; i, j: in `squares`.
 
-    It is not if all places in it are less than `tight` from a point, or if the points are on one side alone: then the
+    It cannot if all places in it are less than `tight` from a point, or if the points are on one side alone: then the
     nearest is farther from one of twelve cells about 2 cells away, by nearly all of the way there.
     """
     square = squares[i, j]
@@ -73,6 +76,7 @@ def may_be_passage(squares, i, j, tight, comfort):
     if square < least * least:
         return False
     away = math.sqrt(square)
+    # Four cells 2 away along the axes, then eight that are √5 away.
     straight = min(away + _ONE_SIDED * 2.0, comfort) ** 2
     if max(squares[i - 2, j], squares[i + 2, j], squares[i, j - 2], squares[i, j + 2]) >= straight:
         return False
