@@ -16,7 +16,7 @@ class TargetConfig:
 
 
 class Target:
-    """The subgoal is always the target."""
+    """Guide whose subgoal is always the target."""
 
     Config = TargetConfig
 
@@ -24,8 +24,8 @@ class Target:
         pass
 
     def reset(self, rng: np.random.Generator) -> None:
-        """No state to reset."""
+        """Do nothing: there is no state."""
 
     def guide(self, observation: Observation) -> Guidance:
-        """The target as the subgoal."""
+        """Return the target as the subgoal."""
         return Guidance(observation.target)

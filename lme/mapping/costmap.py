@@ -72,8 +72,8 @@ class CostmapConfig:
 class Costmap:
     """Seen or known obstacles around a start at the origin.
 
-    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not. stamp: of `stamp`, the
-    costs around an occupied cell from the next scan or `refresh` on.
+    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not. stamp: costs
+    around an occupied cell, see `stamp`, from the next scan or `refresh` on.
     """
 
     def __init__(self, config: CostmapConfig, robot: Robot, places: Floats) -> None:
@@ -133,9 +133,9 @@ class Costmap:
         inflate(self._hits[window], self.stamp, self.costs[window])
 
     def window(self, cells: Sequence[Cell]) -> tuple[slice, slice]:
-        """The part of the grid with these cells, all obstacles and their costs, and one free cell around these.
+        """Part of the grid with these cells, all obstacles and their costs, and one free cell around these.
 
-        No cheapest path between the cells leaves it: drawn back to its edge, a path is no longer and costs no more.
+        No cheapest path between the cells leaves it: pulled back to its edge, a path is no longer and costs no more.
         """
         self._reach = max(self._reach, int(np.abs(self.stamp[:, :2]).max()))
         ends = np.array([self._low - self._reach - 1, self._high + self._reach + 1, *cells])
@@ -153,14 +153,14 @@ class Costmap:
         return np.asarray((cells + np.array(self._grid[:2])) * self._grid[2], dtype=np.float64)
 
     def forbidden(self, points: Floats) -> Bools:
-        """Whether each of the points (K, 2) [m] lies in a forbidden cell: (K,). False outside the grid."""
+        """Return whether each of the points (K, 2) [m] lies in a forbidden cell: (K,). False outside the grid."""
         index = np.rint(points / self._grid[2]).astype(np.int64) - np.array(self._grid[:2])
         on_grid = ((index >= 0) & (index < self.costs.shape)).all(axis=1)
         i, j = np.where(on_grid[:, None], index, 0).T
         return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
 
     def _extend(self, cells: Sequence[Cell] | Ints) -> None:
-        """Let the box around all obstacles hold these cells (N, 2)."""
+        """Extend the box around all obstacles to hold the cells (N, 2)."""
         ends = np.vstack([self._low, self._high, cells])
         self._low, self._high = ends.min(axis=0), ends.max(axis=0)
 
@@ -184,7 +184,7 @@ def stamp(config: CostmapConfig, r_min: float) -> Ints:
 
 
 def ends_of(world: World, start: Pose) -> Floats:
-    """(N, 2) points in the odometry frame between which all obstacles lie [m]; `start` as in `Costmap.draw`."""
+    """Points (N, 2) in the odometry frame between which all obstacles lie [m]; `start` as in `Costmap.draw`."""
     middles, radii = to_robot(world.circles[:, :2], start), world.circles[:, 2:]
     return np.vstack([to_robot(world.edges.reshape(-1, 2), start), middles - radii, middles + radii])
 

@@ -112,7 +112,7 @@ class LocalCostmap:
 
 
 def _moved(hits: Hits, di: int, dj: int) -> Hits:
-    """The map after its corner has moved by (di, dj) cells; new cells are free."""
+    """Return the map after its corner has moved by (di, dj) cells; new cells are free."""
     if di == 0 and dj == 0:
         return hits
     moved = np.zeros_like(hits)

@@ -12,7 +12,7 @@ from lme.types import LaserScan, Observation, Pose
 
 
 class MapInput(NamedTuple):
-    """What a map is rebuilt from: a scan, and the robot's poses when it was taken and when the map is rebuilt.
+    """Input of a rebuilt map: a scan, and the robot's poses when it was taken and when the map is rebuilt.
 
     Both poses are those of the base in the odometry frame.
     """
@@ -23,12 +23,12 @@ class MapInput(NamedTuple):
 
 
 class MapClock:
-    """Says when a map is rebuilt, and from what.
+    """Schedule of a map that is rebuilt, with the inputs.
 
-    Without a rate that is at every observation, from its scan, at its pose. With a rate [Hz] it is at a phase that is
-    drawn per episode, mostly between two observations: from the scan of the earlier one, at the pose in between. So
-    the planner plans from a newer pose than that of the map. A map that is rebuilt more than once between two
-    observations keeps the last time only. Time is counted in control periods of `dt` [s].
+    Without a rate, the map is rebuilt at every observation, from its scan, at its pose. With a rate [Hz], it is
+    rebuilt at a phase that is drawn per episode, mostly between two observations: from the scan of the earlier one,
+    at the pose in between. The planner then plans from a newer pose than that of the map. A map that is rebuilt more
+    than once between two observations keeps the last time only. Time is counted in control periods of `dt` [s].
 
     Source: ros-planning/navigation, costmap_2d_ros.cpp (mapUpdateLoop, updateMap) and obstacle_layer.cpp, which
     projects a scan at its stamp, and takes it 0.05 s later at the earliest.
@@ -46,7 +46,7 @@ class MapClock:
             self._phase = rng.spawn(1)[0].uniform() / self._rate
 
     def due(self, observation: Observation) -> MapInput | None:
-        """What the map is rebuilt from before this observation is planned on; None if it is not rebuilt.
+        """Return the input of the map before this observation is planned on; None if it is not rebuilt.
 
         The first observation is taken as it is, since a robot at rest has a map.
         """
@@ -56,6 +56,7 @@ class MapClock:
         if before is None:
             return _input(observation, observation.odometry)
         began, self._time = self._time, self._time + self._dt
+        # The last tick in the period that has ended, and the pose at it.
         last = self._phase + math.floor((self._time - self._phase) * self._rate) / self._rate
         if last <= began:
             return None

@@ -32,9 +32,11 @@ def trace_beams(hits, misses, ranges, angles, limits, clears_far, pose, resoluti
         if length >= none and not clears_far:
             continue
         is_hit = length <= farthest and length < none
+        # End of the beam, or of the part of it that counts.
         length = min(length, farthest) / resolution
         bearing = pose[2] + angles[0] + i * angles[1]
         x1, y1 = x0 + length * math.cos(bearing), y0 + length * math.sin(bearing)
+        # The cells before the last one are passed; the last one is hit or passed.
         row, column = _pass(misses, x0, y0, x1, y1)
         if is_hit:
             hits[row, column] += 1
@@ -44,7 +46,7 @@ def trace_beams(hits, misses, ranges, angles, limits, clears_far, pose, resoluti
 
 @njit(cache=True, error_model="numpy")
 def _pass(misses, x0, y0, x1, y1):
-    """Add 1 to every cell from (x0, y0) to just before the cell of (x1, y1); returns that cell's row and column.
+    """Add 1 to every cell from (x0, y0) to just before the cell of (x1, y1); return that cell's row and column.
 
     Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
     """
@@ -52,6 +54,7 @@ def _pass(misses, x0, y0, x1, y1):
     end_column, end_row = math.floor(x1), math.floor(y1)
     dx, dy = x1 - x0, y1 - y0
     right, up = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
+    # Shares of the beam from border to border, and up to the next border, in each direction.
     per_column = abs(1.0 / dx) if dx != 0.0 else np.inf
     per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
     next_column = abs(column + (dx > 0.0) - x0) * per_column if dx != 0.0 else np.inf
@@ -70,7 +73,7 @@ def _pass(misses, x0, y0, x1, y1):
 
 @njit(cache=True, error_model="numpy")
 def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
-    """(rows, columns) cells that at most `steps` steps between neighbours of a row or a column lead to.
+    """Cells (rows, columns) that at most `steps` steps between neighbours of a row or a column lead to.
 
     seeds (S, 2): rows and columns to start from; they count even if they are not passable.
     """
@@ -84,6 +87,7 @@ def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
             reached[row, column] = True
             queue[tail, 0], queue[tail, 1] = row, column
             tail += 1
+    # Breadth-first search: one more step for all cells of the last ring.
     head = 0
     for _ in range(steps):
         ring = tail
@@ -101,10 +105,11 @@ def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
 
 @njit(cache=True, error_model="numpy")
 def densified(way: Floats, step: float, jump: float) -> Floats:
-    """(P, 2) points at most `step` apart on the lines between the points of a way (N, 2), except across a `jump`."""
+    """Points (P, 2) at most `step` apart on the lines between the points of a way (N, 2), except across a `jump`."""
     count = 1
     for k in range(1, len(way)):
         count += _pieces(way, k, step, jump)
+    # The points of each line, after the last point of the one before.
     points = np.empty((count, 2))
     points[0] = way[0]
     at = 1
@@ -155,7 +160,7 @@ class GridMap(NamedTuple):
 
 
 class OccupancyGrid:
-    """Counts, for each cell, the beams that end in it and those that pass it. It grows with the scans."""
+    """Grid that counts, for each cell, the beams that end in it and those that pass it. It grows with the scans."""
 
     def __init__(self, resolution: float, max_range: float) -> None:
         """resolution: side of a cell [m]. max_range [m]: only what is nearer to the lidar counts."""
@@ -186,7 +191,7 @@ class OccupancyGrid:
         )
 
     def finish(self, way: Floats, radius: float, reach: float) -> GridMap:
-        """The map for a robot of `radius` [m] that drove along `way` (N, 2) [m].
+        """Return the map for a robot of `radius` [m] that drove along `way` (N, 2) [m].
 
         Occupied are the cells with enough hits. Free are those that the robot's disc swept, and those with a beam
         where the disc can go in at most `reach` [m] from the way, counted along rows and columns. All others are
@@ -194,11 +199,13 @@ class OccupancyGrid:
         """
         self._cover(way.min(axis=0) - radius)
         self._cover(way.max(axis=0) + radius)
+        # Cells of the way, and the part of the grid that matters.
         columns, rows = self._way_cells(way).T
         box = self._seen_box(rows, columns, math.ceil(radius / self._resolution))
         rows, columns = rows - box[0].start, columns - box[1].start
         hits, beams = self._hits[box], self._hits[box] + self._misses[box]
         occupied = (hits >= MIN_HITS) & (hits >= HIT_SHARE * beams)
+        # Where the disc swept, and where it can go in `reach` from the way.
         on_way = np.zeros(hits.shape, dtype=bool)
         on_way[rows, columns] = True
         swept = self._distance_to(on_way) <= radius
@@ -237,7 +244,7 @@ class OccupancyGrid:
             )
 
     def _way_cells(self, way: Floats) -> Ints:
-        """(P, 2) columns and rows of the cells on the way."""
+        """Columns and rows (P, 2) of the cells on the way."""
         points = densified(np.ascontiguousarray(way, dtype=np.float64), self._resolution / 2.0, JUMP_M)
         return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
 
@@ -253,11 +260,11 @@ class OccupancyGrid:
         return slice(next(low), next(high)), slice(next(low), next(high))
 
     def _distance_to(self, cells: Bools) -> Floats:
-        """(rows, columns) distance [m] from the middle of each cell to that of the nearest of `cells`."""
+        """Distance [m] (rows, columns) from the middle of each cell to that of the nearest of `cells`."""
         return np.asarray(ndimage.distance_transform_edt(~cells)) * self._resolution
 
     def _cropped(self, cells: NDArray[np.uint8], corner: Ints) -> GridMap:
-        """The map with a rim around its free cells. corner: column and row of the first cell from x = y = 0."""
+        """Crop a map to its free cells and a rim. corner: column and row of the first cell from x = y = 0."""
         rim = math.ceil(_RIM_M / self._resolution)
         padded = np.pad(cells, rim, constant_values=UNKNOWN)
         rows, columns = np.nonzero(padded == FREE)

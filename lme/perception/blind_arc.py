@@ -16,7 +16,7 @@ _NONE = np.empty((0, 2))
 
 
 class BlindArc:
-    """Remembers obstacle points in the odometry frame while they are within `reach` [m] and in the blind arc.
+    """Memory of obstacle points, in the odometry frame, while they are within `reach` [m] and in the blind arc.
 
     One point is kept for all those in a cell of side `cell` [m], at their mean. A lidar with a full circle has no
     blind arc.
@@ -42,7 +42,7 @@ class BlindArc:
         return points
 
     def _unseen(self, points: Floats, scan: LaserScan) -> Bools:
-        """Whether each point lies more than half an increment outside the field of view."""
+        """Return whether each point lies more than half an increment outside the field of view."""
         at_lidar = to_robot(points, self._mount)
         half_fov = 0.5 * len(scan.ranges) * abs(scan.angle_increment)
         middle = scan.angle_min + 0.5 * (len(scan.ranges) - 1) * scan.angle_increment

@@ -1,4 +1,4 @@
-"""How far the robot moved since the last observation, by the better of two sources: its twist and its odometry."""
+"""Motion of the robot since the last observation, by the better of two sources: its twist and its odometry."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import NamedTuple
 from lme.geometry.frames import relative
 from lme.types import Limits, Observation, Pose, Twist
 
-_SLACK = 1e-3  # [m, rad] and
-_SHARE = 0.02  # of the motion: what a twist that explains the poses may differ from them
+_SLACK = 1e-3  # [m, rad] by which the poses may differ from a twist that explains them,
+_SHARE = 0.02  # and share of the motion by which they may differ besides
 
 
 class Move(NamedTuple):
     """The motion of one control period.
 
-    before, now: the twists at its ends. pose: of the base now in its frame of then, by odometry, where that is the
-    better source; None: the twists are.
+    before, now: the twists at its ends. pose: of the base now in its frame of then, by odometry, if that is the
+    better source; None if the twists are.
     """
 
     before: Twist
@@ -25,18 +25,18 @@ class Move(NamedTuple):
 
     @property
     def reports_no_speed(self) -> bool:
-        """Whether the twist is exactly zero at both ends of a motion that the poses show."""
+        """Return whether the twist is exactly zero at both ends of a motion that the poses show."""
         return self.pose is not None and not (any(self.before) or any(self.now)) and any(self.pose)
 
 
 class DeadReckoning:
-    """Follows the base from observation to observation.
+    """Motion of the base from observation to observation.
 
-    By twist, as the paper does (UpdatePos, §III.D), for as long as the twists explain the odometry: while a ramp from
-    one twist to the next leads from one pose to the next. From the first period in which it does not, by the poses: the
-    twist is always zero, sways with the gait, comes from wheels that slip or is itself the velocity between two poses,
-    which lags by half a period, or the period is another one than `dt`. An odometry that does not change while the
-    twist says that the robot moves counts as none.
+    The twists are used, as in the paper (UpdatePos, §III.D), for as long as they explain the odometry: while a ramp
+    from one twist to the next leads from one pose to the next. From the first period in which it does not, the poses
+    are used: the twist may always be zero, sway with the gait, come from wheels that slip or itself be the velocity
+    between two poses, which lags by half a period, or the period may differ from `dt`. An odometry that does not
+    change while the twist reports motion counts as missing.
     """
 
     def __init__(self, dt: float) -> None:
@@ -46,7 +46,7 @@ class DeadReckoning:
         self._before: tuple[Twist, Pose] | None = None
 
     def move(self, observation: Observation) -> Move | None:
-        """The motion since the last observation; None at the first one."""
+        """Return the motion since the last observation; None at the first one."""
         now, odometry = observation.twist, observation.odometry
         if self._before is None:
             self._before = now, odometry
@@ -65,7 +65,8 @@ class DeadReckoning:
         return Twist(move.pose.x / self._dt, move.pose.yaw / self._dt)
 
     def _explained(self, pose: Pose, before: Twist, now: Twist, limits: Limits) -> bool:
-        """Whether a drive that ramps from one twist to the next, and then holds it, moves the base like this."""
+        """Return whether a drive that ramps from one twist to the next, and then holds it, can move the base so."""
+        # Length of the arc that leads to the pose: chord · (θ/2) / sin(θ/2).
         half_turn = pose.yaw / 2
         chord = pose.x * math.cos(half_turn) + pose.y * math.sin(half_turn)
         arc = chord if half_turn == 0.0 else chord * half_turn / math.sin(half_turn)
@@ -75,8 +76,9 @@ class DeadReckoning:
 
 
 def _ramps(moved: float, before: float, now: float, alpha: float, dt: float) -> bool:
-    """Whether a ramp from `before` to `now`, at `alpha` or more slowly, can move the robot by `moved` in `dt`."""
+    """Return whether a ramp from `before` to `now`, at `alpha` or slower, can move the robot by `moved` in `dt`."""
     change = abs(now - before)
+    # Difference from `now` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
     behind = math.copysign(1.0, now - before) * (now * dt - moved)
     slack = _SHARE * abs(moved) + _SLACK
     return change**2 / (2 * alpha) - slack <= behind <= change * dt / 2 + slack

@@ -109,6 +109,7 @@ def nearest_per_bin(
     ranges = np.full(angles[3], np.float32(empty))
     for k in range(len(points)):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        # Height in the scan's frame, and then the place on its plane.
         up = transform[2, 0] * x + transform[2, 1] * y + transform[2, 2] * z + transform[2, 3]
         if not (heights[0] <= up <= heights[1]):  # also drops NaN
             continue

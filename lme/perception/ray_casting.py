@@ -12,7 +12,7 @@ from lme.types import Floats, LaserScan, Pose
 
 
 def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike = ()) -> LaserScan:
-    """The scan, without noise, of a planar lidar on a robot at `pose`.
+    """Return the scan, without noise, of a planar lidar on a robot at `pose`.
 
     pose: of the robot in the world. circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls
     [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises ValueError for other shapes.

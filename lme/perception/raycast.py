@@ -72,7 +72,7 @@ def beam_table(angle_increment: float, num_beams: int) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def cast_beams(x, y, heading, increment, range_max, table, circles, edges):
-    """`cast` for other kernels. heading: of the first beam in the world [rad]; table: `beam_table`.
+    """Return the result of `cast`. heading: of the first beam in the world [rad]; table: `beam_table`.
 
     It works in the lidar's frame, rotated so that the first beam is along +x.
     """
@@ -87,7 +87,7 @@ def cast_beams(x, y, heading, increment, range_max, table, circles, edges):
 
 @njit(cache=True, error_model="numpy")
 def _cast_grid(x, y, heading, range_max, table, frame, starts, edges):
-    """heading: of the first beam in the world [rad]."""
+    """Return the result of `cast_grid` without a lattice. heading: of the first beam in the world [rad]."""
     ranges = np.empty(table.shape[1], np.float32)
     turn = (math.cos(heading), math.sin(heading))
     for i in range(len(ranges)):
@@ -102,11 +102,13 @@ def _cast_circles(frame, increment, range_max, table, circles, ranges):
     if inside:
         return True
     for i in range(len(circles)):
+        # Skip discs that begin beyond range_max.
         reach = range_max + circles[i, 2]
         if u[i] * u[i] + v[i] * v[i] >= reach * reach:
             continue
         square = circles[i, 2] * circles[i, 2]
         num_beams, turn = len(ranges), _TWO_PI / increment
+        # Beams within the extent, and within the same extent one turn earlier or later if there are any.
         _meet_disc(u[i], v[i], square, low[i], high[i], table, ranges)
         if high[i] >= turn:
             _meet_disc(u[i], v[i], square, low[i] - turn, high[i] - turn, table, ranges)
@@ -119,7 +121,7 @@ def _cast_circles(frame, increment, range_max, table, circles, ranges):
 def _circle_extents(frame, increment, circles):
     """Centres (u, v) in the lidar's frame, extents [low, high] in beams, and whether a disc contains the lidar.
 
-    No branches, for vectorisation.
+    It has no branches, so the loop is vectorised.
     """
     x, y, cos, sin = frame
     u, v = np.empty(len(circles)), np.empty(len(circles))
@@ -131,6 +133,7 @@ def _circle_extents(frame, increment, circles):
         u[i], v[i] = cos * dx + sin * dy, cos * dy - sin * dx
         square = dx * dx + dy * dy
         inside += square <= r * r
+        # Upper bound of the half angle asin(r / d).
         sine = r / math.sqrt(square)
         half = sine + _ASIN_CUBIC * sine * sine * sine + BEARING_ERROR
         middle = bearing(u[i], v[i])
@@ -146,6 +149,7 @@ def _meet_disc(u, v, square, low, high, table, ranges):
         c, s = table[0, i], table[1, i]
         across = u * s - v * c
         along = u * c + v * s
+        # Near intersection at along − √(r² − across²).
         depth = square - across * across
         if depth >= 0.0 and along > 0.0:
             ranges[i] = min(ranges[i], along - math.sqrt(depth))
@@ -160,9 +164,11 @@ def _cast_edges(frame, increment, range_max, table, edges, ranges):
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
         if _beyond(ax, ay, bx, by, range_max):
             continue
+        # The edge in the lidar's frame, with the first beam along +x.
         start = (cos * ax + sin * ay, cos * ay - sin * ax)
         end = (cos * bx + sin * by, cos * by - sin * bx)
         low, high = _edge_extent(start, end, increment)
+        # Beams within the extent, and within the same extent one turn earlier or later if there are any.
         _meet_edge(start, end, low, high, table, ranges)
         if high >= turn:
             _meet_edge(start, end, low - turn, high - turn, table, ranges)
@@ -172,7 +178,7 @@ def _cast_edges(frame, increment, range_max, table, edges, ranges):
 
 @njit(cache=True, error_model="numpy")
 def _beyond(ax, ay, bx, by, range_max):
-    """Whether the bounding box of the edge from a to b is farther than range_max from the origin."""
+    """Return whether the bounding box of the edge from a to b is farther than range_max from the origin."""
     gap_x = max(min(ax, bx), -max(ax, bx), 0.0)
     gap_y = max(min(ay, by), -max(ay, by), 0.0)
     return gap_x * gap_x + gap_y * gap_y >= range_max * range_max
@@ -180,11 +186,12 @@ def _beyond(ax, ay, bx, by, range_max):
 
 @njit(cache=True, error_model="numpy")
 def _edge_extent(start, end, increment):
-    """Extent [low, high] of an edge in beams; a whole turn if the lidar is on it or almost."""
+    """Extent [low, high] of an edge in beams; a whole turn if the lidar is on the edge or almost."""
     cross = start[0] * end[1] - start[1] * end[0]
     dot = start[0] * end[0] + start[1] * end[1]
     if abs(cross) <= -1e-6 * dot or start == (0.0, 0.0) or end == (0.0, 0.0):
         return 0.0, _TWO_PI / increment
+    # Counter-clockwise from low to high, across the bearing 0 if need be.
     low, high = bearing(start[0], start[1]), bearing(end[0], end[1])
     if cross < 0.0:
         low, high = high, low

@@ -22,7 +22,7 @@ _TURNS = (-2.0 * math.pi, 0.0, 2.0 * math.pi)  # the bearings of one direction d
 
 
 def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
-    """The same scan, counter-clockwise in the frame of an upright lidar, without repeated directions.
+    """Return the same scan, counter-clockwise in the frame of an upright lidar, without repeated directions.
 
     A beam without a return becomes inf: a range that is infinite, ≤ 0 (many drivers), below range_min or ≥ range_max
     (sensor_msgs/LaserScan). NaN stays: the measurement failed, so it is not known whether the beam is free (REP-117).
@@ -58,7 +58,7 @@ def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
 
 
 def same_lidar(one: Lidar, other: Lidar) -> bool:
-    """Whether two lidars are the same to the precision of a message, whose angles and ranges are float32."""
+    """Return whether two lidars are the same to the precision of a message, whose angles and ranges are float32."""
     if one.num_beams != other.num_beams:
         return False
     pairs = ((getattr(one, key), getattr(other, key)) for key in ("fov", "range_min", "range_max", "x", "y"))
@@ -67,7 +67,7 @@ def same_lidar(one: Lidar, other: Lidar) -> bool:
 
 
 def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
-    """A tidied scan as another lidar on the same robot would have measured it.
+    """Resample a tidied scan as another lidar on the same robot would have measured it.
 
     mount: pose of the scan's frame in the base frame. Each return goes to the beam nearest in direction; the
     nearest return of a beam counts. Beams between neighbours on one surface are interpolated along the straight
@@ -108,11 +108,15 @@ def _check(scan: LaserScan) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _interpolate(ranges, source, onto):
-    """Ranges (num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
+    """Interpolate ranges linearly in the bearing: (num_beams,) float32 [m].
+
+    source (angle_min, increment), onto (angle_min, increment, num_beams).
+    """
     count, increment = len(ranges), source[1]
     full = (count + 0.5) * increment >= 2.0 * math.pi
     out = np.full(onto[2], np.inf, np.float32)
     for k in range(onto[2]):
+        # Place of the beam among those of the source.
         place = (onto[0] + k * onto[1] - source[0] + _SAME_BEARING) % (2.0 * math.pi) / increment
         i = int(place)
         part = max(place - i - _SAME_BEARING / increment, 0.0)
@@ -121,6 +125,7 @@ def _interpolate(ranges, source, onto):
                 out[k] = ranges[i]
             continue
         near, far = ranges[i % count], ranges[(i + 1) % count]
+        # Linear between two returns, otherwise the reading of the nearer beam.
         if math.isfinite(near) and math.isfinite(far):
             out[k] = near + part * (far - near)
         else:
@@ -130,7 +135,10 @@ def _interpolate(ranges, source, onto):
 
 @njit(cache=True, error_model="numpy")
 def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
-    """Ranges (num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
+    """Give returns to the nearest beams and interpolate along surfaces: (num_beams,) float32 [m].
+
+    source (angle_min, increment), onto (angle_min, increment, num_beams).
+    """
     angle_min, increment, num_beams = onto
     out = np.full(num_beams, np.inf, np.float32)
     widest = 2.0 * math.sin(source[1] / 2.0) / cos_grazing  # [-] greatest gap on one surface, per range
@@ -139,11 +147,13 @@ def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
         if not math.isfinite(ranges[i]):
             continue
         x, y = _point(ranges[i], source[0] + i * source[1], mount, onto_mount)
+        # The return goes to the beam nearest in direction.
         off = math.atan2(y, x) - angle_min
         for shift in _TURNS:
             nearest = round((off + shift) / increment)
             if 0 <= nearest < num_beams:
                 out[nearest] = min(out[nearest], np.float32(math.hypot(x, y)))
+        # The beams between it and the next return, if both are on one surface.
         j = i + 1 if i + 1 < len(ranges) else 0
         if (j == 0 and not full) or not math.isfinite(ranges[j]):
             continue
@@ -159,6 +169,7 @@ def _mark_failed(out, ranges, source, turn, onto):
     half = max(0.5 * onto[1] / source[1] - 0.5, 0.0)  # of the sector, beyond the nearest beam
     for k in range(len(out)):
         if math.isinf(out[k]):
+            # Beams of the source within the sector of beam k.
             off = (onto[0] + k * onto[1] - turn - source[0]) / source[1]
             for shift in _TURNS:
                 at = off + shift / source[1]
@@ -178,6 +189,7 @@ def _span(out, x, y, u, v, angle_min, increment):
         last = min(math.floor((high + shift) / increment), len(out) - 1)
         for k in range(first, last + 1):
             cos, sin = math.cos(angle_min + k * increment), math.sin(angle_min + k * increment)
+            # Distance along the beam to the line through both ends.
             across = cos * (v - y) - sin * (u - x)
             if across != 0.0:
                 out[k] = min(out[k], np.float32((x * (v - y) - y * (u - x)) / across))

@@ -21,12 +21,12 @@ _FARTHEST_LIMIT = 1000.0  # [m] no lidar sees this far
 FAR = 100.0  # [m] half of the returns of a robot's lidar are nearer
 _TIMES_TOO_FAR = 3.0  # by which readings exceed range_max if their unit is another one
 _CODES = 10  # distinct readings beyond range_max that may be codes for "no return"
-_LOST = 0.02  # share of the beams below range_min that is worth a warning
-_SAME = 16  # beams that no room gives the same range
+_LOST = 0.02  # share of the beams below range_min from which on there is a fault
+_SAME = 16  # least number of beams to which no room gives the same range
 
 
 class ScanFault(NamedTuple):
-    """What is wrong with a scan. blind: a robot must not drive on it. kind: the same for all scans of one fault."""
+    """Fault of a scan. blind: a robot must not drive on it. kind: the same for all scans of one fault."""
 
     kind: str
     text: str
@@ -35,7 +35,7 @@ class ScanFault(NamedTuple):
 
 @dataclass(slots=True)
 class ScanTally:
-    """Counts beams without a return, and scans without a single point."""
+    """Count of beams without a return, and of scans without a single point."""
 
     beams: int = 0
     beams_without_return: int = 0
@@ -58,7 +58,7 @@ class ScanTally:
 def scan_faults(
     told: LaserScan, used: LaserScan, angle_max: float | None = None, outline: float = 0.0
 ) -> list[ScanFault]:
-    """The faults of a scan; [] if it is plausible.
+    """Find the faults of a scan; [] if it is plausible.
 
     told: as in the message. used: with the range limits that are used. angle_max [rad]: of the message, if it has
     one. outline [m]: nearer readings are of the robot itself. Raises InputError for angles in degrees.
@@ -147,7 +147,7 @@ def _reading_faults(told: LaserScan, used: LaserScan, outline: float) -> list[Sc
 
 
 def _in_another_unit(beyond: np.ndarray, told: LaserScan) -> bool:
-    """Whether readings beyond range_max are distances in another unit, not codes for "no return"."""
+    """Return whether readings beyond range_max are distances in another unit, not codes for "no return"."""
     said = told.range_max if 0.0 < told.range_max < math.inf else FAR / _TIMES_TOO_FAR
     return bool(np.median(beyond) > _TIMES_TOO_FAR * said) and len(np.unique(beyond)) > _CODES
 
@@ -160,7 +160,7 @@ def _unit_fault(readings: np.ndarray, where: str) -> ScanFault:
 
 
 def _returns(scan: LaserScan) -> np.ndarray:
-    """Which beams (num_beams,) have a return within the limits."""
+    """Return whether each beam has a return within the limits: (num_beams,)."""
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     with np.errstate(invalid="ignore"):
         within = (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))

@@ -21,7 +21,7 @@ def obstacle_points(scan: LaserScan, mount: Pose) -> Floats:
 
 
 def is_full_circle(scan: LaserScan) -> bool:
-    """Whether the first beam follows the last one after one increment, to half an increment."""
+    """Return whether the first beam follows the last one after one increment, to within half an increment."""
     return (len(scan.ranges) + 0.5) * abs(scan.angle_increment) >= 2 * math.pi
 
 

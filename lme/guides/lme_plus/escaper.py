@@ -177,7 +177,7 @@ class LocalMinimumEscaperPlus:
         return self._learned
 
     def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
-        """Random candidates all around, places on the fastest way, the target if it is in range; last, the subgoal."""
+        """Random candidates all around, places on the fastest way, the target if it is in range; last the subgoal."""
         reach = self._reach(observation)
         parts = [sample(self._rng, self._candidates, reach, -math.pi, 2 * math.pi)]
         if self._config.parts.structured:

@@ -17,9 +17,9 @@ from lme.types import Bools, Floats, Pose
 
 BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
 _CELL = 0.15  # [m] side of a cell
-NARROW = 100.0  # [-] times as long as at v_max it takes in a passage that leaves less than the margin
+NARROW = 100.0  # [-] factor of the time at v_max in a passage that leaves less than the margin
 _EVERY = 3  # cells between two places on the way of steepest descent
-_WINDING = 4.0  # times the reach: as far as a way in the grid is followed
+_WINDING = 4.0  # [-] greatest length of a way that is followed in the grid, in multiples of the reach
 _ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
@@ -44,9 +44,9 @@ class TravelConfig:
 
 
 class Field(NamedTuple):
-    """Expected times T of the cells of a grid [s], and the robot's, which was `here`. here, target: (2,) [m].
+    """Expected times T of a grid's cells [s], and that of the robot, which was at `here`. here, target: (2,) [m].
 
-    narrow: which of the cells are in a passage that leaves less than the margin, row by row with the grid's frame, as
+    narrow: whether each cell is in a passage that leaves less than the margin, row by row with the grid's frame, as
     in `times`.
     """
 
@@ -59,7 +59,7 @@ class Field(NamedTuple):
     v_max: float
 
     def rest(self, places: Floats, pose: Pose = _ITSELF) -> Floats:
-        """T at (N, 2) places in the frame at `pose` [s]: (N,). Where the search did not go, the least time it allows.
+        """T at (N, 2) places in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
 
         If the robot has no way to the target, such places have the time of the straight line to it.
         """
@@ -69,13 +69,13 @@ class Field(NamedTuple):
         return found
 
     def kept(self) -> Field:
-        """The same with times of its own, which stay when the next field is found."""
+        """Return a copy with times of its own, which stay when the next field is computed."""
         return self._replace(times=self.times.copy(), narrow=self.narrow.copy())
 
     def descent(self, pose: Pose, length: float) -> tuple[Floats, float]:
         """Places on the fastest way from `pose`, for `length` [m], in the frame at it: (K, 2).
 
-        Returns also how far ahead the way gets narrow [m]; inf: nowhere.
+        Also returns how far ahead the way becomes narrow [m], inf if nowhere.
         """
         grid = (*self.grid,)
         found: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _EVERY)
@@ -83,7 +83,7 @@ class Field(NamedTuple):
 
 
 class Travel:
-    """Finds expected times within about `reach` [m] of a robot, for one robot at a time."""
+    """Solver for expected times within about `reach` [m] of a robot, for one robot at a time."""
 
     def __init__(
         self, config: TravelConfig, robot: Robot, reach: float, margin: float, narrow: bool = True
@@ -109,14 +109,15 @@ class Travel:
         narrow: float = NARROW,
         stuck: Floats = _NOBODY,
     ) -> Field:
-        """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
+        """Compute the field of a robot at `here` (2,) to its `target` (2,), among `points` (M, 2).
 
-        people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
-        they stand [s]. learned: what earlier fields said of the places at the edge; this one's times are added, unless
-        there are people, who will not be there later. narrow: times as long as at v_max it takes in narrow passages.
-        stuck (S, 6): places that take longer, `StuckPlaces.rows`. Of people and such places at one place the longest
-        time counts.
+        It is valid until the next call. people (P, 6): x, y, vx, vy and radius of people who are not among the
+        points, in the same frame [m, m/s], and how long they have stood [s]. learned: times that earlier fields gave
+        to the places at the edge; those of this field are added, unless there are people, who will be elsewhere
+        later. narrow: factor of the time at v_max in narrow passages. stuck (S, 6): places that take longer,
+        `StuckPlaces.rows`. Where people and such places overlap, the longest time counts.
         """
+        # A grid of whole cells around the robot, and the people and stuck places in it as one crowd.
         x, y = (math.floor((at - self._reach) / _CELL) * _CELL for at in here.tolist())
         grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
@@ -125,6 +126,7 @@ class Travel:
         crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
         scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
         given = (*self._workspace,), *scene, BEYOND
+        # Search within the grid; where that finds no good way, also from its edge.
         work, places = self._workspace, (grid, here, target, self._pace.v_max)
         field = Field(work.times, work.narrow, travel_times(*given, False), *places)
         if self._is_no_good(field):  # perhaps there is a better way around outside the grid
@@ -135,7 +137,7 @@ class Travel:
         return field
 
     def _is_no_good(self, field: Field) -> bool:
-        """Whether the grid has no way, or only a narrow one, to a target that is in it."""
+        """Return whether the grid has no way, or only a narrow one, to a target that is in it."""
         if apart(field.here, field.target) > self._reach:
             return False
         x, y = field.here.tolist()
@@ -143,18 +145,18 @@ class Travel:
         return math.isinf(field.robot_time) or math.isfinite(ahead)
 
     def _crowd(self, people: Floats) -> Floats:
-        """People as `travel_times` takes them: (P, 6)."""
+        """Convert people to the form that `travel_times` takes: (P, 6)."""
         if not len(people):
             return _NOBODY
         reach = people[:, 4] + self._berth
         speed = np.hypot(people[:, 2], people[:, 3])
         leaves = np.maximum(
             people[:, 5], self._patience
-        )  # who has stood for long will stand for as long again
+        )  # people are expected to stand for as long again as they have stood
         wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leaves)
         return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))
 
 
 def apart(a: Floats, b: Floats) -> float:
-    """Distance of two points (2,) [m]; of Python's numbers, which take a fifth of the time of numpy's."""
+    """Distance between two points (2,) [m], by Python's numbers: a fifth of the time of NumPy's."""
     return math.dist(a.tolist(), b.tolist())

@@ -1,4 +1,4 @@
-"""What the search for expected times works on: a grid, the robot's pace in it, and arrays that are used again."""
+"""Data of the search for expected times: a grid, the robot's pace in it, and arrays that are used again."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Pace(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays that `travel_times` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
+    """Arrays that `travel_times` uses again, so that a call costs only what it visits. W = size + 2, C = W².
 
     times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads, so outside the
     disc. edge (E,): the cells of the disc with a neighbour outside it. steps (C,): time across a cell [s], 0 if not
@@ -97,14 +97,14 @@ def workspace(size: int, cell: float, comfort: float) -> Workspace:
 
 
 def _disc(size: int) -> Bools:
-    """Whether each of (size + 2, size + 2) cells is in the disc."""
+    """Return whether each of (size + 2, size + 2) cells is in the disc."""
     along = np.arange(size + 2) - (size + 1) / 2
     inside: Bools = np.hypot(along[:, None], along) <= disc_radius(size)
     return inside
 
 
 def _edge(disc: Bools) -> Bools:
-    """Which cells of the disc have one of their four neighbours outside it."""
+    """Return whether each cell is in the disc and one of its four neighbours is not."""
     inner = np.zeros_like(disc)
     inner[1:-1, 1:-1] = disc[:-2, 1:-1] & disc[2:, 1:-1] & disc[1:-1, :-2] & disc[1:-1, 2:]
     return disc & ~inner
@@ -116,7 +116,7 @@ def disc_radius(size: int) -> float:
     return 0.5 * size - 1.0
 
 
-_STEP = 4  # cells between a place and those that tell in which direction T falls there
+_STEP = 4  # cells between a place and those from which the slope of T there is taken
 
 
 @njit(cache=True, error_model="numpy")
@@ -131,7 +131,7 @@ def rest_at(
     target: Floats,
     v_max: float,
 ) -> Floats:
-    """T at the (N, 2) places in the frame at `pose` [s]: (N,). Elsewhere than searched, the least possible.
+    """T at the (N, 2) places in the frame at `pose` [s]: (N,), the least possible where nothing was searched.
 
     The search ended `beyond` [s] after the time of the robot, which is at `here` (2,). If that is inf, such places
     have the time of the straight line to the target (2,), at v_max [m/s].
@@ -141,6 +141,7 @@ def rest_at(
     known = robot_time < np.inf
     for n in range(len(places)):
         if out[n] == np.inf:
+            # Not searched: the time at which the search ended, less the straight way from the robot.
             apart = here if known else target
             dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
             straight = math.sqrt(dx * dx + dy * dy) / v_max
@@ -158,9 +159,9 @@ def turns_at(
 ) -> Floats:
     """Angles between the straight ways from `pose` to (N, 2) places in its frame and the steepest descents of T there.
 
-    From 0 to π [rad]: (N,). T is that of cells: those `_STEP` cells to each side of the place's own, or on one side
-    only where the search did not reach the other. 0 at places that it did not reach, and nearer than that to the target
-    or the grid's edge.
+    From 0 to π [rad]: (N,). The slope is that between the cells `_STEP` cells to each side of the place's own, or on
+    one side only where the search did not reach the other. The angle is 0 at places that the search did not reach,
+    and nearer than `_STEP` cells to the target or the grid's edge.
     """
     low_x, low_y, cell, size = grid
     to_x, to_y, near = target[0], target[1], (_STEP * cell) ** 2
@@ -171,6 +172,7 @@ def turns_at(
         inside = _STEP < i <= size - _STEP and _STEP < j <= size - _STEP
         if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < near:
             continue
+        # Steepest descent of T by differences, and its angle with the straight way.
         down_x = _fall(times[i - _STEP, j], times[i, j], times[i + _STEP, j])
         down_y = _fall(times[i, j - _STEP], times[i, j], times[i, j + _STEP])
         x, y = x - pose[0], y - pose[1]
@@ -180,7 +182,7 @@ def turns_at(
 
 @njit(cache=True, error_model="numpy")
 def _fall(before, here, after):
-    """By how much T falls from one side of a cell to the other; from the side that has one, twice."""
+    """Fall of T from one side of a cell to the other; twice that on one side if only this side has a time."""
     if before < np.inf:
         return before - after if after < np.inf else 2.0 * (before - here)
     return 2.0 * (here - after) if after < np.inf else 0.0
@@ -188,7 +190,7 @@ def _fall(before, here, after):
 
 @njit(cache=True, error_model="numpy")
 def _placed(places, pose):
-    """The places in the frame of the pose."""
+    """Transform places (N, 2) from the frame at `pose` to that of the grid."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     out = np.empty(places.shape)
     for n in range(len(places)):
@@ -203,9 +205,11 @@ def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
     low_x, low_y, cell, size = grid
     out = np.full(len(places), np.inf)
     for n in range(len(places)):
+        # Place in cells, kept inside the grid: cell i is centred on i.
         x = min(max((places[n, 0] - low_x) / cell + 0.5, 1.0), size - 1e-9)
         y = min(max((places[n, 1] - low_y) / cell + 0.5, 1.0), size - 1e-9)
         i, j = int(x), int(y)
+        # Weighted mean of those of the four cells around it that have a time.
         total, weights = 0.0, 0.0
         for a in range(2):
             for b in range(2):
@@ -230,8 +234,8 @@ def descend(
 ) -> tuple[Floats, float]:
     """Places on the way of steepest descent of T, one per `every` cells, in the frame at the pose: (K, 2) [m].
 
-    The way goes from the pose's cell to cell, for at most `length` [m]. Returns also how far on it the first of the
-    `narrow` cells (W²,) is [m]; inf: none.
+    The way goes from cell to cell, beginning at the pose's, for at most `length` [m]. Also returns how far along it
+    the first of the `narrow` cells (W²,) is [m], inf if there is none.
     """
     low_x, low_y, cell, size = grid
     i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
@@ -241,6 +245,7 @@ def descend(
     places = np.empty((most // every + 1, 2))
     count, way, ahead = 0, 0.0, 0.0 if narrow[i * (size + 2) + j] else np.inf
     for k in range(1, most + 1):
+        # Neighbour towards which T falls most steeply; at a minimum the way ends.
         steepest, di, dj = 0.0, 0, 0
         for a in range(-1, 2):
             for b in range(-1, 2):
@@ -253,6 +258,7 @@ def descend(
         if ahead == np.inf and narrow[i * (size + 2) + j]:
             ahead = way
         if k % every == 0:
+            # Centre of the cell in the frame at the pose.
             x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]
             places[count, 0], places[count, 1] = cos * x + sin * y, cos * y - sin * x
             count += 1

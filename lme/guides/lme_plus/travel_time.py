@@ -31,9 +31,9 @@ from lme.types import Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
-_BESIDE = 20.0  # [-] times as long as at v_max: the way from the nearest passage to a target that has none
+_BESIDE = 20.0  # [-] factor of the time at v_max, from the nearest passage to a target that has none
 _TINY = 1e-9  # [m] instead of a band without width
-_GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
+_GAIN = 0.1  # [times for a cell] by which a known time must improve to be recomputed
 
 
 @njit(cache=True, error_model="numpy")
@@ -50,7 +50,7 @@ def travel_times(
     beyond: float,
     leave: bool,
 ) -> float:
-    """T of every cell [s], in `work.times` until the next call; returns that of the robot's cell.
+    """Solve for T of every cell [s], in `work.times` until the next call, and return that of the robot's cell.
 
     points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. people (P, 6): x, y, vx, vy [m, m/s], the
     radius within which they are in the way [m], and the time per metre that it costs to be there when they are [s/m];
@@ -68,9 +68,11 @@ def travel_times(
 
 @njit(cache=True, error_model="numpy")
 def _solve(work, points, target, robot, grid, pace, people, learned, corner, beyond, leave):
+    # Target and robot as (row, column); the frame is row and column 0.
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
     place = grid.x, grid.y, grid.cell, grid.size
+    # Draw the distances to the obstacle points; they are erased after the search.
     following = np.empty(len(points), np.int32)
     lists = work.first, following, work.marks
     marks, nearest = draw(work.squares, *lists, points, robot, place, pace.comfort, pace.inner)
@@ -87,8 +89,9 @@ def _solve(work, points, target, robot, grid, pace, people, learned, corner, bey
 
 @njit(cache=True, error_model="numpy")
 def _clear(work):
-    """Forget the last result."""
+    """Erase the last result."""
     times = work.times.ravel()
+    # Only cells that were put into a bucket or seen to be no passage have changed.
     for n in range(work.used[0]):
         at = work.nodes[0, n]
         times[at] = work.tentative[at] = np.inf
@@ -101,12 +104,13 @@ def _clear(work):
 
 @njit(cache=True, error_model="numpy")
 def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
-    """Solve the equation from the target, or also from the edge of the disc unless the ways are `enclosed` in it.
+    """Solve |∇T| = s from the target, and from the edge of the disc unless the ways are `enclosed` in it.
 
-    target, robot: (row, column). least [m]: distance that a passage near the robot must have.
+    target, robot: (row, column). least [m]: distance to points that suffices near the robot.
     """
     _clear(work)
     wide, cell_time = grid.size + 2, grid.cell / pace.v_max
+    # Robot's cell, flat views of the arrays, and lengths in cells.
     x, y = target
     rx, ry = robot
     here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
@@ -115,8 +119,10 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
     least_half, most = pace.tight / grid.cell, pace.comfort / grid.cell
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
+    # Sources: cells around the target, and at the edge the straight time or what was learned, if that is more.
     beside = _beside(squares, border, x, y, grid, pace)
     at_target, count = _sources(cells, work.edge, x, y, grid.size, enclosed)
+    # Sort them into buckets, linked lists of nodes, by T plus the straight way from the robot, in cells.
     heads = np.full(BUCKETS, -1, np.int32)
     first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
     for n in range(count):
@@ -127,6 +133,7 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
         tentative[cells[n]] = time
         bucket = min(int(time / cell_time + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
+    # Take nodes bucket by bucket, until `beyond` after the robot's cell.
     bucket, stop, least_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
     node = heads[0]
     aside, ahead = np.uint64(1), np.uint64(wide)  # indices without a sign are faster: none can be negative
@@ -139,12 +146,14 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
             continue
         at = np.uint64(cells[node])
         node = follow[node]
+        # Skip a node if its cell has already got this time or a better one.
         known = tentative[at]
         if final[at] <= known:
             continue
         final[at] = known
         if at == np.uint64(here):
             stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
+        # Update the four neighbours by way of this cell.
         for k in range(_NEIGHBOURS):
             near = at + aside if k == 0 else at - aside if k == 1 else at + ahead if k == 2 else at - ahead
             enough = tentative[near] - least_gain
@@ -152,6 +161,7 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
                 continue  # a time by way of this cell is longer than its own
             step = steps[near]
             if step == 0.0:
+                # First visit: time across the cell, by its distance to points and the width of a passage.
                 i, j = int(near) // wide, int(near) % wide
                 away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
                 square = squares[i + border, j + border] * grid.cell * grid.cell
@@ -159,6 +169,7 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
                 if tight and passable and may_be_passage(squares, i + border, j + border, least_half, most):
                     half = half_width(i - 1, j - 1, squares, border + 1, obstacles, grid, pace)
                 step = grid.cell * _slowness(max(square, half * half), half, away * grid.cell, least, pace)
+                # Close to a target without a passage, cells without a point in them are slow instead of closed.
                 if (
                     tight
                     and step > _BESIDE * cell_time
@@ -166,6 +177,7 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
                     and square > 0.5 * grid.cell**2
                 ):
                     step = _BESIDE * cell_time
+                # Time that people on their way cost when the robot can be here.
                 if len(people):
                     place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
                     step += grid.cell * _in_the_way(place, away * cell_time, people)
@@ -177,11 +189,13 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
                         tentative[near] = -np.inf  # not looked at again
             if step == np.inf:
                 continue
+            # Upwind difference: the lesser final time along each axis.
             time = _eikonal(
                 min(final[near - ahead], final[near + ahead]),
                 min(final[near - aside], final[near + aside]),
                 step,
             )
+            # Put the neighbour into its bucket; if that is not a later one, it comes next.
             if time < enough and count < len(cells):
                 tentative[near] = time
                 into = min(int(time / cell_time + far[near] - first), BUCKETS - 1)
@@ -197,7 +211,7 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
 
 @njit(cache=True, error_model="numpy")
 def _beside(squares, border, x, y, grid, pace):
-    """Squared distance up to which ways lead to a target that has no passage [cells²]; 0 if it has."""
+    """Squared distance up to which slow ways lead to a target without a passage [cells²]; 0 if it has one."""
     if _inside(x, y, grid.size):
         square = squares[int(x + 0.5) + border, int(y + 0.5) + border] * grid.cell * grid.cell
         if square < pace.inner * pace.inner:
@@ -207,8 +221,12 @@ def _beside(squares, border, x, y, grid, pace):
 
 @njit(cache=True, error_model="numpy")
 def _sources(cells, edge, x, y, size, enclosed):
-    """Put the cells whose time is known into `cells`; how many are about the target, and how many with the edge."""
+    """Put the cells whose time is known from the start into `cells`.
+
+    Returns how many of them are around the target, and how many there are with the edge.
+    """
     at_target = 0
+    # The four cells around the target.
     if _inside(x, y, size):
         for i in range(int(x), int(x) + 2):
             for j in range(int(y), int(y) + 2):
@@ -224,14 +242,15 @@ def _sources(cells, edge, x, y, size, enclosed):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _inside(x, y, size):
-    """Whether a (row, column) is in the disc by at least the diagonal of a cell, so that the cells about it are."""
+    """Return whether a (row, column) is inside the disc by a cell's diagonal, so that the cells around it are too."""
     middle = 0.5 * (size + 1.0)
     return math.hypot(x - middle, y - middle) <= disc_radius(size) - 2.0 * HALF_DIAGONAL
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _eikonal(a, b, step):
-    """The time of a cell whose neighbours have times a along one axis and b along the other; inf: none."""
+    """Time of a cell whose neighbours have the times a along one axis and b along the other; inf: no neighbour."""
+    # (T − a)² + (T − b)² = step² if T is later than both, else T is a straight step from the earlier one.
     apart = abs(a - b)
     if apart < step:
         return 0.5 * (a + b + math.sqrt(2.0 * step * step - apart * apart))
@@ -244,6 +263,7 @@ def _slowness(square, half, away, least, pace):
     if square >= pace.comfort * pace.comfort:
         return 1.0 / pace.v_max
     d = math.sqrt(square)
+    # Nearer than `inner`: slower up to `narrow` times at `tight`, but in the robot's own passage as at `inner`.
     if d < pace.inner:
         beside = d >= least and away <= pace.room
         if d < pace.tight and not beside:
@@ -252,6 +272,7 @@ def _slowness(square, half, away, least, pace):
             share = (pace.inner - max(d, pace.tight)) / max(pace.inner - pace.tight, _TINY)
             return (1.0 + pace.slowdown + (pace.narrow - 1.0 - pace.slowdown) * share) / pace.v_max
         d = pace.inner
+    # From `inner` to `comfort`: 1 + slowdown · share², with share 1 at `inner`.
     share = (pace.comfort - d) / (pace.comfort - pace.inner)
     return (1.0 + pace.slowdown * share * share) / pace.v_max
 
@@ -261,6 +282,7 @@ def _in_the_way(place, time, people):
     """Time per metre that people cost at a place after some time [s/m]."""
     cost = 0.0
     for n in range(len(people)):
+        # Offset of the person by then, at constant velocity.
         dx = people[n, 0] + time * people[n, 2] - place[0]
         dy = people[n, 1] + time * people[n, 3] - place[1]
         if dx * dx + dy * dy < people[n, 4] * people[n, 4]:

@@ -101,7 +101,7 @@ class TangentBug:
         self._place = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
 
     def guide(self, observation: Observation) -> Guidance:
-        """The next place of the local tangent graph; the robot's position if obstacles enclose it."""
+        """Return the next place of the local tangent graph; the robot's position if obstacles enclose it."""
         before = self._mode, self._side
         points = _by_bearing(self._blind.points(observation), self._mount)
         view = _View(points, observation, self._r, self._config.margin)
@@ -262,7 +262,7 @@ class _View:
 
 
 def _by_bearing(points: Floats, mount: Pose) -> Floats:
-    """Points (M, 2) sorted by bearing about the lidar; sorting about the base would mix the surfaces at an end."""
+    """Sort points (M, 2) by bearing about the lidar; sorting about the base would mix the surfaces at an end."""
     from_lidar = to_robot(points, mount)
     return points[np.argsort(np.arctan2(from_lidar[:, 1], from_lidar[:, 0]), kind="stable")]
 

@@ -22,11 +22,13 @@ def first_on_way(points: Floats, radii: Floats, end: Floats) -> int:
     best, least = -1, np.inf
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
+        # Foot of the disc's centre on the line, and by how much it is outside the segment.
         along = (x * end[0] + y * end[1]) / length if length > 0.0 else 0.0
         over = along - min(max(along, 0.0), length)
         across_square = max(x * x + y * y - along * along, 0.0)
         depth = radii[i] * radii[i] - across_square - over * over
         if depth > 0.0:
+            # Place at which the line enters the disc.
             hit = along - math.sqrt(radii[i] * radii[i] - across_square)
             if hit < least:
                 best, least = i, hit
@@ -54,12 +56,14 @@ def free_ways(points: Floats, radii: Floats, units: Floats) -> tuple[Floats, Int
         distance = math.sqrt(px * px + py * py)
         if not radii[i] < distance:
             continue
+        # Directions within asin(radius / distance) of the disc's centre, at least the nearest one.
         bearing, half = math.atan2(py, px) + math.pi, math.asin(radii[i] / distance)
         middle = math.floor(bearing * per_radian)
         first = min(math.ceil((bearing - half) * per_radian - 0.5), middle)
         last = max(math.floor((bearing + half) * per_radian - 0.5), middle)
         for turned in range(first, last + 1):
             k = turned % num_directions
+            # Distance at which the direction enters the disc.
             across = px * units[k, 1] - py * units[k, 0]
             along = px * units[k, 0] + py * units[k, 1]
             way = along - math.sqrt(max(square - across * across, 0.0))
@@ -107,9 +111,11 @@ def sweep(
     least = np.inf
     k = start
     for _ in range(num_directions):
+        # Boundary in this direction, relative to the target.
         x, y = ways[k] * units[k, 0] - target[0], ways[k] * units[k, 1] - target[1]
         least = min(least, math.hypot(x, y))
         after = (k + step) % num_directions
+        # A break is an end if the free distance changes by more than on a grazing wall.
         if _broken(owners[k], owners[after], breaks, step):
             if _longer(ways[k], ways[after], slope):
                 return k, True, least
@@ -137,13 +143,13 @@ def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
 
 @njit(cache=True, error_model="numpy")
 def _longer(near, far, slope):
-    """Whether `far` exceeds `near` by more than on a wall seen at a grazing angle."""
+    """Return whether `far` exceeds `near` by more than on a wall seen at a grazing angle."""
     return far - near > slope * near
 
 
 @njit(cache=True, error_model="numpy")
 def _broken(i, j, breaks, step):
-    """Whether there is a break between points i and j, turning from i by `step`; −1 means no point.
+    """Return whether there is a break between points i and j, turning from i by `step`; −1 means no point.
 
     Neighbours may swap places as seen from the base, so the direction with fewer points between i and j counts.
     """
@@ -159,7 +165,7 @@ def _broken(i, j, breaks, step):
 
 @njit(cache=True, error_model="numpy")
 def joined(i: int, j: int, breaks: Ints) -> bool:
-    """Whether points i and j have no break between them in at least one direction; −1 means no point."""
+    """Return whether points i and j have no break between them in at least one direction; −1 means no point."""
     return not (_broken(i, j, breaks, 1) and _broken(i, j, breaks, -1))
 
 

@@ -1,4 +1,4 @@
-"""Follows groups of points until there is evidence that they move; then they are tracks."""
+"""Groups of points, followed until there is evidence that they move; then they are tracks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lme.perception.people.table import (  # fmt: skip
     correct,
 )
 
-_LEAST_SHARE = 0.25  # of points that show motion; less is none
+_LEAST_SHARE = 0.25  # of points that show motion; a lesser share counts as none
 _QUIET = 0.01  # [m] noise of a range; with more of it, more evidence is needed
 _WAY = 12.0  # standard deviations of a range that a track must have come
 _LEAST_WAY = 0.06  # [m] that it must have come in any case
@@ -35,7 +35,7 @@ _LEAST_WAY = 0.06  # [m] that it must have come in any case
 
 @njit(cache=True, error_model="numpy")
 def match_groups(table, anchors, count, names, sight, group, groups, view, when, settings):
-    """Correct what is not confirmed yet by the nearest group of points, and begin a track for every other group."""
+    """Correct unconfirmed tracks by the nearest group of points, and begin a track for every other group."""
     lidar, (noise, _, trusted, dt) = view[0], when
     points, movers, old = sight.points, sight.movers, count
     taken = np.zeros(old, np.bool_)
@@ -43,6 +43,7 @@ def match_groups(table, anchors, count, names, sight, group, groups, view, when,
         own = np.flatnonzero(group == g)
         if len(own) < FEWEST:
             continue
+        # Each group that is no part of a confirmed track goes to the nearest unconfirmed one, or begins a track.
         found = middle_of(points, own, lidar, (0.0, 0.0, 0.0), noise, settings)
         if _in_confirmed(table, old, found):
             continue
@@ -59,11 +60,13 @@ def match_groups(table, anchors, count, names, sight, group, groups, view, when,
         row = table[best]
         sight.owner[own] = int(row[NAME])
         correct(row, found)
+        # Confirm the track when there is enough evidence of motion.
         if trusted and 2 * sight.stands[own].sum() <= len(own):
             moved = sight.moved[own].sum() / len(own)
             if _judge(row, anchors[best], moved, found[3], view, when, settings):
                 row[CONFIRMED] = 1.0
                 movers[int(row[NAME]) % len(movers)] = True
+    # Evidence fades while a track has no group.
     for n in range(old):
         if table[n, CONFIRMED] == 0.0 and not taken[n]:
             table[n, EVIDENCE] *= 0.5
@@ -72,13 +75,14 @@ def match_groups(table, anchors, count, names, sight, group, groups, view, when,
 
 @njit(cache=True, error_model="numpy")
 def _nearest(table, count, taken, found, dt, settings):
-    """The nearest row that is not confirmed and still free, and may have come so far; −1: none."""
+    """Index of the nearest row that is unconfirmed, still free and may have come so far; −1 if there is none."""
     best, least = -1, math.inf
     for n in range(count):
         row = table[n]
         if row[CONFIRMED] > 0.0 or taken[n]:
             continue
         away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+        # Greatest way: at the greatest speed after one sighting, later by the uncertainty of the filter.
         reach = 0.1 + (settings.fastest * dt if row[SEEN] < 2.0 else 2.0 * math.sqrt(row[PP]) + 0.5 * dt)
         if away < reach and away < least:
             best, least = n, away
@@ -87,7 +91,7 @@ def _nearest(table, count, taken, found, dt, settings):
 
 @njit(cache=True, error_model="numpy")
 def _in_confirmed(table, count, found):
-    """Whether a group is a part of a track that was seen in this scan."""
+    """Return whether a group is a part of a track that was seen in this scan."""
     for n in range(count):
         row = table[n]
         if row[CONFIRMED] > 0.0 and row[HIDDEN] == 0.0:
@@ -108,14 +112,16 @@ def _anchor(anchor, points, own):
 
 @njit(cache=True, error_model="numpy")
 def _judge(row, anchor, moved, variance, view, when, settings):
-    """Whether a track is where nothing was, or has left a place that is empty now, and has come some way.
+    """Return whether a track is where nothing was, or has left a place that is empty now, and has come some way.
 
-    moved: share of its points that have; variance: of its middle [m²].
+    moved: share of its points that have moved; variance: of its middle [m²].
     """
     old, (noise, margin, _, _) = anchor[: _filled(anchor)], when
+    # Share of the points at which it was first seen that the scan sees through now.
     left = (passed_through(old, view, margin) == 1).sum() / len(old)
     row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
     way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
+    # A noisier lidar must show more evidence and a longer way.
     enough = settings.evidence * max(noise / _QUIET, 1.0)
     least = max(_WAY * noise, _LEAST_WAY) + 2.0 * math.sqrt(variance)
     return row[EVIDENCE] >= enough and way >= least
@@ -130,22 +136,23 @@ def _filled(anchor):
 
 
 _MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
-_FLICKER = 0.1  # share of standing points that were missed before; of a lidar that misses more, no return says nothing
+_FLICKER = 0.1  # share of standing points missed before; if a lidar misses more, missing returns are ignored
 _FADING = 0.98  # share of the counts that is kept from scan to scan
 
 
 @njit(cache=True, error_model="numpy")
 def weigh(points, hits, view, margin, votes):
-    """What an earlier scan says of each point (B, 2) with a hit (B,), added to `votes` (B, 2).
+    """Add what an earlier scan says about each point (B, 2) with a hit (B,) to `votes` (B, 2).
 
-    votes: scans that saw through its place, and that did if a beam without a return is free. view: of the earlier
-    scan, see `passed_through`.
+    votes: number of scans that saw through its place, and of those that did if a beam without a return is free. view:
+    of the earlier scan, see `passed_through`.
     """
     lidar, sure, free, angles = view
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
     for i in range(len(points)):
         if not hits[i]:
             continue
+        # The earlier beam towards the point; it saw through the place if it ended behind it.
         x, y = into(points[i, 0], points[i, 1], lidar, cos, sin)
         beam = beam_towards(x, y, angles, len(free))
         if beam < 0:
@@ -159,7 +166,10 @@ def weigh(points, hits, view, margin, votes):
 
 @njit(cache=True, error_model="numpy")
 def flickered(votes, stands, counts):
-    """Points that stand (B,), and how many of them a beam without a return missed before; `counts` before, fading."""
+    """Update the numbers of standing points, and of those that a beam without a return missed before.
+
+    votes (B, 2): see `weigh`; stands (B,): whether a point stands. The former `counts` fade.
+    """
     standing, missed = _FADING * counts[0], _FADING * counts[1]
     for i in range(len(votes)):
         if stands[i]:
@@ -170,9 +180,9 @@ def flickered(votes, stands, counts):
 
 @njit(cache=True, error_model="numpy")
 def moved_points(votes, stands, counts):
-    """The points (B,) that have moved, by the votes of earlier scans; not where something stood before (B,).
+    """Return whether each point (B,) has moved, by the votes of earlier scans; not where something stood before (B,).
 
-    counts: how many points stand, and were missed before, see `flickered`.
+    counts: numbers of points that stand and that were missed before, see `flickered`.
     """
     trusted = counts[1] <= _FLICKER * counts[0]
     moved = np.zeros(len(votes), np.bool_)
@@ -187,7 +197,7 @@ _CELL = 0.1  # [m]
 
 @njit(cache=True, error_model="numpy")
 def remember(stood, points, hits, owner, movers, time):
-    """Note in `stood` (CELLS, CELLS) when something returned that is not known to move.
+    """Note in `stood` (CELLS, CELLS) the time at which something returned that is not known to move.
 
     points (B, 2), hits (B,), owner (B,): of a scan taken at `time` [s], with the track of each point.
     """
@@ -199,11 +209,12 @@ def remember(stood, points, hits, owner, movers, time):
 
 @njit(cache=True, error_model="numpy")
 def recall(stood, points, hits, since):
-    """Whether each point (B, 2) is where something stood after a time [s]: (B,)."""
+    """Return whether each point (B, 2) is where something stood after a time [s]: (B,)."""
     stands = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         if hits[i]:
             column, row = _cell(points[i, 0] - 0.5 * _CELL), _cell(points[i, 1] - 0.5 * _CELL)
+            # Any of the four cells around the point.
             for k in range(2):
                 for m in range(2):
                     stands[i] |= stood[(row + k) % CELLS, (column + m) % CELLS] >= since

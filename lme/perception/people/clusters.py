@@ -1,4 +1,4 @@
-"""Runs of neighbouring scan points that may be somebody."""
+"""Runs of neighbouring scan points that may be a person."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numba import njit
 
 _LEG = 0.05  # [m] from the front of a leg to its middle
 LEGS_RADIUS = 0.35  # [m] a track with a lesser radius may be two legs
-UNKNOWN = 0.04  # [m²] variance of the radius of who is seen as legs
+UNKNOWN = 0.04  # [m²] variance of the radius of a person seen as legs
 _WIDEST_LEGS = 0.3  # [m] radius of a person seen as legs, at most
 _THIN = 0.2  # [m] what is narrower is a leg
-_AS_LEGS = 0.3  # share of the scans in which a track looked like legs; then it always does
+_AS_LEGS = 0.3  # share of the scans with legs from which on a track is no longer fitted as a circle
 _KNOWN = 0.02  # [m] error of a radius that is known
 _FEWEST = 5  # points that show a circle
 _ITERATIONS = 6
@@ -23,7 +23,7 @@ _LEAST_RADIUS, _MOST_RADIUS = 0.05, 0.65  # [m]
 
 @njit(cache=True, error_model="numpy", inline="always")
 def gap_at(away):
-    """The distance at which neighbouring points no longer belong together [m]; away: of the points [m]."""
+    """Distance from which on neighbouring points do not belong together [m]; away: of the points [m]."""
     return 0.1 + 0.02 * away
 
 
@@ -36,11 +36,13 @@ def middle_of(points, chosen, lidar, prior, noise, settings):
     two legs.
     """
     parts, extent, mean_x, mean_y = _runs(points, chosen, lidar)
+    # A circle, if the track is known to be a wide one, or if the points are one wide run and it has not had legs.
     wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN**2
     if wide or (prior[2] < _AS_LEGS and parts == 1 and extent > _THIN and len(chosen) >= _FEWEST):
         x, y, radius, rms, spread = _circle(points, chosen, lidar, (mean_x, mean_y), extent, prior, noise)
         if rms < 0.02 + 2.0 * noise and radius <= _MOST_RADIUS:
             return x, y, radius, settings.surface**2 + 4.0 * max(rms, 0.5 * noise) ** 2 / len(chosen), spread
+    # Otherwise legs: the mean of the runs, moved from the front of a leg to its middle.
     dx, dy = mean_x - lidar[0], mean_y - lidar[1]
     away = math.sqrt(dx * dx + dy * dy)
     push = _LEG / max(away, _LEG)
@@ -62,6 +64,7 @@ def _runs(points, chosen, lidar):
     high_x = high_y = -math.inf
     for n in range(len(chosen)):
         px, py = points[chosen[n], 0], points[chosen[n], 1]
+        # A gap ends a run: add its mean.
         if n > 0:
             qx, qy = points[chosen[n - 1], 0], points[chosen[n - 1], 1]
             away = math.sqrt((px - lidar[0]) ** 2 + (py - lidar[1]) ** 2)
@@ -76,7 +79,8 @@ def _runs(points, chosen, lidar):
 
 @njit(cache=True, error_model="numpy")
 def _circle(points, chosen, lidar, mean, extent, prior, noise):
-    """Middle, radius, root mean square of the residuals and variance of the radius, by Gauss-Newton."""
+    """Fit a circle by Gauss-Newton: middle, radius, root mean square of the residuals, variance of the radius."""
+    # Start with the known radius or half of the extent, and a middle behind the points as the lidar sees them.
     known, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
     r = min(max(known, _LEAST_RADIUS), _MOST_RADIUS)
     dx, dy = mean[0] - lidar[0], mean[1] - lidar[1]
@@ -86,6 +90,7 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
     weight = max(noise, 0.005) ** 2
     rms, spread = math.inf, variance
     for _ in range(_ITERATIONS):
+        # Normal equations of the residuals d − r for changes of x, y and r; d: distance from the middle.
         a = np.zeros((3, 3))
         b0 = b1 = b2 = total = 0.0
         count = 0.0
@@ -93,6 +98,7 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
             px, py = points[chosen[n], 0] - x, points[chosen[n], 1] - y
             d = max(math.sqrt(px * px + py * py), 1e-6)
             off, nx, ny = d - r, px / d, py / d
+            # Points off the circle of a known track count less.
             worth = 1.0 / (1.0 + (off / _OTHERS) ** 2) if prior[0] > 0.0 else 1.0
             a[0, 0] += worth * nx * nx
             a[0, 1] += worth * nx * ny
@@ -103,6 +109,7 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
             total += worth * off * off
             count += worth
         rms = math.sqrt(total / count)
+        # The known radius as a prior, and a small diagonal against a singular matrix.
         pull = 2.0 * weight / variance
         a22 = count + pull
         b2 += pull * (known - r)
@@ -115,6 +122,7 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
         change_x, change_y = (m11 * c0 - m01 * c1) / det, (m00 * c1 - m01 * c0) / det
         change_r = (b2 - a[0, 2] * change_x - a[1, 2] * change_y) / a22
         longest = max(abs(change_x), abs(change_y), abs(change_r))
+        # No step changes a value by more than 0.3 m.
         share = min(1.0, 0.3 / longest) if longest > 0.0 else 1.0
         x, y = x + share * change_x, y + share * change_y
         r = min(max(r + share * change_r, _LEAST_RADIUS), 2.0 * _MOST_RADIUS)
@@ -142,6 +150,7 @@ def runs_of(points, free_points, moved, lidar, settings):
     group = np.full(count, -1, np.int64)
     found, start = 0, -1
     first, last = np.empty(count, np.int64), np.empty(count, np.int64)
+    # Divide the free points into runs without a gap.
     for i in range(count + 1):
         ends = i == count or not free_points[i]
         if start >= 0 and (ends or apart(points, i - 1, i, lidar)):
@@ -149,6 +158,7 @@ def runs_of(points, free_points, moved, lidar, settings):
             start = -1
         if not ends and start < 0:
             start = i
+    # Number the runs as groups; a leg beside an earlier one shares its group.
     groups = 0
     for n in range(found):
         joined = _leg_before(points, moved, first, last, n, group, settings)
@@ -161,7 +171,7 @@ def runs_of(points, free_points, moved, lidar, settings):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def apart(points, i, j, lidar):
-    """Whether neighbouring points do not belong together."""
+    """Return whether neighbouring points do not belong together."""
     dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
     away = math.sqrt((points[j, 0] - lidar[0]) ** 2 + (points[j, 1] - lidar[1]) ** 2)
     return math.sqrt(dx * dx + dy * dy) > gap_at(away)
@@ -169,13 +179,14 @@ def apart(points, i, j, lidar):
 
 @njit(cache=True, error_model="numpy")
 def _add(points, moved, run, first, last, found, settings):
-    """Add a run of points, or its moved parts if it is too wide."""
+    """Add a run of points, or its moved parts if it is too wide, and return the number of runs."""
     start, end = run
     if end - start < FEWEST:
         return found
     if _width(points, start, end) <= settings.widest:
         first[found], last[found] = start, end
         return found + 1
+    # Too wide for a person: add the parts that have moved.
     begun = -1
     for i in range(start, end + 1):
         goes_on = i < end and moved[i]
@@ -191,7 +202,7 @@ def _add(points, moved, run, first, last, found, settings):
 
 @njit(cache=True, error_model="numpy")
 def _width(points, start, end):
-    """The diagonal of the box around points [m]."""
+    """Diagonal of the box around the points from `start` to `end` − 1 [m]."""
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
     for i in range(start, end):
@@ -202,10 +213,11 @@ def _width(points, start, end):
 
 @njit(cache=True, error_model="numpy")
 def _leg_before(points, moved, first, last, n, group, settings):
-    """The group of an earlier leg beside this one; −1: this is not a leg, or it is alone."""
+    """Group of an earlier leg beside this one; −1 if this is not a leg, or alone."""
     if not _is_leg(points, moved, first[n], last[n]):
         return -1
     x, y = _mean(points, first[n], last[n])
+    # Only the last few runs can be beside it.
     for m in range(n - 1, max(n - 5, -1), -1):
         if _is_leg(points, moved, first[m], last[m]):
             other_x, other_y = _mean(points, first[m], last[m])

@@ -10,7 +10,7 @@ from lme.errors import require
 
 @dataclass(slots=True, kw_only=True)
 class PeopleConfig:
-    """What counts as a person, as motion and as one track."""
+    """Criteria for a person, for motion and for one track."""
 
     widest: float = (
         1.3  # [m] of a person, or another mover that is tracked: DynaBARN's cylinders are 1 m wide
@@ -41,7 +41,7 @@ class PeopleConfig:
 
     @property
     def settings(self) -> Settings:
-        """The same as a plain tuple for compiled functions."""
+        """The same values as a tuple, for compiled functions."""
         return Settings(*(float(getattr(self, name)) for name in Settings._fields))
 
 

@@ -32,14 +32,15 @@ class NewestScan(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def unpacked(ranges, directions, limits, missing, guard_beams):
-    """What a scan shows: points (B, 2) in the lidar's frame, hits (B,), and free ranges (B,) and (B,) [m].
+    """Unpack a scan: points (B, 2) in the lidar's frame, hits (B,), and free ranges (B,) and (B,) [m].
 
-    A free range is the least one of the beams up to `guard_beams` aside. A beam without a return is free up to
-    `missing` [m] in the second ones, and not at all in the first. A beam that failed (NaN) is never free.
+    A free range is the least one of the beams up to `guard_beams` to either side. A beam without a return is free up
+    to `missing` [m] in the second array, and not at all in the first. A beam that failed (NaN) is never free.
     directions (B, 2); limits: range_min, range_max [m].
     """
     count = len(ranges)
     points, hits, reach = np.empty((count, 2)), np.zeros(count, np.bool_), np.empty(count)
+    # Hits and points, and how far each beam alone is free.
     for i in range(count):
         seen = float(ranges[i])
         hits[i] = limits[0] <= seen < limits[1]
@@ -47,6 +48,7 @@ def unpacked(ranges, directions, limits, missing, guard_beams):
         points[i, 0], points[i, 1] = reach[i] * directions[i, 0], reach[i] * directions[i, 1]
     sure, free = np.empty(count), np.empty(count)
     for i in range(count):
+        # The least of the neighbours, which is sure if all of them have a return.
         least, all_hit = reach[i], True
         for j in range(max(i - guard_beams, 0), min(i + guard_beams + 1, count)):
             least, all_hit = min(least, reach[j]), all_hit and hits[j]
@@ -57,7 +59,7 @@ def unpacked(ranges, directions, limits, missing, guard_beams):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def beam_towards(x, y, angles, count):
-    """The beam nearest to a place in the lidar's frame; −1 outside the field of view. angles: first, step [rad]."""
+    """Beam nearest to a place in the lidar's frame, −1 outside the field of view. angles: first, step [rad]."""
     turn = (bearing(x, y) - angles[0] + 0.5 * angles[1]) / _TAU
     beam = int((turn - math.floor(turn)) * _TAU / angles[1])
     return beam if beam < count else -1
@@ -65,14 +67,14 @@ def beam_towards(x, y, angles, count):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def into(x, y, pose, cos, sin):
-    """A place of the parent frame in the frame at `pose`; cos, sin: of its yaw."""
+    """Transform a place from the parent frame to the frame at `pose`; cos, sin: of its yaw."""
     dx, dy = x - pose[0], y - pose[1]
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 @njit(cache=True, error_model="numpy")
 def passed_through(places, view, margin):
-    """Whether a scan saw through each place (P, 2) [m]: 1 yes, −1 no, 0 not known, for it lies behind something.
+    """Return whether a scan saw through each place (P, 2) [m]: 1 yes, −1 no, 0 not known, as behind something.
 
     view: the scan's pose in the frame of the places, its free ranges (B,) and (B,), see `unpacked`, and the beams'
     first angle and step [rad]. Yes: the beam ends `margin` [m] behind the place. No: it ends near it.
@@ -81,6 +83,7 @@ def passed_through(places, view, margin):
     said = np.zeros(len(places), np.int8)
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
     for i in range(len(places)):
+        # Where the beam towards the place ends, compared with the place.
         x, y = into(places[i, 0], places[i, 1], lidar, cos, sin)
         beam = beam_towards(x, y, angles, len(free))
         if beam < 0:
@@ -114,6 +117,7 @@ def normals(points, hits):
             continue
         low = high = i
         chord = dx = dy = 0.0
+        # Widen the chord on both sides, as long as the surface goes on, until it is long enough.
         for _ in range(_FARTHEST):
             if low > 0 and _joined(points, hits, low, low - 1):
                 low -= 1
@@ -123,6 +127,7 @@ def normals(points, hits):
             chord = math.sqrt(dx * dx + dy * dy)
             if chord >= _CHORD and low < i < high:
                 break
+        # The normal is at a right angle to the chord.
         if chord >= _LEAST_CHORD and low < i < high:
             out[i, 0], out[i, 1] = -dy / chord, dx / chord
     return out
@@ -135,7 +140,7 @@ def _joined(points, hits, i, j):
 
 @njit(cache=True, error_model="numpy")
 def register(points, used, reference, facing, angles, guess, spread, noise):
-    """The lidar's motion (x, y, yaw) since the reference scan, and the mean distance of points to lines [m].
+    """Estimate the lidar's motion (x, y, yaw) since the reference scan, and the mean distance of points to lines [m].
 
     points (B, 2), used (B,): of the new scan; reference (B, 2), facing (B, 2): points and normals of the earlier one.
     guess: motion by odometry; spread: its standard deviations [m, m, rad]; noise: of a range [m]. The distance is
@@ -144,6 +149,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
     step, error = max(len(points) // _SAMPLES, 1), math.nan
     x, y = guess[0], guess[1]
     yaw = start = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
+    # Gauss-Newton: n · (R p + t − q) = 0 for every point p near the line through q with normal n.
     for most in _MATCHED:
         scale = max(2.0 * noise, 0.01, 0.5 * (most - 0.1))
         a, b = np.zeros((3, 3)), np.zeros(3)
@@ -158,6 +164,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
             beam = beam_towards(px, py, angles, len(reference))
             if beam < 0 or math.isnan(facing[beam, 0]):
                 continue
+            # Distance from the line, and its derivative by the yaw.
             nx, ny = facing[beam, 0], facing[beam, 1]
             ex, ey = px - reference[beam, 0], py - reference[beam, 1]
             off = nx * ex + ny * ey
@@ -171,6 +178,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
         if matched < 20:
             return guess[0], guess[1], start, math.nan
         error = total / matched
+        # The odometry as a prior, then the step to the solution.
         variance = _CORRELATED * scale * scale
         for k, (value, first) in enumerate(((x, guess[0]), (y, guess[1]), (yaw, guess[2]))):
             prior = variance / (spread[k] * spread[k])
@@ -183,11 +191,12 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
 
 @njit(cache=True, error_model="numpy")
 def _coarse_turn(points, used, reference, angles, guess, spread, step):
-    """The turn beyond the guess, in whole beams, at which ranges agree best [rad]."""
+    """Turn beyond the guess, in whole beams, at which the ranges agree best [rad]."""
     count = len(reference)
     most = min(int(_TRIED * spread / angles[1]), count // 8)
     if most < 1:
         return 0.0
+    # Cost of each turn: its square in units of the odometry's error, then the differences of the ranges.
     costs = _AMISS * (np.arange(-most, most + 1) * angles[1] / spread) ** 2
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
@@ -202,6 +211,7 @@ def _coarse_turn(points, used, reference, angles, guess, spread, step):
         away = math.sqrt(px * px + py * py)
         for k in range(2 * most + 1):
             costs[k] += min(abs(ranges[beam + k - most] - away), _AMISS)
+    # The turn with the least cost; none if that is as good.
     best = most
     for k in range(2 * most + 1):
         best = k if costs[k] < costs[best] else best
@@ -220,6 +230,7 @@ def _add(a, b, row, off, weight):
 def _solved(a, b):
     """Solve a x = b for a positive definite matrix (3, 3), by its adjugate: LAPACK differs in the last bits."""
     m00, m01, m02, m11, m12, m22 = a[0, 0], a[0, 1], a[0, 2], a[1, 1], a[1, 2], a[2, 2]
+    # Cofactors of the symmetric matrix.
     c00, c01, c02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
     c11, c12, c22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
     det = m00 * c00 + m01 * c01 + m02 * c02

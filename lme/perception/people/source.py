@@ -1,4 +1,4 @@
-"""Where `Observation.pedestrians` comes from: what the simulator knows, the tracker, or nobody."""
+"""Sources of `Observation.pedestrians`: what the simulator knows, the tracker, or nobody."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from lme.types import Observation
 
 
 class People(StrEnum):
-    """Who is in `Observation.pedestrians`. The small letters are the names in a config.
+    """Source of the people in `Observation.pedestrians`, by its name in a config.
 
-    truth: whom the simulator puts there. tracked: whom the tracker finds in the scans. none: nobody.
+    truth: those whom the simulator puts there. tracked: those whom the tracker finds in the scans. none: nobody.
     """
 
     truth = auto()
@@ -29,7 +29,7 @@ class People(StrEnum):
 
 
 class PeopleSource(Protocol):
-    """Puts people into observations. tracks: of the last one, if it tracks. spent_us: computing time [µs]."""
+    """Source of people in observations. tracks: of the last one, if it tracks. spent_us: computing time [µs]."""
 
     tracks: Tracks | None
     spent_us: float
@@ -38,25 +38,25 @@ class PeopleSource(Protocol):
         """Start a new episode."""
 
     def seen(self, observation: Observation, time: float | None) -> Observation:
-        """The observation with these people. time: of the scan [s]; None: one control period after the last one."""
+        """Return the observation with these people. time: of the scan [s]; None: a control period after the last."""
 
 
 class Nobody:
-    """Leaves everybody out."""
+    """Source that leaves everybody out."""
 
     tracks: Tracks | None = None
     spent_us = 0.0
 
     def reset(self) -> None:
-        """Keeps nothing."""
+        """Do nothing: there is no state."""
 
     def seen(self, observation: Observation, time: float | None) -> Observation:
-        """The observation without people."""
+        """Return the observation without people."""
         return observation._replace(pedestrians=observation.pedestrians[:0])
 
 
 class TrackedPeople:
-    """Finds people in the scans."""
+    """Source that finds people in the scans."""
 
     def __init__(self, robot: Robot, config: PeopleConfig | None = None) -> None:
         from lme.perception.people.tracker import (
@@ -75,7 +75,7 @@ class TrackedPeople:
         self.spent_us = 0.0
 
     def seen(self, observation: Observation, time: float | None) -> Observation:
-        """The observation with the tracks. A scan that is not newer than the last one changes nothing."""
+        """Return the observation with the tracks. A scan that is not newer than the last one changes nothing."""
         began = perf_counter_ns()
         dt = self._dt if time is None or math.isnan(self._time) else time - self._time
         self._time = self._time + dt if time is None else time
@@ -85,7 +85,7 @@ class TrackedPeople:
 
 
 def people_source(choice: str, robot: Robot) -> PeopleSource | None:
-    """The source of a config's `people`; None: observations keep the people whom they have.
+    """Create the source of a config's `people`; None: observations keep the people whom they have.
 
     Raises InputError for another choice.
     """

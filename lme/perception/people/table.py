@@ -1,8 +1,8 @@
 """The table of tracks: its columns, and the constant-velocity filter on a row.
 
-A row is a track: what moves, or (CONFIRMED 0) what may turn out to. The
-covariance is the same in every direction, so it is the same in every frame: variances of place and velocity, and what
-they share. LEGS is the share of the scans in which a track looked like legs.
+A row is a track: something that moves or, while CONFIRMED is 0, something that may turn out to move. The covariance
+is the same in every direction, and so in every frame: variances of position and velocity, and their covariance. LEGS
+is the share of the scans in which a track looked like legs.
 """
 
 from numba import njit
@@ -27,6 +27,7 @@ def predict(table, count, dt, acceleration):
         row = table[n]
         row[X] += dt * row[VX]
         row[Y] += dt * row[VY]
+        # P ← F P Fᵀ + Q of the constant-velocity model with white noise of the acceleration.
         row[PP] += dt * (2.0 * row[PV] + dt * row[VV]) + acceleration * dt**3 / 3.0
         row[PV] += dt * row[VV] + acceleration * dt**2 / 2.0
         row[VV] += acceleration * dt
@@ -36,7 +37,7 @@ def predict(table, count, dt, acceleration):
 
 @njit(cache=True, error_model="numpy")
 def begin(row, found, name):
-    """Start a track at a middle, see `middle_of`."""
+    """Begin a track at a measured middle, see `middle_of`."""
     row[:] = 0.0
     row[X], row[Y], row[R], row[PP], row[RR] = found
     row[BX], row[BY] = row[X], row[Y]
@@ -45,9 +46,10 @@ def begin(row, found, name):
 
 @njit(cache=True, error_model="numpy")
 def correct(row, found):
-    """Correct a track by a middle that was found."""
+    """Correct a track by a measured middle, see `middle_of`."""
     x, y, radius, variance, spread = found
     dx, dy = x - row[X], y - row[Y]
+    # Kalman update of position and velocity, the same along both axes.
     total = row[PP] + variance
     gain, speed_gain = row[PP] / total, row[PV] / total
     row[X] += gain * dx
@@ -57,9 +59,11 @@ def correct(row, found):
     row[VV] -= speed_gain * row[PV]
     row[PV] *= 1.0 - gain
     row[PP] *= 1.0 - gain
+    # The radius has a filter of its own.
     share = row[RR] / (row[RR] + spread)
     row[R] += share * (radius - row[R])
     row[RR] = max((1.0 - share) * row[RR], 1e-4)
+    # Running share of the scans in which it looked like legs.
     looks = 1.0 if spread >= UNKNOWN and row[R] < LEGS_RADIUS else 0.0
     row[LEGS] += _NEWEST * (looks - row[LEGS])
     row[HIDDEN] = 0.0

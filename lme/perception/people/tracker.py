@@ -1,10 +1,10 @@
 """A tracker of people: from scans and odometry to places and velocities, without a network or a map.
 
-What a beam of an earlier scan passed through and is occupied now has moved, and so has what stood where a beam passes
-now. Compact runs of points are followed from the first scan in which they appear, so that their velocity is known as
-soon as there is evidence that they move. A track takes the points near its circle, hence people who pass each other
-or a wall stay apart. Every scan is registered on the one before, for a small error of the yaw moves everything far
-away. Tracks and earlier scans are kept in a frame that the registered motion adds up to.
+Something has moved if it is where a beam of an earlier scan passed, and so has something that stood where a beam
+passes now. Compact runs of points are followed from the first scan in which they appear, so that their velocity is
+known as soon as there is evidence that they move. A track takes the points near its circle, so people who pass each
+other or a wall stay apart. Every scan is registered on an earlier one, since a small error of the yaw moves
+everything far away. Tracks and earlier scans are kept in a frame that the registered motion adds up to.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ _View = tuple[tuple[float, ...], Floats, Floats, tuple[float, float]]
 
 _NOISES = 5.0  # standard deviations of a range that are not motion
 _LAGS = (0.1, 0.2, 0.4, 0.8, 1.6)  # [s] ages of the scans that a scan is compared with
-_OLD = 0.6  # [s] until it is known who moves in a scan
-_MEMORY = 5.0  # [s] what stood so long ago stands
+_OLD = 0.6  # [s] age from which on it is known which tracks of a scan move
+_MEMORY = 5.0  # [s] points where something stood within this time stand
 _KEY_AGE = 0.4  # [s] after which another scan becomes the one on which scans are registered
 _NAMES = 4096  # tracks of which it is known whether they moved
 _TRAVEL_ERROR, _TURN_ERROR = 0.1, 0.1  # shares of the odometry's motion: standard deviations of its errors
 _YAW_ERROR = 0.3  # [rad/m] error of the yaw per distance, of wheels that slip
-_STILL_ERROR = (0.002, 0.003)  # [m], [rad] besides
+_STILL_ERROR = (0.002, 0.003)  # [m], [rad] errors that are added even at rest
 _SETTLING = 0.05  # share of a new scan in the estimate of the noise
-_SUSPECT = (2.5, 0.01)  # times the noise, and [m]: a scan that fits worse shows nobody new
+_SUSPECT = (2.5, 0.01)  # times the noise, and [m]: a scan that fits worse confirms no track
 _LONGEST_STEP = 1.0  # [s] after a longer gap the tracker begins anew
 _SHOWN = 1.5  # periods for which a track that was not seen is still shown
 
@@ -78,7 +78,7 @@ class _Seen(NamedTuple):
 
 
 class PeopleTracker:
-    """Follows people through one episode. mount: pose of the lidar in the base frame."""
+    """Tracker of people through one episode. mount: pose of the lidar in the base frame."""
 
     Config = PeopleConfig
 
@@ -103,9 +103,10 @@ class PeopleTracker:
         self._flicker = (0.0, 0.0)  # see `flickered`
 
     def update(self, scan: LaserScan, odometry: Pose, dt: float) -> Tracks:
-        """The people in sight. odometry: of the base when the scan was taken; dt: since the scan before [s].
+        """Take in a scan and return the people in sight.
 
-        The same scan again (dt=0) gives the same tracks.
+        odometry: of the base when the scan was taken; dt: since the scan before [s]. The same scan again (dt=0) gives
+        the same tracks.
         """
         if self._seen and dt <= 0.0:
             return self._tracks(0.0)
@@ -132,7 +133,7 @@ class PeopleTracker:
         self._guard = max(round(self._config.guard / self._angles[1]), 1)
 
     def _registered(self, points: Floats, hits: Bools, odometry: Pose) -> Pose:
-        """The lidar's pose in the tracker's frame."""
+        """Register a scan, and return the lidar's pose in the tracker's frame."""
         self._trusted = True
         if self._key is None:
             return self._mount
@@ -152,6 +153,7 @@ class PeopleTracker:
 
     def _advance(self, seen: _Seen, dt: float) -> None:
         """Bring the tracks up to a scan."""
+        # Evidence of motion: the votes of earlier scans, except where something stood before.
         margin = max(self._config.margin, _NOISES * self._noise)
         votes = np.zeros((len(seen.placed), 2), np.int8)
         for past in self._compared():
@@ -160,6 +162,7 @@ class PeopleTracker:
         self._flicker = flickered(votes, stands, self._flicker)
         moved = moved_points(votes, stands, self._flicker)
         sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
+        # Move the tracks on, then correct, begin and end them.
         predict(self._table, self._count, dt, self._config.acceleration)
         when = (self._noise, margin, self._trusted, max(dt, 1e-3))
         tracks = self._table, self._anchors, self._count, self._names
@@ -178,14 +181,16 @@ class PeopleTracker:
         return min(self._seen, key=lambda seen: abs(self._time - seen.time - lag))
 
     def _remember(self, seen: _Seen) -> None:
-        """Keep the scan; by now it is known who moved in one that is `_OLD`."""
+        """Remember the scan, and note what stood in those in which it is known by now which tracks move."""
         self._seen.append(seen)
         for past in self._seen:
             if self._kept < past.time <= self._time - _OLD:
                 remember(self._stood, past.placed, past.hits, past.owner, self._movers, past.time)
                 self._kept = past.time
+        # Forget scans that are older than any that are compared with.
         while self._time - self._seen[0].time > _LAGS[-1] + 0.1:
             self._seen.popleft()
+        # Register on a newer scan from now on, without the points of what moves.
         if self._key is None or self._time - self._key[0].time > _KEY_AGE - 0.01:
             moving = (seen.owner >= 0) & self._movers[seen.owner % len(self._movers)]
             self._key = seen, normals(seen.points, seen.hits & ~moving)
@@ -193,8 +198,10 @@ class PeopleTracker:
     def _tracks(self, dt: float) -> Tracks:
         rows = self._table[: self._count]
         shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _SHOWN * dt)
+        # Of the confirmed tracks, those seen lately that nothing hides.
         newest = self._seen[-1]
         rows = rows[shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
+        # From the tracker's frame to the base frame of the newest scan.
         base = compose(self._seen[-1].lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
         turn = Pose(0.0, 0.0, base.yaw)
         covariance = np.zeros((len(rows), 4, 4))
@@ -211,7 +218,7 @@ class PeopleTracker:
 
 
 def _placed(points: Floats, lidar: Pose) -> Floats:
-    """Points (B, 2) of the lidar's frame in the tracker's."""
+    """Transform points (B, 2) from the lidar's frame to the tracker's."""
     cos, sin = math.cos(lidar.yaw), math.sin(lidar.yaw)
     placed: Floats = points @ np.array([[cos, sin], [-sin, cos]]) + [lidar.x, lidar.y]
     return placed

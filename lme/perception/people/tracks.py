@@ -1,4 +1,4 @@
-"""What a tracker of people gives."""
+"""Result of a tracker of people."""
 
 from __future__ import annotations
 
