@@ -65,6 +65,7 @@ def first_contacts(
 
     Points are sorted by distance, coarsely, so that a contact ends the search early.
     """
+    # The points and their order serve all twists.
     near = within_reach(twists, points, box, margins, horizons, slack)
     times = np.empty(len(twists))
     for i in range(len(twists)):
@@ -86,6 +87,7 @@ def within_reach(
     Returns the points (M, 2), lower bounds of their distances in ascending order (M,), and the distance that each
     point must keep (M,) [m].
     """
+    # No point farther than the longest drive plus the grown footprint's radius can be met.
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
     return near, ranges, slack * clearances(near, box)

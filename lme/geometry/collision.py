@@ -157,6 +157,7 @@ def _rectangle_to_segment(segment, half_length, half_width):
     least = min(
         _point_to_box(ax, ay, half_length, half_width), _point_to_box(bx, by, half_length, half_width)
     )
+    # Corners of the rectangle to the segment.
     for x in (-half_length, half_length):
         for y in (-half_width, half_width):
             least = min(least, point_to_segment(x, y, ax, ay, bx, by))

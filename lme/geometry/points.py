@@ -32,6 +32,7 @@ def scan_points(
     not finite, below range_min or ≥ range_max is not a hit; both limits are rounded to float32, like the ranges.
     Points of equal bearing stay in the order of their beams.
     """
+    # Sort by diamond angle, which rises with the bearing and needs no arctangent.
     points, keys = _hits(ranges, directions, np.float32(range_min), np.float32(range_max), mount)
     order = _order(keys)
     out = np.empty((len(order), 2))

@@ -52,6 +52,7 @@ def reachable(
     If no way is free, both margins are multiplied by `tight`, and the places that are then free have ½.
     """
     ways, value = straight_ways(places, points, box, margin, turn_margin), 1.0
+    # No way is free: try narrower margins.
     if not ways.any():
         ways, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
     out = np.zeros(len(ways))

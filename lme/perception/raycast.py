@@ -213,6 +213,7 @@ def _meet_edge(start, end, low, high, table, ranges):
         c, s = table[0, i], table[1, i]
         across_start = start[0] * s - start[1] * c
         across_end = end[0] * s - end[1] * c
+        # Distance along the beam to the line of the edge.
         distance = lever / (across_start - across_end)
         if (across_start > 0.0) != (across_end > 0.0) and distance >= 0.0:
             ranges[i] = min(ranges[i], distance)

@@ -93,6 +93,7 @@ def ranked(
     """
     points, pose, field, box, margin, v_max = sight
     named = Sight(points, pose, Field(*field), box, margin, v_max)
+    # One row per criterion, in the order of `CRITERIA`.
     features = np.empty((4, len(pool)))
     features[0], features[1] = a_reach(pool, named), a_dev(pool, named)
     features[2], features[3] = a_rest(pool, named), c_o(pool, named)

@@ -84,6 +84,7 @@ def breaks_before(points: Floats, gap: float, slope: float) -> Ints:
     for i in range(num_points):
         x, y = points[i, 0], points[i, 1]
         u, v = points[(i + 1) % num_points, 0], points[(i + 1) % num_points, 1]
+        # The gap that belongs to one surface grows with the distance.
         nearer = math.sqrt(min(x * x + y * y, u * u + v * v))
         out[i + 1] = out[i] + (math.hypot(u - x, v - y) > gap + slope * nearer)
     return out
@@ -134,6 +135,7 @@ def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
     for k in range(num_directions):
         for step in (-1, 1):
             after = (k + step) % num_directions
+            # An end, seen from the nearer side: the free distance grows at a break.
             longer = _longer(ways[k], ways[after], slope)
             if longer and _broken(owners[k], owners[after], breaks, step):
                 out[count, 0], out[count, 1] = k, step
@@ -159,6 +161,7 @@ def _broken(i, j, breaks, step):
     num_points = len(breaks) - 1
     if (last - first) % num_points > num_points // 2:
         first, last = last, first
+    # Breaks between the two, across the last point if need be.
     turned = breaks[-1] if last < first else 0
     return breaks[last] - breaks[first] + turned > 0
 
