@@ -68,7 +68,7 @@ def observe(
                 ):  # else walls beyond obstacle_range would be cleared
                     hits[i, j] = number
     for k in range(len(ranges)):
-        # Clear the cells that the beam passes, as far as it says that they are free.
+        # Clear the cells that the beam passes, up to the range to which it may clear.
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
             length = min(ranges[k], range_max, spans[3])

@@ -55,7 +55,7 @@ def outline_cost(
     """
     flat = costs.ravel()
     highest = 0
-    # The cells of the sides are enough: the inside of the footprint is not checked.
+    # Only the cells under the sides count, not those inside.
     count = outline_cells(outline, pose, grid, costs.shape, cells)
     for k in range(count):
         highest = max(highest, int(flat[cells[k]]))

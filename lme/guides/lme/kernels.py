@@ -146,7 +146,7 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
     left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
     for b in range(farthest, joined, -1):
         k = b - num_blocks if b >= num_blocks else b
-        # Distance of the two boxes, which no two of their points undercut.
+        # The distance between the two boxes is a lower bound for that between their points.
         dx = max(boxes[k, 0] - right, left - boxes[k, 1], 0.0)
         dy = max(boxes[k, 2] - top, bottom - boxes[k, 3], 0.0)
         if dx * dx + dy * dy < gap_square and _linked(

@@ -49,7 +49,7 @@ def draw(
             continue
         nearest = min(nearest, (points[m, 0] - robot[0]) ** 2 + (points[m, 1] - robot[1]) ** 2)
         inside = 0 <= i < size and 0 <= j < size
-        # The first point in a cell covers its whole window, and the others only the inner part of it.
+        # The first point in a cell covers its whole window, and the others at least the inner part of it.
         if inside and first[i, j] >= 0:
             reach = near
         else:

@@ -117,7 +117,7 @@ class Travel:
         later. narrow: factor of the time at v_max in narrow passages. stuck (S, 6): places that take longer,
         `StuckPlaces.rows`. Where people and such places overlap, the longest time counts.
         """
-        # A grid of whole cells around the robot, and the people and stuck places in it as one crowd.
+        # A grid of whole cells around the robot; people and stuck places form one crowd.
         x, y = (math.floor((at - self._reach) / _CELL) * _CELL for at in here.tolist())
         grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
@@ -126,7 +126,7 @@ class Travel:
         crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
         scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
         given = (*self._workspace,), *scene, BEYOND
-        # Search within the grid; where that finds no good way, also from its edge.
+        # Search, and again with ways that leave the grid if it has no good one to a target in it.
         work, places = self._workspace, (grid, here, target, self._pace.v_max)
         field = Field(work.times, work.narrow, travel_times(*given, False), *places)
         if self._is_no_good(field):  # perhaps there is a better way around outside the grid

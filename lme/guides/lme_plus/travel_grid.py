@@ -141,7 +141,8 @@ def rest_at(
     known = robot_time < np.inf
     for n in range(len(places)):
         if out[n] == np.inf:
-            # Not searched: the time at which the search ended, less the straight way from the robot.
+            # Not searched: the time at which the search ended, less the straight way from the robot; or, if the robot
+            # has no way, the straight line to the target.
             apart = here if known else target
             dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
             straight = math.sqrt(dx * dx + dy * dy) / v_max

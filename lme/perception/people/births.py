@@ -117,7 +117,7 @@ def _judge(row, anchor, moved, variance, view, when, settings):
     moved: share of its points that have moved; variance: of its middle [m²].
     """
     old, (noise, margin, _, _) = anchor[: _filled(anchor)], when
-    # Share of the points at which it was first seen that the scan sees through now.
+    # Share of the points where it was first seen that the scan now sees through.
     left = (passed_through(old, view, margin) == 1).sum() / len(old)
     row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
     way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)

@@ -109,7 +109,7 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
             total += worth * off * off
             count += worth
         rms = math.sqrt(total / count)
-        # The known radius as a prior, and a small diagonal against a singular matrix.
+        # The expected radius as a prior, and a small diagonal against a singular matrix.
         pull = 2.0 * weight / variance
         a22 = count + pull
         b2 += pull * (known - r)

@@ -196,7 +196,7 @@ def _coarse_turn(points, used, reference, angles, guess, spread, step):
     most = min(int(_TRIED * spread / angles[1]), count // 8)
     if most < 1:
         return 0.0
-    # Cost of each turn: its square in units of the odometry's error, then the differences of the ranges.
+    # Cost of each turn: its squared ratio to the odometry's error, plus the differences of the ranges.
     costs = _AMISS * (np.arange(-most, most + 1) * angles[1] / spread) ** 2
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
