@@ -62,11 +62,13 @@ def advance(states, bodies, places, commands, dt, max_step, even_ramp):
     for i in range(len(commands)):
         x, y, begin = states.poses[i, 0], states.poses[i, 1], states.times[i]
         travel, twist = _motion(i, states, bodies, commands, dt, max_step, even_ramp)
+        # Cut the motion at the first contact or arrival.
         circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
         box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
         passed, _, contact, arrived = first_event(
             travel, places.goals[i], places.rules[i, 0], box, circles, edges
         )
+        # Store the state at the last pose that was reached.
         states.poses[i] = travel[passed - 1]
         states.twists[i, 0], states.twists[i, 1] = twist
         states.times[i] = begin + dt * passed / len(travel)
@@ -88,11 +90,13 @@ def look(chosen, states, places, lidar, table, noise, noise_std, ranges, targets
         x, y, yaw = states.poses[i, 0], states.poses[i, 1], states.poses[i, 2]
         cos, sin = math.cos(yaw), math.sin(yaw)
         circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
+        # Cast the beams from the pose of the mount in the world.
         lidar_x, lidar_y = x + cos * mount_x - sin * mount_y, y + sin * mount_x + cos * mount_y
         heading = wrapped(yaw + mount_yaw) + angle_min
         ranges[k] = cast_beams(lidar_x, lidar_y, heading, increment, range_max, table, circles, edges)
         if noise_std > 0.0:
             add_noise(ranges[k], noise[k], noise_std, range_max)
+        # Rotate the goal into the robot frame.
         dx, dy = places.goals[i, 0] - x, places.goals[i, 1] - y
         targets[k, 0], targets[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
 

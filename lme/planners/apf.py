@@ -103,6 +103,7 @@ def repulsion(
     bearings, pushes, normals = _near(points, radius, influence, closest)
     crowds = _crowds(bearings, pushes, spread)
     along, across = 0.0, 0.0
+    # Negative gradient: each point pushes against its own direction, by its share of the crowd.
     for i in range(len(pushes)):
         push = pushes[i] / crowds[i]
         along -= push * normals[i, 0]
@@ -124,8 +125,10 @@ def _near(points: Floats, radius: float, influence: float, closest: float) -> tu
             continue
         normals[count, 0], normals[count, 1] = x / away, y / away
         bearings[count] = math.atan2(y, x)
+        # Gradient of the FIRAS potential: (1/ρ − 1/ρ₀) / ρ², with ρ₀ the influence.
         pushes[count] = (1.0 / clearance - 1.0 / influence) / (clearance * clearance)
         count += 1
+    # `_crowds` needs the points in the order of their bearings.
     order = np.argsort(bearings[:count])
     return bearings[order], pushes[order], normals[order]
 
@@ -136,11 +139,13 @@ def _crowds(bearings: Floats, pushes: Floats, spread: float) -> Floats:
     n = len(bearings)
     crowds = np.ones(n)
     for i in range(n):
+        # Go counter-clockwise from point i, across ±π, until the bearings are `spread` apart.
         for k in range(i + 1, i + n):
             j = k if k < n else k - n
             apart = bearings[j] - bearings[i] + (0.0 if k < n else 2.0 * math.pi)
             if apart >= spread:
                 break
+            # A neighbour counts in proportion to its nearness, and less if its push is the weaker one.
             near, ratio = 1.0 - apart / spread, pushes[j] / pushes[i]
             crowds[i] += near * min(1.0, ratio)
             crowds[j] += near * min(1.0, 1.0 / ratio)

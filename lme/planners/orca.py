@@ -104,15 +104,18 @@ def permitted(
     radius, v_max, share = bounds
     lines = np.empty((len(points) + len(people), 4))
     hard = 0
+    # Static points give hard half-planes, which come first in `lines`.
     for k in range(len(points)):
         x, y = points[k, 0], points[k, 1]
         if math.hypot(x, y) <= radius + v_max * wall_horizon:
             before_point(x, y, radius, wall_horizon, lines[hard])
             hard += 1
+    # People give soft half-planes, each with the robot's share of the evasion.
     used = hard
     for k in range(len(people)):
         reach = radius + people[k, 4]
         beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, share, lines[used])
         used += 1
+    # The velocity in all half-planes, and no faster than v_max, that is nearest to the wanted one.
     found: tuple[float, float] = best_velocity(lines[:used], hard, v_max, wanted)
     return found

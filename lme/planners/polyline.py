@@ -20,6 +20,7 @@ def project(line: Floats, x: float, y: float) -> tuple[float, float, int]:
         ex, ey = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
         length = math.sqrt(ex * ex + ey * ey)
         if length > 0.0:
+            # Foot of the perpendicular on the segment: t = (p − a) · e / |e|², limited to [0, 1].
             part = ((x - line[i, 0]) * ex + (y - line[i, 1]) * ey) / (length * length)
             part = min(max(part, 0.0), 1.0)
             square = (line[i, 0] + part * ex - x) ** 2 + (line[i, 1] + part * ey - y) ** 2
@@ -35,6 +36,7 @@ def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
 
     Neighbours are at most `spacing` apart along the line; P = 0 if end ≤ begin. `end` is limited to the length.
     """
+    # Length of the line, which limits the end.
     length = 0.0
     for i in range(len(line) - 1):
         length += math.sqrt((line[i + 1, 0] - line[i, 0]) ** 2 + (line[i + 1, 1] - line[i, 1]) ** 2)
@@ -45,6 +47,7 @@ def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
     for k in range(count):
         wanted = begin + (end - begin) * (k + 1) / count
         out[k, 0], out[k, 1] = line[-1, 0], line[-1, 1]
+        # Move on to the segment that holds the wanted distance, and interpolate on it.
         while i < len(line) - 1:
             ex, ey = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
             length = math.sqrt(ex * ex + ey * ey)
@@ -71,6 +74,7 @@ def exit_point(line: Floats, radius: float) -> tuple[float, float, float]:
         square = ex * ex + ey * ey
         length += math.sqrt(square)
         if not found and (ax + ex) ** 2 + (ay + ey) ** 2 > radius * radius:
+            # Greater root t of |a + t e|² = r²: t = (√((a · e)² + |e|² (r² − |a|²)) − a · e) / |e|².
             half = ax * ex + ay * ey
             root = math.sqrt(max(half * half + square * (radius * radius - ax * ax - ay * ay), 0.0))
             part = (root - half) / square

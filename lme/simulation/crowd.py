@@ -163,6 +163,7 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):
         start_after, starts_within, trigger_x, trigger_y, waits_within, repeat = rules[i]
         path = waypoints[first[i] : first[i + 1]]
         passed = dt
+        # A mover begins after its start time, once the robot is near its trigger; then it gets the rest of the step.
         if not begun[i]:
             near_x = poses[i, 0] if math.isnan(trigger_x) else trigger_x
             near_y = poses[i, 1] if math.isnan(trigger_y) else trigger_y
@@ -170,9 +171,11 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):
             begun[i] = passed > 0.0 and math.hypot(x - near_x, y - near_y) <= starts_within
         if not begun[i]:
             continue
+        # It waits, without progress, while the robot is close ahead of it.
         dx, dy = x - poses[i, 0], y - poses[i, 1]
         if math.hypot(dx, dy) > waits_within or not _is_ahead(path, progress[i], repeat, dx, dy):
             progress[i] += passed
+        # Interpolate the pose on the leg; the velocity is the difference quotient over the step.
         leg, part, _ = _leg(path, progress[i], repeat)
         last = min(leg + 1, len(path) - 1)
         before_x, before_y = poses[i, 0], poses[i, 1]
@@ -195,12 +198,14 @@ def _leg(path, progress, repeat):
     """Leg of the path after `progress` seconds of motion, share of the leg done, and direction (±1) along the path."""
     run = path[-1, 3]
     sign = 1.0
+    # Fold the time into one cycle, or into one way there and back.
     if run > 0.0 and repeat == _CYCLE:
         progress = progress % run
     elif run > 0.0 and repeat == _BACK_AND_FORTH:
         progress = progress % (2.0 * run)
         if progress >= run:
             progress, sign = 2.0 * run - progress, -1.0
+    # Find the leg by the arrival times, and the share of it that is done.
     leg = 0
     while leg < len(path) - 2 and progress >= path[leg + 1, 3]:
         leg += 1

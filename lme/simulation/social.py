@@ -142,11 +142,13 @@ def distances(
     """
     out = np.full(len(travel), np.inf)
     for k in range(len(travel)):
+        # Time from this pose to the end of the motion, by which the people are moved back.
         left = duration * (len(travel) - 1 - k) / len(travel)
         cos, sin = math.cos(travel[k, 2]), math.sin(travel[k, 2])
         for i in range(len(circles)):
             dx = circles[i, 0] - left * velocities[i, 0] - travel[k, 0]
             dy = circles[i, 1] - left * velocities[i, 1] - travel[k, 1]
+            # Distance beyond the sides of the box, in the robot frame.
             x = max(abs(cos * dx + sin * dy) - box[0], 0.0)
             y = max(abs(cos * dy - sin * dx) - box[1], 0.0)
             out[k] = min(out[k], max(math.hypot(x, y) - box[2] - circles[i, 2], 0.0))

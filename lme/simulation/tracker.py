@@ -49,11 +49,13 @@ def discs_in_sight(
     cos, sin = math.cos(base[2]), math.sin(base[2])
     for i in range(len(discs)):
         dx, dy = discs[i, 0] - lidar[0], discs[i, 1] - lidar[1]
+        # Distance to the near side of the disc, and the range of the beam towards its middle.
         surface = math.sqrt(dx * dx + dy * dy) - discs[i, 2]
         reach = _range_towards(math.atan2(dy, dx) - lidar[2], ranges, angles)
         hidden = limits[0] <= reach < surface - limits[2]
         if reach == -math.inf or hidden or surface >= limits[1]:
             continue
+        # Rotate position and velocity into the frame of the base.
         x, y, vx, vy = discs[i, 0] - base[0], discs[i, 1] - base[1], velocities[i, 0], velocities[i, 1]
         found[count, 0], found[count, 1] = cos * x + sin * y, cos * y - sin * x
         found[count, 2], found[count, 3] = cos * vx + sin * vy, cos * vy - sin * vx

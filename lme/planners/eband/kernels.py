@@ -63,6 +63,7 @@ def relax(
     space = (xs, ys, inner, ceiling)
     for _ in range(rounds[0]):
         for i in range(1, len(centres) - 1):
+            # A bubble is moved in place, so the next one already feels its new position.
             before = (centres[i - 1, 0], centres[i - 1, 1])
             after = (centres[i + 1, 0], centres[i + 1, 1])
             bubble = (centres[i, 0], centres[i, 1], radii[i])
@@ -73,6 +74,7 @@ def relax(
 @njit(cache=True, error_model="numpy")
 def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
     """Move one bubble a step along its force, and halve the step while it overshoots."""
+    # Direction across the band: normal to the line through both neighbours.
     tx, ty = after[0] - before[0], after[1] - before[1]
     length = math.sqrt(tx * tx + ty * ty)
     if length < 1e-9:
@@ -81,6 +83,7 @@ def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
     force = _force(before, bubble, after, normal, space, spacing, forces)
     if abs(force) < forces[3]:
         return bubble
+    # Step by half of the radius times the force, and by no more than the radius.
     reach = max(bubble[2], spacing)
     step = min(max(0.5 * reach * force, -reach), reach)
     for k in range(halvings + 1):
@@ -88,6 +91,7 @@ def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
         moved = (x, y, _radius(x, y, space))
         if k == halvings or step == 0.0:
             break
+        # The step overshoots if the force there points back and is still strong.
         there = _force(before, moved, after, normal, space, spacing, forces)
         if there * force >= 0.0 or abs(there) <= _OVERSHOOT * abs(force):
             break
@@ -107,6 +111,7 @@ def _force(before, bubble, after, normal, space, spacing, forces):
     pull = _pull(x, y, before, normal) + _pull(x, y, after, normal)
     if radius >= influence:
         return internal * pull
+    # Repulsion: (influence − r) ∂r/∂n, with the derivative by central differences.
     h = max(radius, spacing)
     left = _radius(x + h * normal[0], y + h * normal[1], space)
     right = _radius(x - h * normal[0], y - h * normal[1], space)
@@ -139,6 +144,7 @@ def mend(
     bubbles from the first one on.
     """
     space = (xs, ys, shape[0], shape[1])
+    # Thin the band first, then fill the gaps that are left.
     kept, kept_radii = _without_redundant(centres, radii, joint)
     out, chain = _filled(kept, kept_radii, space, shape[2], joint, max(len(kept), capacity))
     return out[:, :2].copy(), out[:, 2].copy(), chain
@@ -149,16 +155,19 @@ def _filled(centres, radii, space, spacing, joint, size):
     """The band with inserted bubbles, rows x, y, radius, and the length of its chain."""
     out, waiting = np.empty((size, 3)), np.empty((size, 3))  # `waiting` is a stack
     left = len(centres)
+    # Push the bubbles in reverse, so that the start of the band is on top.
     waiting[:left, :2], waiting[:left, 2] = centres[::-1], radii[::-1]
     done, chain, torn = 0, 0, False
     while left > 0:
         x, y, radius = waiting[left - 1]
         if done > 0:
+            # Compare the top of the stack with the last bubble of the band.
             px, py, before = out[done - 1]
             gap = math.sqrt((x - px) ** 2 + (y - py) ** 2)
             joined = _join(gap, before, radius, joint)
             near = gap <= spacing + _ROUNDING
             if not joined and not near and done + left < size:
+                # The gap is too wide: push a bubble half-way, which is looked at next.
                 mx, my = 0.5 * (x + px), 0.5 * (y + py)
                 waiting[left, 0], waiting[left, 1], waiting[left, 2] = mx, my, _radius(mx, my, space)
                 left += 1
@@ -223,12 +232,14 @@ def hidden(
     out = np.ones(len(points), np.bool_)
     beams_in_turn = 2.0 * math.pi / abs(angles[1])
     for k in range(len(points)):
+        # Bearing in the direction of the scan, and the beam that covers it, modulo a full turn.
         offset = math.atan2(points[k, 1], points[k, 0]) - angles[0]
         if angles[1] < 0.0:
             offset = -offset
         place = offset / abs(angles[1]) + 0.5  # in beams; the first beam covers 0 to 1
         beam = math.floor(place - math.floor(place / beams_in_turn) * beams_in_turn)
         if beam < len(ranges) and ranges[beam] >= limits[0]:
+            # The beam reaches up to its return plus the slack, and at most to range_max.
             distance = math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2)
             out[k] = distance > min(ranges[beam] + slack, limits[1])
     return out

@@ -23,11 +23,13 @@ def attention(queries: Singles, keys: Singles, values: Singles, heads: int) -> S
     out, weights = np.zeros((count, width), np.float32), np.empty(len(keys), np.float32)
     for n in range(count):
         for first in range(0, width, part):
+            # Score of every key for this head: q · k / √W.
             for m in range(len(keys)):
                 product = np.float32(0.0)
                 for c in range(first, first + part):
                     product += queries[n, c] * keys[m, c]
                 weights[m] = product * scale
+            # Softmax; subtracting the greatest score keeps exp from overflowing.
             weights[:] = np.exp(weights - weights.max())
             weights /= weights.sum()
             for m in range(len(keys)):

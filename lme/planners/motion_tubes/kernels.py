@@ -44,12 +44,14 @@ def swept_ranges(
     needs = np.zeros((len(curvatures), num_beams))
     hidden = np.zeros(len(curvatures), np.bool_)
     directions = np.empty((num_beams, 2))
+    # Unit vectors of the beams in the base frame.
     for i in range(num_beams):
         angle = lidar[2] + i * increment
         directions[i, 0], directions[i, 1] = math.cos(angle), math.sin(angle)
     corners, beams = np.empty_like(outline), np.empty(len(outline))
     for n in range(len(curvatures)):
         for k in range(1, steps + 1):
+            # Move the outline along the arc, and raise the ranges of the beams that meet its edges.
             pose = arc_pose(curvatures[n], length * k / steps)
             _place(outline, pose, lidar, increment, corners, beams)
             rule = (np.sign(curvatures[n]), front, lidar[0], lidar[1])
@@ -93,6 +95,7 @@ def _out_of_view(corners, beams, rule, increment, num_beams):
 @njit(cache=True, error_model="numpy")
 def _raise(a, b, beam, rule, increment, directions, need):
     """Raise the ranges of the beams that meet the edge from a to b; `beam`: bearing of a in beams."""
+    # Beams between the bearings of a and b; the shifts by a full turn cover both sides of the seam.
     cross, dot = a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]
     span = math.atan2(cross, dot) / increment
     low, high = min(beam, beam + span), max(beam, beam + span)
@@ -101,6 +104,7 @@ def _raise(a, b, beam, rule, increment, directions, need):
         first, last = max(math.ceil(low + shift), 0), min(math.floor(high + shift), len(need) - 1)
         for i in range(first, last + 1):
             c, s = directions[i, 0], directions[i, 1]
+            # Distance along the beam d to the line through a and b: (a × b) / (d × (b − a)).
             way = cross / (c * (b[1] - a[1]) - s * (b[0] - a[0]))
             if way > need[i] and _counts(way * c, way * s, rule):
                 need[i] = way
@@ -126,6 +130,7 @@ def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools
     free = np.empty(len(needs), np.bool_)
     for n in range(len(needs)):
         free[n] = not hidden[n]
+        # One beam that ends inside the tube blocks it.
         for i in range(spans[n, 0], spans[n, 1] + 1):
             if seen[i] < needs[n, i]:
                 free[n] = False
@@ -167,6 +172,7 @@ def choose(
     for n in range(len(free)):
         if not free[n]:
             continue
+        # Compare the end of the tube with the goal, in position and in heading.
         x, y, yaw = arc_pose(curvatures[n], reach)
         distance = math.hypot(goal[0] - x, goal[1] - y)
         deviation = abs(yaw - goal[2])
@@ -174,6 +180,7 @@ def choose(
         here = math.floor(distance / bins[0])
         if here > best_bin or here > bins[2] or deviation > 0.5 * math.pi:
             continue
+        # Keys that order the tubes within the same distance bin.
         for k in range(3):
             key[k] = 0.0 if whisker_free(seen, whisker_beams[k, n], whisker_ranges[k, n]) else 1.0
         key[3] = math.floor(deviation / bins[1])
@@ -200,12 +207,14 @@ def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats
 
     The nearest point is searched for in the first `window` [m]. A distance past the end gives the end point.
     """
+    # Begin at the point of the path that is nearest to the origin.
     start, part = _nearest(path, window)
     x = path[start, 0] + part * (path[min(start + 1, len(path) - 1), 0] - path[start, 0])
     y = path[start, 1] + part * (path[min(start + 1, len(path) - 1), 1] - path[start, 1])
     out = np.empty((len(distances), 2))
     done, way = 0, 0.0
     for i in range(start + 1, len(path)):
+        # Interpolate all the distances that end on this segment.
         step = math.hypot(path[i, 0] - x, path[i, 1] - y)
         while done < len(distances) and distances[done] <= way + step:
             share = (distances[done] - way) / step if step > 0.0 else 0.0
@@ -213,6 +222,7 @@ def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats
             done += 1
         way += step
         x, y = path[i, 0], path[i, 1]
+    # Distances past the end give the end point.
     out[done:, 0], out[done:, 1] = x, y
     return out, way
 
@@ -224,6 +234,7 @@ def _nearest(path, window):
     for i in range(len(path) - 1):
         dx, dy = path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1]
         square = dx * dx + dy * dy
+        # Project the origin onto the segment: t = −p · d / |d|², limited to [0, 1].
         part = -(path[i, 0] * dx + path[i, 1] * dy) / square if square > 0.0 else 0.0
         part = min(max(part, 0.0), 1.0)
         away = math.hypot(path[i, 0] + part * dx, path[i, 1] + part * dy)
@@ -253,6 +264,7 @@ def known_free(
     known = np.zeros(len(points), np.bool_)
     for p in range(len(points)):
         for m in range(len(bodies)):
+            # Under the footprint: inside the rounded box at the pose of this scan.
             dx, dy = points[p, 0] - bodies[m, 0], points[p, 1] - bodies[m, 1]
             cos, sin = math.cos(bodies[m, 2]), math.sin(bodies[m, 2])
             beside_x = max(abs(cos * dx + sin * dy) - box[0], 0.0)
@@ -260,6 +272,7 @@ def known_free(
             if beside_x * beside_x + beside_y * beside_y <= box[2] * box[2]:
                 known[p] = True
                 break
+            # Seen past: the beam towards the point is longer than the distance to it.
             dx, dy = points[p, 0] - lidars[m, 0], points[p, 1] - lidars[m, 1]
             bearing = ((math.atan2(dy, dx) - lidars[m, 2]) % _TWO_PI) / increment
             beam = 0 if bearing >= turn - 0.5 else round(bearing)
@@ -289,8 +302,10 @@ def out_of_sight(
         dx, dy = points[p, 0] - pose[0], points[p, 1] - pose[1]
         if dx * dx + dy * dy >= reach * reach:
             continue
+        # Point in the base frame, and its bearing about the lidar in beams from the first one.
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
         bearing = ((math.atan2(y - lidar[1], x - lidar[0]) - lidar[2]) % _TWO_PI) / increment
+        # Bearings between the last beam and the first are out of view.
         if num_beams - 0.5 < bearing < turn - 0.5:
             kept[count, 0], kept[count, 1] = x, y
             count += 1

@@ -34,6 +34,7 @@ def way_cells(
     count = 0
     for k in range(len(path)):
         i, j = lattice(path[k, 0] / grid[2]) - grid[0], lattice(path[k, 1] / grid[2]) - grid[1]
+        # Skip points until one is near `centre` and on the map; then stop at the first that is not.
         near = math.hypot(path[k, 0] - centre[0], path[k, 1] - centre[1]) <= reach
         if near and 0 <= i < shape[0] and 0 <= j < shape[1]:
             cells[count, 0], cells[count, 1] = i, j
@@ -54,16 +55,19 @@ def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int,
     rows, columns = costs.shape
     width = columns + 2  # with a wall around, so that no index leaves the map
     steps = np.full((rows + 2) * width, _WALL, np.int32)
+    # Open the cells that a way may lead through.
     for i in range(rows):
         for j in range(columns):
             if costs[i, j] < INSCRIBED or ignored[i, j]:
                 steps[(i + 1) * width + j + 1] = _OPEN
+    # Count the cells of the window that still need a distance, so that the search can stop early.
     missing = 0
     for i in range(max(window[0], 0), min(window[1], rows)):
         for j in range(max(window[2], 0), min(window[3], columns)):
             cell = (i + 1) * width + j + 1
             if steps[cell] == _OPEN:
                 steps[cell], missing = _WANTED, missing + 1
+    # Breadth-first search across the sides of cells, from all of `cells` at once.
     queue = np.empty(rows * columns, np.int32)
     done, size = 0, 0
     for k in range(len(cells)):
@@ -111,6 +115,7 @@ def score(
     bounds = _bounds(poses, counts, grid, to_path, to_goal, scales)
     cells = np.empty(outline_capacity(outline, grid[2]), np.int64)
     scores, ends = np.full(len(wanted), np.inf), np.empty((len(wanted), 3))
+    # In the order of the bounds, so that a good trajectory soon rules out the others.
     for n in np.argsort(bounds):
         ends[n] = poses[n, counts[n] - 1]
         if bounds[n] > least:
@@ -126,6 +131,7 @@ def _simulate(wanted, pose, twist, alphas, simulation):
     """Poses (N, K, 3) of the trajectories, and the number of poses of each (N,)."""
     counts = np.empty(len(wanted), np.int64)
     for n in range(len(wanted)):
+        # As many poses as the way or the turn needs, whichever is more.
         way, turn = abs(wanted[n, 0]) * simulation[0] / simulation[1], abs(wanted[n, 1]) / simulation[2]
         counts[n] = max(int(max(way, turn) + 0.5), 1)
     poses = np.empty((len(wanted), counts.max() if len(counts) else 0, 3))
@@ -135,6 +141,7 @@ def _simulate(wanted, pose, twist, alphas, simulation):
         dt = simulation[0] / counts[n]
         for k in range(counts[n]):
             poses[n, k, 0], poses[n, k, 1], poses[n, k, 2] = x, y, yaw
+            # Velocities approach the wanted ones by at most α dt; then one Euler step.
             v = min(max(wanted[n, 0], v - alphas[0] * dt), v + alphas[0] * dt)
             omega = min(max(wanted[n, 1], omega - alphas[1] * dt), omega + alphas[1] * dt)
             x, y, yaw = x + v * math.cos(yaw) * dt, y + v * math.sin(yaw) * dt, yaw + omega * dt
@@ -147,6 +154,7 @@ def _bounds(poses, counts, grid, to_path, to_goal, scales):
     bounds = np.empty(len(poses))
     for n in range(len(poses)):
         path, goal = 0, 0
+        # A trajectory is scored by the distances at its last pose, and lost at a pose without a way.
         for k in range(counts[n]):
             i, j = lattice(poses[n, k, 0] / grid[2]) - grid[0], lattice(poses[n, k, 1] / grid[2]) - grid[1]
             on_map = 0 <= i < to_path.shape[0] and 0 <= j < to_path.shape[1]
@@ -165,9 +173,11 @@ def _total(bound, scale, poses, outline, costs, grid, least, cells):
     It looks at every eighth pose first, since most trajectories that touch an obstacle do so for several poses.
     """
     highest = 0
+    # Every eighth pose, then the poses before those, and so on.
     for first in range(_STRIDE - 1, -1, -1):
         for k in range(first, len(poses), _STRIDE):
             cost = outline_cost(costs, outline, (poses[k, 0], poses[k, 1], poses[k, 2]), grid, cells)
+            # The outline touches an obstacle or leaves the map.
             if cost < 0:
                 return HITS
             i, j = lattice(poses[k, 0] / grid[2]) - grid[0], lattice(poses[k, 1] / grid[2]) - grid[1]

@@ -50,12 +50,15 @@ def histogram(points: Floats, x: float, y: float, spacing: float, window: float,
         distance = math.hypot(dx, dy)
         if distance >= window:
             continue
+        # Half of the arc that the piece of surface covers as seen from (x, y), at most 90°.
         half = min(0.5 * spacing * math.hypot(points[i, 0], points[i, 1]) / max(distance, _TINY), math.pi / 2)
         middle = (math.atan2(dy, dx) + math.pi) / width
         low, high = middle - half / width, middle + half / width
+        # Add to each sector in proportion to the part of it that is covered.
         for s in range(math.floor(low), math.ceil(high)):
             part = min(high, s + 1.0) - max(low, float(s))
             density[s % num_sectors] += part * (window - distance)
+    # Pieces may overlap, so the mean is limited to that of a sector full of contact.
     for s in range(num_sectors):
         density[s] = min(density[s], window)
     return density
@@ -67,12 +70,14 @@ def valleys(blocked: Bools) -> Ints:
     num_sectors = len(blocked)
     runs = np.empty((num_sectors, 2), np.int64)
     count, first = 0, 0
+    # Find a blocked sector to begin with, so that no run is cut at the ends of the array.
     while first < num_sectors and not blocked[first]:
         first += 1
     if first == num_sectors:
         runs[0, 0], runs[0, 1] = 0, num_sectors
         return runs[:1]
     length = 0
+    # Go once round the ring and close a run at each blocked sector.
     for k in range(1, num_sectors + 1):
         s = (first + k) % num_sectors
         if not blocked[s]:
@@ -101,6 +106,7 @@ def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: fl
         elif span < narrow - _TINY:
             continue
         else:
+            # Middle of the valley, and how far the heading may turn from it towards the goal.
             middle = _wrapped(-math.pi + (runs[k, 0] + 0.5 * runs[k, 1]) * width)
             room = max(0.5 * span - margin, 0.0) if span > wide + _TINY else 0.0
             out[count] = _wrapped(middle + min(max(_wrapped(goal - middle), -room), room))
@@ -133,9 +139,12 @@ def search(
     estimate[0] = 0.0
     count, best = 1, 0
     while True:
+        # Take the open node with the least estimate (A*).
         taken = int(np.argmin(estimate[:count]))
+        # No node is left.
         if estimate[taken] == np.inf:
             return nodes[best, 3], best > 0
+        # The estimates are lower bounds, so this node is optimal.
         if nodes[taken, 5] >= costs.depth:
             return nodes[taken, 3], True
         if nodes[taken, 5] > nodes[best, 5]:  # costs rise, so the first node of a depth is its cheapest
@@ -156,16 +165,19 @@ def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules,
     )
     to_goal = math.hypot(goal[0] - x, goal[1] - y)
     bearing = math.atan2(goal[1] - y, goal[0] - x)
+    # Free headings as seen from this node; an obstacle beyond the goal does not block.
     density = histogram(points, x, y, spacing, rules.window, len(unseen))
     limit = rules.window - min(rules.block_distance, to_goal)
     blocked = unseen | (density > limit)
     ahead = headings(blocked, bearing, rules.narrow, rules.wide, rules.margin)
     for k in range(min(len(ahead), len(nodes) - count)):
         heading, arrived = ahead[k], to_goal <= costs.step
+        # Extra cost for heading away from the goal and for turning.
         turn = costs.deviation * abs(_wrapped(heading - bearing)) + costs.switch * abs(
             _wrapped(heading - before)
         )
         first = heading if taken == 0 else nodes[taken, 3]
+        # The child, and as a bound of the rest the length of the steps that are left.
         nodes[count, 0] = x + costs.step * math.cos(heading)
         nodes[count, 1] = y + costs.step * math.sin(heading)
         nodes[count, 2], nodes[count, 3], nodes[count, 4] = heading, first, cost + costs.step + turn
@@ -196,6 +208,7 @@ def nearest_ahead(points: Floats, half_angle: float) -> tuple[float, float]:
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         distance = math.hypot(x, y)
+        # Outside the cone: cos(bearing) < cos(half_angle).
         if x < cosine * distance:
             continue
         if y >= 0.0:
@@ -214,12 +227,14 @@ def least_clearance(
     points (M, 2) in the robot frame [m]; box (half_length, half_width, rounding) [m]. The clearance is at least
     −rounding. It is exact at sampled poses, between which no corner moves more than 2 cm.
     """
+    # As many steps as keep the corners from moving more than `_CHECK_EVERY` in one.
     reach = math.hypot(box[0], box[1]) + box[2]
     steps = max(1, math.ceil((abs(v) + abs(omega) * reach) * time / _CHECK_EVERY))
     x, y, yaw, half_turn = 0.0, 0.0, 0.0, 0.5 * omega * time / steps
     now = _clearance(points, box, x, y, yaw)
     least = now
     for _ in range(steps):
+        # Midpoint rule: half of the turn, the way, and the other half.
         yaw += half_turn
         x += v * time / steps * math.cos(yaw)
         y += v * time / steps * math.sin(yaw)

@@ -64,11 +64,14 @@ def stopping_clearances(
     limits, period, late, lag = motion
     named = StoppingMotion(limits, period, late, lag)
     r_max = math.hypot(box[0], box[1]) + box[2]
+    # Keep only points that the robot may reach before it stands.
     near = _near(points, r_max + enough + _farthest(twist, under_way, tried, named))
+    # Motion until the commands under way have acted; it is the same for all candidates.
     state = _State(0.0, 0.0, 0.0, twist[0], twist[1], enough)
     state = _follow(near, state, under_way, True, named, box, r_max)
     found = np.full(len(tried), np.nan)
     for n in range(len(tried)):
+        # The candidate for one period, and then braking to rest.
         after = _follow(near, state, tried[n : n + 1], len(under_way) == 0, named, box, r_max)
         found[n] = _brake(near, after, (tried[n, 0], tried[n, 1]), named, box, r_max)
         if found[n] >= enough:
@@ -133,6 +136,7 @@ def _moves(state, motion, r_max):
 @njit(cache=True, error_model="numpy")
 def _move(near, state, command, duration, motion, box, r_max):
     """The state after a command has acted for `duration` [s]; as it is after contact."""
+    # With lag, short steps, in each of which the velocity keeps e^(−dt/τ) of its distance from the command.
     steps = max(math.ceil(duration / _LAG_STEP - 1e-9), 1) if motion.lag > 0.0 else 1
     dt = duration / steps
     left = math.exp(-dt / motion.lag) if motion.lag > 0.0 else 0.0
@@ -142,6 +146,7 @@ def _move(near, state, command, duration, motion, box, r_max):
     for _ in range(steps):
         if least <= 0.0:
             break
+        # First-order lag: y ← u + e^(−dt/τ) (y − u).
         wanted = (v + left * (now[0] - v), omega + left * (now[1] - omega))
         poses, now = drive(pose, now, wanted, motion.limits, dt, _STEP, r_max)
         least = _clearance(poses, near, box, least)
@@ -153,11 +158,13 @@ def _move(near, state, command, duration, motion, box, r_max):
 def _clearance(poses, near, box, least):
     """Least distance from the outline at any of the (K, 3) poses to a point, or `least` if that is less; 0: contact."""
     half_length, half_width, rounding = box
+    # Compare squared distances to the box without its rounding; the root comes last.
     before = (least + rounding) * (least + rounding)
     square = before
     for k in range(len(poses)):
         x, y, cos, sin = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
         for i in range(len(near)):
+            # Distance of the point beyond the sides of the box, in the robot frame.
             dx, dy = near[i, 0] - x, near[i, 1] - y
             ahead = max(abs(cos * dx + sin * dy) - half_length, 0.0)
             beside = max(abs(cos * dy - sin * dx) - half_width, 0.0)

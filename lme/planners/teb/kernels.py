@@ -29,10 +29,12 @@ def along(
     poses = np.empty((count, 3))
     poses[0] = start
     for k in range(1, count):
+        # Each pose heads for the next point; the last one takes the given heading.
         poses[k, :2] = line[k - 1]
         poses[k, 2] = yaw
         if k < count - 1:
             poses[k, 2] = math.atan2(line[k, 1] - line[k - 1, 1], line[k, 0] - line[k - 1, 0])
+    # Least time for each motion: the greater of its way at v_max and its turn at omega_max.
     times = np.empty(count - 1)
     for k in range(count - 1):
         way = math.hypot(poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1])
@@ -56,6 +58,8 @@ def resized(
     for _ in range(_PASSES):
         modified, i = False, 0
         while i < count:
+            # Too long: split a difference of more than twice the wanted one, else hand the surplus on to the next.
+            # Too short: merge the motion with its neighbour.
             if t[i] > wanted + hysteresis and count < most:
                 if t[i] > 2.0 * wanted:
                     count = _split(p, t, count, i)
@@ -114,9 +118,11 @@ def near_obstacles(
     for i in range(1, len(poses) - 1):
         left, right, on_left, on_right = np.inf, np.inf, -1, -1
         for k in range(len(points)):
+            # A cheap test by the circumscribed circle comes first.
             dx, dy = points[k, 0] - poses[i, 0], points[k, 1] - poses[i, 1]
             if dx * dx + dy * dy > reach * reach:
                 continue
+            # Very near points all count; of the others only the nearest one on either side.
             distance = clearance(poses[i], points[k, 0], points[k, 1], box)[0]
             if distance < always:
                 count = _list(out, count, i, points[k])
@@ -148,9 +154,11 @@ def clearance(pose: Floats, x: float, y: float, box: tuple[float, float, float])
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = x - pose[0], y - pose[1]
+    # The point in the frame of the footprint, and how far it is beyond the sides of the box.
     px, py = cos * dx + sin * dy, cos * dy - sin * dx
     beyond_x, beyond_y = abs(px) - box[0], abs(py) - box[1]
     side_x, side_y = math.copysign(1.0, px), math.copysign(1.0, py)
+    # Nearest part of the box: a corner, the front or rear side, or the left or right side.
     if beyond_x > 0.0 and beyond_y > 0.0:
         distance = math.hypot(beyond_x, beyond_y)
         gx, gy = side_x * beyond_x / distance, side_y * beyond_y / distance
@@ -158,6 +166,7 @@ def clearance(pose: Floats, x: float, y: float, box: tuple[float, float, float])
         distance, gx, gy = beyond_x, side_x, 0.0
     else:
         distance, gx, gy = beyond_y, 0.0, side_y
+    # Chain rule, by x, y and yaw of the pose.
     gradient = np.array([sin * gy - cos * gx, -sin * gx - cos * gy, gx * py - gy * px])
     return distance - box[2], gradient
 
@@ -203,6 +212,7 @@ def normal_equations(
     forwards, sideways = (-bounds[0], bounds[1], bounds[6]), (-bounds[2], bounds[2], bounds[6])
     by_time = np.array([0.0, 0.0, 0.0, 1.0])
     total = 0.0
+    # Errors of each motion: time, speed, turn rate, arc, and direction of the turn.
     for i in range(len(times)):
         total += _add(matrix, descent, 4 * i, by_time, times[i], weights[0])
         total += _limit(matrix, descent, 4 * i, by_speed[i], speeds[i], forwards, weights[1])
@@ -210,10 +220,12 @@ def normal_equations(
         total += _steering(matrix, descent, i, poses, weights[5:7])
         if turn != 0.0 and i < _TURNS:
             total += _turn(matrix, descent, i, poses, turn, weights[9])
+    # Accelerations and angular accelerations, from the current twist to rest.
     limits = (bounds[3], bounds[6])
     total += _accelerations(matrix, descent, times, speeds, by_speed, twist[0], limits, weights[3])
     limits = (bounds[4], bounds[6])
     total += _accelerations(matrix, descent, times, rates, by_rate, twist[1], limits, weights[4])
+    # Clearance missing at obstacles, and distances from the points to pass.
     for k in range(len(near)):
         i = int(near[k, 0])
         distance, row = clearance(poses[i], near[k, 1], near[k, 2], box)
@@ -235,11 +247,13 @@ def _motions(poses, times):
     for i in range(count):
         dx, dy, t = poses[i + 1, 0] - poses[i, 0], poses[i + 1, 1] - poses[i, 1], times[i]
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        # The sign of the speed is smooth, s(a) = a / (1 + |a|), so that it has a derivative at standstill.
         ahead = STEEPNESS * (cos * dx + sin * dy)
         sign, slope = ahead / (1.0 + abs(ahead)), STEEPNESS / (1.0 + abs(ahead)) ** 2
         way = math.hypot(dx, dy)
         ux, uy = (dx / way, dy / way) if way > _TINY else (0.0, 0.0)
         speeds[i], rates[i] = sign * way / t, wrapped(poses[i + 1, 2] - poses[i, 2]) / t
+        # Derivatives by (x, y, yaw, time) of pose i and by (x, y, yaw) of the next one.
         gx, gy = (sign * ux + way * slope * cos) / t, (sign * uy + way * slope * sin) / t
         by_speed[i, 0], by_speed[i, 1], by_speed[i, 4], by_speed[i, 5] = -gx, -gy, gx, gy
         by_speed[i, 2] = way * slope * (cos * dy - sin * dx) / t
@@ -253,11 +267,13 @@ def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, wei
     """Accelerations from `before` over the speeds to rest. limits: (the greatest one, epsilon)."""
     last = len(times) - 1
     interval = (-limits[0], limits[0], limits[1])
+    # From the speed before the band to that of the first motion.
     start = by_speed[0] / times[0]
     value = (speeds[0] - before) / times[0]
     start[3] -= value / times[0]
     total = _limit(matrix, descent, 0, start, value, interval, weight)
     for i in range(last):
+        # Between motions: a = (v_{i+1} − v_i) / ((t_i + t_{i+1}) / 2), and its derivatives by 11 variables.
         row, span = np.zeros(11), 0.5 * (times[i] + times[i + 1])
         value = (speeds[i + 1] - speeds[i]) / span
         row[:7] -= by_speed[i] / span
@@ -265,6 +281,7 @@ def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, wei
         row[3] -= 0.5 * value / span
         row[7] -= 0.5 * value / span
         total += _limit(matrix, descent, 4 * i, row, value, interval, weight)
+    # From the last motion to rest.
     end = -by_speed[last] / times[last]
     value = -speeds[last] / times[last]
     end[3] -= value / times[last]
@@ -277,12 +294,14 @@ def _steering(matrix, descent, i, poses, weights):
     dx, dy = poses[i + 1, 0] - poses[i, 0], poses[i + 1, 1] - poses[i, 1]
     cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
     cos_after, sin_after = math.cos(poses[i + 1, 2]), math.sin(poses[i + 1, 2])
+    # Both headings make the same angle with the chord d if (h_i + h_{i+1}) × d = 0.
     row = np.zeros(7)
     row[0], row[1] = sin + sin_after, -cos - cos_after
     row[4], row[5] = -row[0], -row[1]
     row[2], row[6] = -sin * dy - cos * dx, -sin_after * dy - cos_after * dx
     aside = (cos + cos_after) * dy - (sin + sin_after) * dx
     total = _add(matrix, descent, 4 * i, row, aside, weights[0])
+    # Driving backwards costs by the way that is driven against the heading.
     ahead = cos * dx + sin * dy
     if ahead < 0.0:
         row = np.zeros(7)

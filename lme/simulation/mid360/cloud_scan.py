@@ -44,6 +44,7 @@ def beam_pattern(
     for i in range(number):
         turn, rise = turn_share(first + i, phase[0]), rise_share(first + i, phase[1])
         azimuth, elevation = 2.0 * math.pi * turn, low + span * rise
+        # Spherical to Cartesian coordinates.
         flat = math.cos(elevation)
         beams[i, 0], beams[i, 1] = flat * math.cos(azimuth), flat * math.sin(azimuth)
         beams[i, 2] = math.sin(elevation)
@@ -116,10 +117,12 @@ def cloud_scan(
     height, elevation_min, rise_span = sensor[0], sensor[1], sensor[2] - sensor[1]
     most = MOST_NOISE * noise[1]
     frame, cells, in_cells = grid
+    # Sort the obstacles by bearing, and find the distance to the nearest one in each bucket.
     starts, items = by_bearing(pose, circles, edges, min(sensor[4], spans[1] + most))
     near = np.minimum(
         _nearest(pose, starts, items, circles, edges), nearest(pose[0], pose[1], frame, cells, in_cells)
     )
+    # Elevations within which a beam can give a point that counts, for each bucket and over all of them.
     low, high = _elevations(near, sensor, heights, most)
     lowest, highest = (low.min() - elevation_min) / rise_span, (high.max() - elevation_min) / rise_span
     heading = pose[2] / (2.0 * math.pi)
@@ -131,6 +134,7 @@ def cloud_scan(
         elevation = elevation_min + rise_span * rise
         if elevation < low[bucket] or elevation > high[bucket]:
             continue
+        # Horizontal range to the first obstacle, of infinite height, or to the ground if that is nearer.
         flat = direction(place)
         reach = _first_hit(flat, pose, items, starts[bucket], starts[bucket + 1], circles, edges)
         reach = first_hit(pose[0], pose[1], (1.0, 0.0), flat, reach, frame, cells, in_cells)
@@ -142,6 +146,7 @@ def cloud_scan(
             continue
         if noise[1] > 0.0:
             distance += noise[1] * noise_of(beam, np.uint64(noise[0]))
+        # Height and horizontal range of the noisy point; if it counts, it goes into the bin of its azimuth.
         up, flat = height + distance * sin, distance * cos
         if distance >= sensor[3] and heights[0] <= up <= heights[1] and spans[0] <= flat <= spans[1]:
             k = int((turn + 0.5 - np.floor(turn + 0.5)) * num_bins + 0.5) % num_bins
@@ -181,6 +186,7 @@ def _elevations(near, sensor, heights, most):
     below, above = max(sensor[0] - heights[0], 0.0), max(heights[1] - sensor[0], 0.0)
     ground_counts = heights[0] <= most
     for bucket in range(BUCKETS):
+        # A steeper beam is above or below the heights that count where it meets the nearest obstacle.
         if near[bucket] > most:
             high[bucket] = math.atan(above / (near[bucket] - most))
             if not ground_counts:
@@ -208,6 +214,7 @@ def _first_hit(flat, pose, items, start, end, circles, edges):
     """Distance along a level direction to the first of some obstacles, inf if there is none [m]."""
     best, ray = np.inf, (flat[0], flat[1], 0.0)
     for j in range(start, end):
+        # Items below C are circles and the others edges; their heights are infinite here.
         i = items[j]
         if i < len(circles):
             centre = (circles[i, 0] - pose[0], circles[i, 1] - pose[1], circles[i, 2])

@@ -38,6 +38,7 @@ def cast_rays(
     out = np.empty(len(directions))
     for k in range(len(directions)):
         ray = (directions[k, 0], directions[k, 1], directions[k, 2])
+        # Ground and ceiling first, then the obstacles in the bucket of the ray.
         best = min(_to_height(z, ray[2], planes[0]), _to_height(z, ray[2], planes[1]))
         bucket = _bucket(ray[0], ray[1])
         for j in range(starts[bucket], starts[bucket + 1]):
@@ -49,6 +50,7 @@ def cast_rays(
                 i -= len(circles)
                 ends = (edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y)
                 best = min(best, to_edge(ray, ends, edges[i, 4] - z, edges[i, 5] - z))
+        # The lids of polygons are not among the edges.
         out[k] = _to_lids(origin, ray, edges, solids, best)
         if out[k] > range_max:
             out[k] = np.inf
@@ -69,6 +71,7 @@ def by_bearing(origin, circles, edges, range_max):
     count = len(circles) + len(edges)
     first, number = np.empty(count, np.int64), np.empty(count, np.int64)
     starts = np.zeros(BUCKETS + 1, np.int64)
+    # Counting sort: count the items of each bucket first.
     for i in range(count):
         if i < len(circles):
             x, y = circles[i, 0] - origin[0], circles[i, 1] - origin[1]
@@ -81,6 +84,7 @@ def by_bearing(origin, circles, edges, range_max):
             )
         for j in range(number[i]):
             starts[(first[i] + j) % BUCKETS + 1] += 1
+    # The sums of the counts are the starts; then fill the buckets.
     starts = np.cumsum(starts)
     items, filled = np.empty(starts[-1], np.int64), starts.copy()
     for i in range(count):
@@ -136,6 +140,7 @@ def to_circle(ray, centre, bottom, top):
     dx, dy, rise = ray
     x, y, r = centre
     flat = dx * dx + dy * dy
+    # Interval of t with |t d − c| ≤ r in the plane; all t if a vertical ray starts inside.
     if flat < _FLAT * _FLAT:
         if x * x + y * y > r * r:
             return np.inf
@@ -149,6 +154,7 @@ def to_circle(ray, centre, bottom, top):
         enter, leave = along - half, along + half
     if rise == 0.0:
         return max(enter, 0.0) if bottom <= 0.0 <= top and leave >= max(enter, 0.0) else np.inf
+    # Intersect it with the interval between bottom and top.
     low, high = bottom / rise, top / rise
     enter, leave = max(enter, min(low, high), 0.0), min(leave, max(low, high))
     return enter if enter <= leave else np.inf
@@ -162,9 +168,11 @@ def to_edge(ray, ends, bottom, top):
     """
     dx, dy, rise = ray
     ax, ay, bx, by = ends
+    # Both ends on the same side of the ray: no crossing.
     across_start, across_end = ax * dy - ay * dx, bx * dy - by * dx
     if (across_start > 0.0) == (across_end > 0.0):
         return np.inf
+    # Distance to the wall: t = (a × b) / (a × d − b × d).
     distance = (ax * by - ay * bx) / (across_start - across_end)
     hit = distance >= 0.0 and bottom <= distance * rise <= top
     return distance if hit else np.inf

@@ -80,6 +80,7 @@ def slide(
     rows = np.empty((2 * _CONTACTS, 5))
     poses = np.empty((count, 3))
     body, wheels = state.body, state.wheels
+    # Equal steps of at most MAX_STEP, a whole number of them for each pose.
     per_pose = math.ceil(duration / count / MAX_STEP - 1e-9)
     steps = count * per_pose
     dt = duration / steps
@@ -87,12 +88,14 @@ def slide(
     for k in range(steps):
         left, right = _turn_wheels(wheels, chassis, command, limits, share, dt)
         _grip(state, chassis, points, rows, (left * factors[0], right * factors[1]), axes, dt)
+        # Semi-implicit Euler: the friction has changed the velocity, which now moves the body.
         for i in range(3):
             body[i] += dt * body[i + 3]
         heading = body[2] + yaw_errors[k * len(yaw_errors) // steps]
         state.odometry[0] += dt * wheels[0] * math.cos(heading)
         state.odometry[1] += dt * wheels[0] * math.sin(heading)
         if (k + 1) % per_pose == 0:
+            # From the centre of mass back to the base.
             pose = poses[k // per_pose]
             pose[0] = body[0] - chassis.com_x * math.cos(body[2])
             pose[1] = body[1] - chassis.com_x * math.sin(body[2])
@@ -107,11 +110,13 @@ def _contacts(chassis):
     half_base, weight = chassis.wheel_base / 2, chassis.mass * GRAVITY
     lean = chassis.com_x / chassis.wheel_base if chassis.wheel_base > 0.0 else 0.0
     for i in range(_CONTACTS):
+        # Two contacts for each wheel, at both edges of its tread.
         end = 1.0 if i < _CONTACTS // 2 else -1.0
         side = i // 2 % 2
         edge = (i % 2 - 0.5) * chassis.wheel_width
         points[i, 0] = end * half_base - chassis.com_x
         points[i, 1] = (0.5 - side) * chassis.track + edge
+        # Load at rest: its part of the weight, by the lever of the centre of mass.
         points[i, 2] = weight * (0.5 + end * lean) / (_CONTACTS // 2)
         points[i, 3], points[i, 4] = -end, 2.0 * side - 1.0
     return points
@@ -127,6 +132,7 @@ def _turn_wheels(wheels, chassis, command, limits, share, dt):
         goal = min(max(command[i], -limits[i]), limits[i])
         most = limits[i + 2] * dt
         wheels[i] += min(max(share * (goal - wheels[i]), -most), most)
+    # Treads of a differential drive: v ∓ ω b / 2, with b the track times its multiplier.
     turn = wheels[1] * chassis.track * chassis.separation_multiplier / 2
     left, right = wheels[0] - turn, wheels[0] + turn
     wheels[2] += dt * left / chassis.wheel_radius
@@ -143,10 +149,12 @@ def _grip(state, chassis, points, rows, treads, axes, dt):
     vx, vy, omega = body[3], body[4], body[5]
     per_mass, per_inertia = 1.0 / chassis.mass, 1.0 / chassis.inertia
     grip[:] = 0.0
+    # Projected Gauss–Seidel on the impulses: each one stops the sliding along its row, within its bound.
     for _ in range(SWEEPS):
         for i in range(2 * _CONTACTS):
             tread = treads[i // 4 % 2]
             x, y, turn = rows[i, 0], rows[i, 1], rows[i, 2]
+            # Speed of the contact relative to the tread, along the direction of the row.
             sliding = (vx - tread * cos) * x + (vy - tread * sin) * y + omega * turn
             before = grip[i]
             grip[i] = min(max(before - sliding * rows[i, 3], -rows[i, 4]), rows[i, 4])
@@ -154,6 +162,7 @@ def _grip(state, chassis, points, rows, treads, axes, dt):
             vx += change * x * per_mass
             vy += change * y * per_mass
             omega += change * turn * per_inertia
+    # Acceleration in the body frame, from which the next step takes the load transfer.
     ax, ay = (vx - body[3]) / dt, (vy - body[4]) / dt
     state.acceleration[0], state.acceleration[1] = cos * ax + sin * ay, cos * ay - sin * ax
     body[3], body[4], body[5] = vx, vy, omega
@@ -169,6 +178,7 @@ def _fill_rows(state, chassis, points, rows, heading, axes, dt):
     shift = _load_transfer(chassis, state.acceleration)
     for i in range(_CONTACTS):
         side = i // 2 % 2
+        # Load at rest, plus what acceleration moves between the wheels.
         load = points[i, 2] + points[i, 3] * shift[0] + points[i, 4] * shift[1]
         x, y = (1.0, 0.0) if axes == _WORLD else (cos, sin)
         if axes == _WHEEL:
@@ -178,6 +188,7 @@ def _fill_rows(state, chassis, points, rows, heading, axes, dt):
         lever_y = sin * points[i, 0] + cos * points[i, 1]
         square = (x * x + y * y) * per_mass
         for j in range(2 * i, 2 * i + 2):
+            # The impulse that stops 1 m/s is 1 / (1/m + lever² / I) along a direction of length 1.
             turn = lever_x * y - lever_y * x
             yielding = square + turn * turn * per_inertia
             rows[j, 0], rows[j, 1], rows[j, 2] = x, y, turn

@@ -60,6 +60,7 @@ def next_waypoints(
         path, plan = way[first[i] : first[i + 1]], plans[i]
         if time < traits[i, _STARTS]:
             continue
+        # Count how long the person has not got on, other than at the end of the path, and turn round at last.
         is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
         last = _is_last(plan, len(path), repeats[i])
         away = _away(places[i], path[int(plan[_LEG])])
@@ -67,10 +68,12 @@ def next_waypoints(
         if plan[_STUCK] > _PATIENCE and len(path) > 1:
             plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
             _advance(plan, len(path), repeats[i])
+        # Move on past the waypoints that are reached.
         for _ in range(len(path)):
             if _is_last(plan, len(path), repeats[i]) or _away(places[i], path[int(plan[_LEG])]) > _REACHED:
                 break
             _advance(plan, len(path), repeats[i])
+        # Walk straight to the next waypoint, and slow down before the last one.
         target = path[int(plan[_LEG])]
         away = _away(places[i], target)
         speed = traits[i, _SPEED]
@@ -122,8 +125,10 @@ def orca(
     lines = np.empty((len(circles) + len(edges) + people + count, 4))
     for i in range(people):
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
+        # Walls give hard half-planes, which come first in `lines`.
         hard = _walls(places[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
         used = hard
+        # People, the robot if this person sees it, and other discs give soft half-planes.
         for j in range(people):
             relative = places[j] - places[i]
             if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
@@ -138,6 +143,7 @@ def orca(
                 reach = radius + others[j, 4] + _APART
                 beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[used])
                 used += 1
+        # The velocity in all half-planes that is nearest to the wanted one.
         vx, vy = best_velocity(lines[:used], hard, fastest, (wanted[i, 0], wanted[i, 1]))
         chosen[i, 0], chosen[i, 1] = vx, vy
     return chosen
@@ -161,6 +167,7 @@ def social_force(
     people = len(places)
     lines = np.empty((len(circles) + len(edges), 4))
     for i in range(people):
+        # Relaxation towards the wanted velocity: (v_wanted − v) / τ.
         fx = (wanted[i, 0] - velocities[i, 0]) / _RELAXATION
         fy = (wanted[i, 1] - velocities[i, 1]) / _RELAXATION
         for j in range(people):
@@ -172,11 +179,13 @@ def social_force(
                 push_x, push_y = _interaction(others[j, :2] - places[i], velocities[i] - others[j, 2:4])
                 fx, fy = fx + push_x, fy + push_y
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
+        # Repulsion by the nearest wall: a exp(−(d − r) / b), straight away from it.
         x, y = _nearest_wall(places[i], circles, edges)
         away = math.hypot(x, y)
         if 0.0 < away < math.inf:
             push = _WALL_STRENGTH * math.exp(-(away - radius) / _WALL_REACH)
             fx, fy = fx - push * x / away, fy - push * y / away
+        # One Euler step, then the nearest velocity that enters no wall.
         hard = _walls(places[i], radius, fastest, circles, edges, dt, lines)
         after = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
         vx, vy = best_velocity(lines[:hard], hard, fastest, after)
@@ -190,6 +199,7 @@ def _interaction(relative, velocity):
     distance = math.hypot(relative[0], relative[1])
     if distance == 0.0 or distance > _NEIGHBOURS:
         return 0.0, 0.0
+    # Direction of interaction: t = D / |D| with D = λ Δv + e, e towards the person.
     ex, ey = relative[0] / distance, relative[1] / distance
     along_x, along_y = _LAMBDA * velocity[0] + ex, _LAMBDA * velocity[1] + ey
     length = math.hypot(along_x, along_y)
@@ -199,6 +209,7 @@ def _interaction(relative, velocity):
     theta = math.atan2(
         tx * ey - ty * ex, tx * ex + ty * ey
     )  # from the direction of interaction to the person
+    # Deceleration along t and evasion across it: A exp(−d / B − (n B θ)²) with B = γ |D|.
     reach = _GAMMA * length
     slow = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)
     aside = _STRENGTH * math.exp(-distance / reach - (_N * reach * theta) ** 2)
@@ -210,6 +221,7 @@ def _interaction(relative, velocity):
 def _walls(place, radius, fastest, circles, edges, horizon, lines):
     """Write a half-plane for everything that stands in reach; returns their number."""
     count, reach = 0, radius + fastest * horizon
+    # Circles first, then edges, each by its nearest point.
     for k in range(len(circles)):
         x, y = _to_circle(place, circles[k])
         if math.hypot(x, y) <= reach:

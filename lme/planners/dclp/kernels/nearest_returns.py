@@ -32,11 +32,13 @@ def nearest_returns(
         s, reach = sectors[i], limits[2]
         if lowest <= ranges[i] < highest:  # also drops NaN
             reach = float(ranges[i])
+        # Point of this beam, and whether it replaces the nearest one of its sector so far.
         x, y = reach * directions[i, 0], reach * directions[i, 1]
         before = points[s, 0] * y - points[s, 1] * x > 0.0  # the current nearest comes before this beam
         if reach < best[s] or (reach == best[s] and not before):
             best[s] = reach
             points[s, 0], points[s, 1] = x, y
+    # Move the origin from the lidar to the base.
     seen: Floats = _about_base(points, offset)
     return seen
 

@@ -85,6 +85,7 @@ def best_command(
     movers: Floats,
 ) -> tuple[float, float, float, float]:
     """`best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
+    # Sample what can be reached in a period, and choose among all pairs of v and ω.
     v, omega, alpha = tried(window, shares, Estimate(*estimate).period, points, box, movers)
     best = best_twist(v, omega, alpha, subgoal, points, box, estimate, safety, movers)
     return best[0], best[1], best[2], v[0]
@@ -105,10 +106,14 @@ def tried(
     """
     twist, least, most, alphas, calm, near, asked = window
     alpha = alphas[1]
+    # Turn calmly unless something moves or a point is near.
     if calm < alpha and len(movers) == 0 and not (clearances(points, box) < near).any():
         alpha = calm
+    # Speeds within one period of acceleration, without reversing.
     slowest = max(max(twist[0] - alphas[0] * period, 0.0), least[0])
     v = slowest + (max(min(twist[0] + alphas[0] * period, most[0]), slowest) - slowest) * shares[0]
+    # Turn rates within `alpha` of the interval from the measured to the commanded rate, and within the full
+    # acceleration of the measured one.
     from_low, from_high = min(twist[1], asked), max(twist[1], asked)
     low = max(from_low - alpha * period, twist[1] - alphas[1] * period, least[1])
     high = min(from_high + alpha * period, twist[1] + alphas[1] * period, most[1])
@@ -139,6 +144,7 @@ def best_twist(
     also if it brakes, the command costs more by the speed that is left then: who cannot get past stands in time
     (passive safety, Macek et al. 2009, "Towards safe vehicle navigation in dynamic urban scenarios", Automatika 50).
     """
+    # Callers pass plain tuples; the kernel reads their fields by name.
     named = Estimate(*estimate), Safety(*safety)
     found: tuple[float, float, float] = _best(v, omega, alpha_omega, subgoal, points, box, *named, movers)
     return found
@@ -148,12 +154,15 @@ def best_twist(
 def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers):
     count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)
+    # Margin of every pair, and the time on its arc that it takes to stop. Braking from v covers v² / (2 b) [m],
+    # as v / (2 b) seconds at constant speed do; the turn likewise.
     for n in range(count):
         speed, rate = v[n // len(omega)], omega[n % len(omega)]
         twists[n, 0], twists[n, 1] = speed, rate
         margins[n] = safety.margin + safety.margin_time * (speed + r_max * abs(rate))
         braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * alpha_omega))
         stops[n] = estimate.period + braking + safety.lag
+    # Keep the points that some arc may meet, and bound every expected time from below, as if no point were there.
     near = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
     holds, moves = _held(omega, estimate, alpha_omega)
     bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety.grip)
@@ -161,11 +170,13 @@ def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers)
     reach = r_max + box[2] + safety.margin
     while True:  # the most promising one first, so that few arcs are checked
         n = int(np.argmin(bounds))
+        # No pair that is left can be better than the best so far.
         if not bounds[n] <= best or bounds[n] == np.inf:
             return twists[chosen, 0], twists[chosen, 1], best
         bounds[n] = np.inf
         speed, rate = twists[n, 0], twists[n, 1]
         horizon = stops[n] + estimate.horizon
+        # How long the command can be held if the robot is still to stop before contact.
         free = first_contact(speed, rate, near, box, margins[n], stops[n], horizon) - stops[n]
         if not free >= 0.0:
             continue
@@ -185,8 +196,11 @@ def _held(omega, estimate, alpha_omega):
     """
     holds, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 4))
     for k in range(_HOLDS):
+        # Evenly spaced from one period to the horizon.
         holds[k] = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
         for w in range(len(omega)):
+            # Half of the turn, the ratio of chord to arc, sin(half) / half, and the heading at rest,
+            # ω t + ω |ω| / (2 α).
             half = 0.5 * omega[w] * holds[k]
             moves[w, k, 0], moves[w, k, 1] = math.cos(half), math.sin(half)
             moves[w, k, 2] = moves[w, k, 1] / half if abs(half) > 1e-6 else 1.0
@@ -199,12 +213,14 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
     """The time of each command if no obstacle ends it, less `_ROUNDING` [s]; inf: no grip. Faster than `_time_to`."""
     count = len(v) * len(omega)
     x, y, heading = np.empty((3, _HOLDS, count))
+    # From where the robot is after each hold: the vector to the subgoal, and the heading.
     for k in range(_HOLDS):
         for n in range(count):
             w = n % len(omega)
             chord = v[n // len(omega)] * holds[k] * moves[w, k, 2]
             x[k, n], y[k, n] = subgoal[0] - chord * moves[w, k, 0], subgoal[1] - chord * moves[w, k, 1]
             heading[k, n] = moves[w, k, 3]
+    # Time of the hold, then straight on at v_max, and the turn that is left; the least over all holds.
     times = np.full(count, np.inf)
     for k in range(_HOLDS):
         for n in range(count):  # without branches, so that it is vectorised
@@ -213,6 +229,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
             straight = holds[k] + math.sqrt(x[k, n] * x[k, n] + y[k, n] * y[k, n]) / estimate.v_max
             times[n] = min(times[n], straight + estimate.turn * turn)
     for n in range(count):
+        # Slow commands cost more. Commands beyond the grip are excluded, except at the lowest speed.
         speed = v[n // len(omega)]
         times[n] += estimate.slow * (1.0 - speed / estimate.v_max) - _ROUNDING
         if speed * abs(omega[n % len(omega)]) > grip and speed > v[0]:
@@ -249,15 +266,18 @@ def _met(v, omega, movers, reach, held, brake, horizon):
     steps, met = int(horizon / _STEP + 0.5), np.inf
     for n in range(len(movers)):
         apart = reach + movers[n, 4]
+        # Distances are compared as squares.
         before = movers[n, 0] ** 2 + movers[n, 1] ** 2
         for k in range(1, steps + 1):
             time = k * _STEP
+            # While it brakes, the robot falls behind its constant speed by b (t − t_held)² / 2 [m].
             late = time - held
             x, y = _after(v, omega, time if late <= 0.0 else time - late * late * brake / (2.0 * v))
             dx = movers[n, 0] + time * movers[n, 2] - x
             dy = movers[n, 1] + time * movers[n, 3] - y
             square = dx * dx + dy * dy
             if square < apart * apart and square < before:
+                # For the movers that follow, only an earlier meeting matters.
                 steps = k - 1
                 met = steps * _STEP
                 break
@@ -273,11 +293,13 @@ def _time_to(subgoal, v, omega, free, holds, moves, estimate):
         held = holds[k]
         if k > 0 and held > free:
             break
+        # From where the robot is after the hold, drive straight to the subgoal at v_max.
         chord = v * held * moves[k, 2]
         x, y = subgoal[0] - chord * moves[k, 0], subgoal[1] - chord * moves[k, 1]
         straight = held + math.sqrt(x * x + y * y) / estimate.v_max
         if straight >= least:
             continue  # with the turn it is no less
+        # Add the time for the turn that is left, wrapped to the shorter way.
         bearing = math.atan2(y, x) - moves[k, 3]
         bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
         least = min(least, straight + estimate.turn * abs(bearing))

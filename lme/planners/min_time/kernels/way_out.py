@@ -38,9 +38,11 @@ def way_out(
     """
     r_max = math.hypot(box[0], box[1]) + box[2]
     near = _nearest_first(points, (_FAR + 1) * _CELL + max(room, r_max + margin))
+    # Nothing to do where the robot has room already.
     if _has_room(near, np.zeros(3), room):
         return np.empty((0, 2), np.int8), True
     kept, wide = _kept(near, box, margin), 2 * _FAR + 1
+    # Breadth-first search over cells of x, y and heading; `poses` is the queue from `head` to `count`.
     seen = np.zeros((wide, wide, _HEADINGS), np.bool_)
     poses, steps, before = np.zeros((_MOST, 3)), np.zeros((_MOST, 2), np.int8), np.zeros(_MOST, np.int64)
     seen[_FAR, _FAR, 0] = True
@@ -50,6 +52,7 @@ def way_out(
             ahead, turn = _STEPS[k] if k >= 0 else (steps[head, 0], steps[head, 1])
             if ahead == turn == 0 or (ahead < 0 and not backwards):
                 continue
+            # Pose after the step, which is a stroke or a turn, and its cell.
             yaw = poses[head, 2] + turn * TURN
             x = poses[head, 0] + ahead * STROKE * math.cos(yaw)
             y = poses[head, 1] + ahead * STROKE * math.sin(yaw)
@@ -62,6 +65,7 @@ def way_out(
                 continue
             seen[cell] = True
             steps[count, 0], steps[count, 1], before[count] = ahead, turn, head
+            # Done at the first pose with room; the first pose close to `place` is the second choice.
             if _has_room(near, poses[count], room):
                 return _from_start(steps, before, count), True
             if there == 0 and (x - place[0]) ** 2 + (y - place[1]) ** 2 < _THERE * _THERE:

@@ -58,6 +58,7 @@ def obstacles(
     """
     looked_at = poses.shape[1] // step
     room = np.empty(outline_capacity(outline, grid[2]), np.int64)
+    # Costs reach 254; the mean is over the poses that are looked at.
     weight = prices[2] / 254.0 / looked_at
     all_collide = True
     for n in range(len(costs)):
@@ -67,6 +68,7 @@ def obstacles(
             cost = _cost_at(x, y, cells, grid)
             if cost == 0:
                 continue
+            # Off the map, or the outline touches an obstacle; it is only tested where the cost makes that possible.
             if cost < 0 or (cost >= possible and outline_cost(cells, outline, (x, y, yaw), grid, room) < 0):
                 total, collides = prices[0], True
                 break
@@ -97,6 +99,7 @@ def furthest_reached(poses: Singles, path: Floats) -> int:
     """
     furthest = 0
     for n in range(len(poses)):
+        # The point nearest to the end of this trajectory.
         nearest, least = furthest, np.inf
         for j in range(furthest, len(path)):
             away = (path[j, 0] - poses[n, -1, 0]) ** 2 + (path[j, 1] - poses[n, -1, 1]) ** 2
@@ -134,11 +137,13 @@ def path_align(
     """
     if furthest == 0 or furthest < offset:
         return
+    # Silent if too much of the path up to there is blocked.
     blocked = 0
     for j in range(furthest):
         blocked += not free[j]
         if blocked > _FEW and blocked > most_blocked * furthest:
             return
+    # Length of the path up to each of its points.
     ways = np.zeros(furthest)
     for j in range(1, furthest):
         ways[j] = ways[j - 1] + math.hypot(path[j, 0] - path[j - 1, 0], path[j, 1] - path[j - 1, 1])
@@ -146,6 +151,7 @@ def path_align(
         way, total, count, at = 0.0, 0.0, 0, 0
         for k in range(step, poses.shape[1], step):
             x, y = poses[n, k, 0], poses[n, k, 1]
+            # The length driven so far, and the point of the path at that length.
             way += math.hypot(x - poses[n, k - step, 0], y - poses[n, k - step, 1])
             at = _at_length(ways, way, at)
             if free[at]:
@@ -183,9 +189,11 @@ def path_angle(
     Silent if the robot, at `pose`, faces that point within `most` [rad].
     """
     x, y = path[at, 0], path[at, 1]
+    # The robot faces the point already.
     if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < most:
         return
     for n in range(len(costs)):
+        # Angle between the last heading and the direction from the last pose to the point.
         bearing = math.atan2(y - poses[n, -1, 1], x - poses[n, -1, 0])
         costs[n] += weight * abs(_wrapped(bearing - poses[n, -1, 2]))
 

@@ -45,10 +45,12 @@ def rollout(
         x, y, yaw = pose
         v, omega = twist
         for k in range(steps):
+            # Unicycle step by the explicit Euler method: ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = ω.
             x, y = x + v * math.cos(yaw) * dt, y + v * math.sin(yaw) * dt
             yaw += omega * dt
             speeds[n, k] = v
             poses[n, k, 0], poses[n, k, 1], poses[n, k, 2] = x, y, yaw
+            # Sampled control, limited to what the acceleration allows; it becomes the next velocity.
             wanted_v = sequence[k, 0] + stds[0] * noise[n, k, 0]
             wanted_omega = sequence[k, 1] + stds[1] * noise[n, k, 1]
             if k < steps - 1:
@@ -108,6 +110,8 @@ def smooth(sequence: Floats, before: Floats) -> Floats:
     smoothed = sequence.copy()
     for axis in range(2):
         for k in range(last):
+            # Weighted sum over the neighbours: those before the start have been sent, and the last one is
+            # repeated past the end.
             total = 0.0
             for m in range(len(_FILTER)):
                 at = k + m - _BEFORE
