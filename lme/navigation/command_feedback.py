@@ -86,5 +86,5 @@ class CommandFeedback:
 
 
 def _behind(asked: float, done: float, least: float) -> bool:
-    """Whether less than a fifth of a motion that was asked for was done."""
+    """Return whether less than a fifth of a motion that was asked for was done."""
     return abs(asked) > least and math.copysign(1.0, asked) * done < _FOLLOWED * abs(asked)

@@ -53,7 +53,7 @@ class StoppingGuard:
     def _clear(
         self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
     ) -> bool:
-        """Whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
+        """Return whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
         for now in observation.twists:
             poses = until_rest(command, now, observation.limits, self._robot)
             clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)

@@ -25,7 +25,7 @@ ROLL_SHARE = 0.5  # [-] of the pitch's standard deviation: 1.3° of 2.3° for th
 
 
 def is_walking(twist: Twist) -> bool:
-    """Whether the legs move."""
+    """Return whether the legs move."""
     return max(abs(twist.v), abs(twist.omega)) > STANDING
 
 

@@ -146,7 +146,7 @@ class RigidBody:
         self.twist = former.twist
 
     def touches(self, clearance: float) -> bool:
-        """Whether the engine has reported a contact and not its end."""
+        """Return whether the engine has reported a contact and not its end."""
         return self._touching > 0
 
     def _push(self, v: float, omega: float, heading: float, dt: float) -> None:
@@ -237,7 +237,7 @@ def _polygon(body: pymunk.Body, outline: Floats) -> Iterator[pymunk.Shape]:
 
 
 def _is_convex(outline: Floats) -> bool:
-    """Whether a polygon that does not cross itself is convex."""
+    """Return whether a polygon that does not cross itself is convex."""
     sides = np.roll(outline, -1, axis=0) - outline
     following = np.roll(sides, -1, axis=0)
     turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]

@@ -30,7 +30,7 @@ class Body(Protocol):
         """Roll by a distance [m] and a turn [rad] within `dt` [s]. The movers have already moved for dt."""
 
     def touches(self, clearance: float) -> bool:
-        """Whether the body is in contact; `clearance`: distance from the footprint to the obstacles [m]."""
+        """Return whether the body is in contact; `clearance`: distance from the footprint to the obstacles [m]."""
 
 
 class Wheels:

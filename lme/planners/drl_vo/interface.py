@@ -84,11 +84,11 @@ class DrlVoInterface:
         return limited(v, float(action[1]) * config.omega_max, observation, self._dt)
 
     def turns(self, observation: Observation) -> bool:
-        """Whether an obstacle ahead is so near that the robot turns left in place, whatever the output."""
+        """Return whether an obstacle ahead is so near that the robot turns left in place, whatever the output."""
         return free_ahead(observation.scan, self._mount_yaw) <= self._config.stop_range
 
     def arrived(self, observation: Observation, guidance: Guidance) -> bool:
-        """Whether the sub-goal is so near that the robot stops."""
+        """Return whether the sub-goal is so near that the robot stops."""
         margin = self._config.goal_margin
         near = math.hypot(*self._goal) <= margin
         # without a path the sub-goal is not the end of one, and may be near anywhere

@@ -201,7 +201,7 @@ def _tensor(storage: Any, offset: Any, shape: Any, stride: Any) -> Tensor:
 
 
 def _in_order(shape: tuple[int, ...], stride: tuple[int, ...]) -> bool:
-    """Whether the numbers of a tensor follow each other row by row."""
+    """Return whether the numbers of a tensor follow each other row by row."""
     if len(shape) != len(stride):
         return False
     below = [math.prod(shape[i + 1 :]) for i in range(len(shape))]

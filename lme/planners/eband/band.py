@@ -63,7 +63,7 @@ class Band:
 
     @property
     def torn(self) -> bool:
-        """Whether some neighbours do not join even after insertion of bubbles."""
+        """Return whether some neighbours do not join even after insertion of bubbles."""
         return self.chain < len(self.centres)
 
     def update(self, path: Floats, robot: Floats, points: Floats, *, planned: bool) -> None:
@@ -82,18 +82,18 @@ class Band:
         self._deform(np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1]))
 
     def _leads_elsewhere(self, path: Floats) -> bool:
-        """Whether there is no band, or the path has another end."""
+        """Return whether there is no band, or the path has another end."""
         return len(self.centres) == 0 or math.dist(path[-1], self._path[-1]) > self._config.spacing
 
     def _differs(self, path: Floats) -> bool:
-        """Whether the path differs from the path of the band within the horizon."""
+        """Return whether the path differs from the path of the band within the horizon."""
         spacing = self._config.spacing
         old = np.vstack([self._path[:1], stretch(self._path, 0.0, math.inf, spacing)])
         new = stretch(path, 0.0, self._config.horizon, spacing)
         return not covered(new, old, np.zeros(len(old)), spacing)
 
     def _fits(self, path: Floats, robot: Floats) -> bool:
-        """Whether the path runs through the bubbles to the band's end."""
+        """Return whether the path runs through the bubbles to the band's end."""
         reach = self._config.spacing
         start = project(path, robot[0], robot[1])[0]
         end, off, _ = project(path, *self.centres[-1])

@@ -196,13 +196,13 @@ def _without_redundant(centres, radii, joint):
 
 @njit(cache=True, error_model="numpy")
 def _join(gap, one, other, joint):
-    """Whether two bubbles of these radii join at the distance `gap`."""
+    """Return whether two bubbles of these radii join at the distance `gap`."""
     return min(one, other) > joint[1] and gap <= joint[0] * (one + other)
 
 
 @njit(cache=True, error_model="numpy")
 def covered(points: Floats, centres: Floats, radii: Floats, tolerance: float) -> bool:
-    """Whether each of the (P, 2) points lies in some bubble, or within `tolerance` [m] of a centre."""
+    """Return whether each of the (P, 2) points lies in some bubble, or within `tolerance` [m] of a centre."""
     for k in range(len(points)):
         inside = False
         for i in range(len(centres)):
@@ -223,7 +223,7 @@ def hidden(
     limits: tuple[float, float],
     slack: float,
 ) -> Bools:
-    """Whether the scan cannot see each of the (P, 2) points, in the lidar's frame: (P,).
+    """Return whether the scan cannot see each of the (P, 2) points, in the lidar's frame: (P,).
 
     ranges (B,) [m], angles: (angle_min, angle_increment) [rad], limits: (range_min, range_max) [m]. A point is
     hidden if it is outside the field of view, more than `slack` [m] behind a return or beyond range_max, or if

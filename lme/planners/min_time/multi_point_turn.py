@@ -94,7 +94,7 @@ class MultiPointTurn:
             self.reset()
 
     def _stands(self, now: Twist) -> bool:
-        """Whether the robot, which is to stand, does."""
+        """Return whether the robot, which is to stand, does."""
         self._braking += self._dt
         return max(abs(now.v), abs(now.omega)) < _RESTS or self._braking > _BRAKING
 
@@ -106,7 +106,7 @@ class MultiPointTurn:
             self._time_left = _LATE * self._left[0] / max(rate, _RESTS) + _LATER
 
     def _is_free(self, points: Floats) -> bool:
-        """Whether what is left of the stroke is free."""
+        """Return whether what is left of the stroke is free."""
         (ahead, turn), left = self._strokes[0], max(self._left[0], 0.0)
         return bool(keeps_on_stroke(points, self._box, self._close, ahead * left, turn * left))
 

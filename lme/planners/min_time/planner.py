@@ -275,7 +275,7 @@ class MinTime:
         return turns
 
     def _is_safe_back(self, speed: float, omega: Floats, points: Floats, limits: Limits) -> NDArray[np.bool_]:
-        """Whether backing up at each turn rate (W,), and stopping, keeps the margin: (W,)."""
+        """Return whether backing up at each turn rate (W,), and stopping, keeps the margin: (W,)."""
         config, box = self._config, self._robot.footprint.box
         braking = speed / min(config.brake, limits.alpha_v)
         stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._late

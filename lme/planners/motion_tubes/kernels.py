@@ -75,7 +75,7 @@ def _place(outline, pose, lidar, increment, corners, beams):
 
 @njit(cache=True, error_model="numpy")
 def _counts(x, y, rule):
-    """Whether a point, relative to the lidar, is in the newly swept area."""
+    """Return whether a point, relative to the lidar, is in the newly swept area."""
     side, front, lidar_x, lidar_y = rule
     ahead, across = x + lidar_x, side * (y + lidar_y)
     return ahead >= front or (ahead >= 0.0 and across > 0.0)
@@ -83,7 +83,7 @@ def _counts(x, y, rule):
 
 @njit(cache=True, error_model="numpy")
 def _out_of_view(corners, beams, rule, increment, num_beams):
-    """Whether a corner in the newly swept area is more than half a beam outside the field of view."""
+    """Return whether a corner in the newly swept area is more than half a beam outside the field of view."""
     last = _TWO_PI / increment - 0.5
     for i in range(len(corners)):
         outside = num_beams - 0.5 < beams[i] < last
@@ -122,7 +122,7 @@ def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
 
 @njit(cache=True, error_model="numpy")
 def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
-    """Whether each tube is free: it is in view, and every beam sees past it: (N,).
+    """Return whether each tube is free: it is in view, and every beam sees past it: (N,).
 
     seen (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
     beam that meet each tube.
@@ -140,7 +140,7 @@ def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools
 
 @njit(cache=True, error_model="numpy")
 def whisker_free(seen: Ranges, beams: Ints, ranges: Ranges) -> bool:
-    """Whether every sample of a whisker is in view and free: beams (S,), −1 out of view; ranges (S,)."""
+    """Return whether every sample of a whisker is in view and free: beams (S,), −1 out of view; ranges (S,)."""
     for k in range(len(beams)):  # noqa: SIM110
         if beams[k] < 0 or seen[beams[k]] < ranges[k]:
             return False
@@ -194,7 +194,7 @@ def choose(
 
 @njit(cache=True, error_model="numpy")
 def _less(a, b):
-    """Whether a comes before b in lexicographic order."""
+    """Return whether a comes before b in lexicographic order."""
     for k in range(len(a)):
         if a[k] != b[k]:
             return a[k] < b[k]
@@ -255,7 +255,7 @@ def known_free(
     increment: float,
     box: tuple[float, float, float],
 ) -> Bools:
-    """Whether the robot has stood on or seen past each of the points (P, 2): (P,).
+    """Return whether the robot has stood on or seen past each of the points (P, 2): (P,).
 
     bodies, lidars (M, 3): poses of the base and of the lidar, with the yaw of its first beam, at the scans, in the
     frame of the points; ranges (M, B): the scans from `free_ranges`; box (half_length, half_width, rounding) [m].

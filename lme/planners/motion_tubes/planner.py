@@ -255,20 +255,20 @@ class MotionTubes:
         return off and self._room_to_turn(scene, margin)
 
     def _room_to_turn(self, scene: _Scene, margin: float) -> bool:
-        """Whether the circle that the footprint sweeps in a turn is free; a disc needs no room."""
+        """Return whether the circle that the footprint sweeps in a turn is free; a disc needs no room."""
         footprint = self._robot.footprint
         least = float(np.hypot(*scene.points.T).min(initial=math.inf))
         return footprint.radius is not None or least > footprint.r_max + margin
 
     def _has_backed_off(self, scene: _Scene) -> bool:
-        """Whether the robot is far enough from where it got stuck and can turn or drive ahead."""
+        """Return whether the robot is far enough from where it got stuck and can turn or drive ahead."""
         here = scene.observation.odometry
         if self._stuck is not None and math.dist(here[:2], self._stuck[:2]) < self._config.near_length:
             return False
         return self._turns_usefully(scene, self._config.turn_margin) or self._can_drive_ahead(scene)
 
     def _can_drive_ahead(self, scene: _Scene) -> bool:
-        """Whether enough tubes are free, and one ends near the path (authors' public code: within one bin)."""
+        """Return whether enough tubes are free, and one ends near the path (authors' public code: within one bin)."""
         chosen = self._tubes.ahead(scene.route, scene.observation.ramp_start, scene.view, scene.seen)
         return chosen is not None and chosen.share >= self._config.free_low and chosen.bin <= 1
 

@@ -58,7 +58,7 @@ class Surroundings:
         return np.asarray(out_of_sight(hits, self._poses[-1], lidar, view.increment, view.num_beams, reach))
 
     def known_free(self, points: Floats) -> Bools:
-        """Whether the robot has stood on or seen past each of the points (P, 2) in the base frame: (P,)."""
+        """Return whether the robot has stood on or seen past each of the points (P, 2) in the base frame: (P,)."""
         view, bodies, lidars, ranges = self._in_base_frame()
         return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
 

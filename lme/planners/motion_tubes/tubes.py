@@ -179,7 +179,7 @@ def backward_tubes(spec: TubeSpec) -> BackwardTubes:
 
 
 def _within(points: Floats, box: Box, pose: tuple[float, float, float]) -> Bools:
-    """Whether each of the points (P, 2) lies in the rounded rectangle at `pose`: (P,)."""
+    """Return whether each of the points (P, 2) lies in the rounded rectangle at `pose`: (P,)."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
     beside_x = np.maximum(np.abs(cos * dx + sin * dy) - box[0], 0.0)

@@ -146,7 +146,7 @@ class S3Fisvfh:
         return heading
 
     def _towards(self, bearing: float) -> bool:
-        """Whether the smoothed heading is towards the goal."""
+        """Return whether the smoothed heading is towards the goal."""
         assert self._heading is not None
         return abs(math.remainder(self._heading - bearing, math.tau)) < self._config.clear_deviation
 
@@ -204,7 +204,7 @@ class S3Fisvfh:
         self._pose = pose
 
     def _is_free(self, twist: Twist, points: Floats, observation: Observation) -> bool:
-        """Whether the footprint stays clear of all points during this command and braking."""
+        """Return whether the footprint stays clear of all points during this command and braking."""
         limits = observation.limits
         braking = max(abs(twist.v) / limits.alpha_v, abs(twist.omega) / limits.alpha_omega) / 2.0
         time = self._robot.dt + braking
@@ -213,7 +213,7 @@ class S3Fisvfh:
 
 
 def _unseen(robot: Robot, num_sectors: int) -> Bools:
-    """Whether each sector's middle is outside the field of view: (num_sectors,)."""
+    """Return whether each sector's middle is outside the field of view: (num_sectors,)."""
     lidar = robot.lidar
     middles = -math.pi + (np.arange(num_sectors) + 0.5) * math.tau / num_sectors
     off_axis = np.abs(np.remainder(middles - lidar.yaw + math.pi, math.tau) - math.pi)

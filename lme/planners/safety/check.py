@@ -78,7 +78,7 @@ class StoppingCheck:
         return min(float(self._clearances(self._tested, now, twist, enough)[0]) for twist in now.twists)
 
     def stops(self, command: Twist, now: StoppingState) -> bool:
-        """Whether the robot can stop after the command without contact. With zero: whether it can stop now."""
+        """Return whether the robot can stop after the command without contact. With zero: whether it can stop now."""
         return self.clearance(command, now) >= TOUCHING
 
     def nearest(self, wanted: Twist, now: StoppingState, enough: float = TOUCHING) -> Twist | None:

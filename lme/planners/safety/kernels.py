@@ -128,7 +128,7 @@ def _brake(near, state, command, motion, box, r_max):
 
 @njit(cache=True, error_model="numpy")
 def _moves(state, motion, r_max):
-    """Whether the robot has some way to go until it stands."""
+    """Return whether the robot has some way to go until it stands."""
     speed = abs(state.v) + r_max * abs(state.omega)
     return speed > 0.0 and (motion.lag == 0.0 or speed * motion.lag > _STANDS)
 

@@ -87,7 +87,7 @@ class TimedBand:
         return ahead * math.hypot(dx, dy) / dt, wrap_angle(after[2] - yaw) / dt
 
     def _jumped(self, goal: Floats) -> bool:
-        """Whether the local goal is another one, or another way round."""
+        """Return whether the local goal is another one, or another way round."""
         config, end = self._config, self.poses[-1]
         away = math.hypot(goal[0] - end[0], goal[1] - end[1])
         turned = abs(wrap_angle(goal[2] - end[2]))

@@ -96,7 +96,7 @@ class Teb:
         return points[ahead | (np.hypot(dx, dy) <= self._config.costmap_obstacles_behind_robot_dist)]
 
     def _free(self) -> bool:
-        """Whether the padded outline touches no obstacle at the first poses, nor between them."""
+        """Return whether the padded outline touches no obstacle at the first poses, nor between them."""
         poses = self.band.poses[: self._config.feasibility_check_no_poses + 1]
         if any(self._touches(pose) for pose in poses):
             return False
@@ -109,7 +109,7 @@ class Teb:
         return True
 
     def _touches(self, pose: Floats) -> bool:
-        """Whether the padded outline touches an obstacle at a pose (3,)."""
+        """Return whether the padded outline touches an obstacle at a pose (3,)."""
         return self.costmap.outline_cost(Pose(*pose.tolist())) < 0
 
     def _saturated(self, v: float, omega: float) -> tuple[float, float]:

@@ -70,7 +70,7 @@ class Oscillation:
             self.turn = 0.0
 
     def _wavers(self) -> bool:
-        """Whether mean velocity and turn rate are near zero, but the turns change sides."""
+        """Return whether mean velocity and turn rate are near zero, but the turns change sides."""
         commands, config = self._commands, self._config
         if len(commands) < self._size // 2:
             return False

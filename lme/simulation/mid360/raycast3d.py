@@ -193,7 +193,7 @@ def _to_lids(origin, ray, edges, solids, nearer):
 
 @njit(cache=True, error_model="numpy")
 def _inside(x, y, edges, first, last):
-    """Whether a point lies in the polygon of edges first…last−1, by the even–odd rule."""
+    """Return whether a point lies in the polygon of edges first…last−1, by the even–odd rule."""
     odd = False
     for i in range(first, last):
         x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]

@@ -87,7 +87,7 @@ def next_waypoints(
 
 @njit(cache=True, error_model="numpy")
 def _is_last(plan, count, repeat):
-    """Whether the person stays at the next waypoint."""
+    """Return whether the person stays at the next waypoint."""
     return count == 1 or (repeat != _BACK_AND_FORTH and repeat != _CYCLE and plan[_LEG] == count - 1)
 
 

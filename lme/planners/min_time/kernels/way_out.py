@@ -116,7 +116,7 @@ def _kept(points, box, margin):
 
 @njit(cache=True, error_model="numpy")
 def _keeps(points, kept, pose, box):
-    """Whether all points are as far from the footprint at a pose as they have to be."""
+    """Return whether all points are as far from the footprint at a pose as they have to be."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for m in range(len(points)):
         x, y = points[m, 0] - pose[0], points[m, 1] - pose[1]
@@ -136,7 +136,7 @@ def _distance(x, y, box):
 
 @njit(cache=True, error_model="numpy")
 def _has_room(points, pose, room):
-    """Whether no point is nearer than `room` to a pose."""
+    """Return whether no point is nearer than `room` to a pose."""
     for m in range(len(points)):
         x, y = points[m, 0] - pose[0], points[m, 1] - pose[1]
         if x * x + y * y < room * room:

@@ -111,7 +111,7 @@ def furthest_reached(poses: Singles, path: Floats) -> int:
 
 @njit(cache=True, error_model="numpy")
 def free_points(path: Floats, cells: Costs, grid: Grid) -> Bools:
-    """Whether each point of the path but its last is in a cell that the robot's middle may pass: (P − 1,)."""
+    """Return whether each point of the path but its last is in a cell that the robot's middle may pass: (P − 1,)."""
     free = np.empty(len(path) - 1, np.bool_)
     for j in range(len(free)):
         free[j] = 0 <= _cost_at(path[j, 0], path[j, 1], cells, grid) < INSCRIBED
