@@ -34,7 +34,7 @@ __all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from the module that defines it. Raises InputError if that needs Gymnasium, which is missing."""
+    """Return a public name from its module. Raises InputError if that module needs Gymnasium, which is missing."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

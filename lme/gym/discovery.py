@@ -1,4 +1,4 @@
-"""Registers the environments with Gymnasium, whichever of the two is imported first, without importing Gymnasium."""
+"""Registration of the environments with Gymnasium, which is never imported here, in either order of import."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _REGISTRATION = "lme.gym.registration"
 
 
 def register_with_gymnasium() -> None:
-    """Register the environments now if Gymnasium is there, else as soon as it is imported.
+    """Register the environments now if Gymnasium has been imported, else as soon as it is.
 
-    `gym.make("lme:lme/Barn-v0")` imports `lme`, but not again if it is already imported.
+    `gym.make("lme:lme/Barn-v0")` imports `lme`, but does not run it again if it has been imported before.
     """
     if sys.modules.get(_GYMNASIUM):
         importlib.import_module(_REGISTRATION)
@@ -25,7 +25,7 @@ def register_with_gymnasium() -> None:
 
 
 class _Watcher:
-    """Waits on Python's import path for Gymnasium, and leaves the loading to its usual loader."""
+    """Import hook that waits for Gymnasium and leaves the loading itself to the usual loader."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         if name != _GYMNASIUM:

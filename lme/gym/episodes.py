@@ -1,4 +1,4 @@
-"""Episodes to train in: each has a world and a robot."""
+"""Training episodes, each with a world and a robot."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Episodes:
         self._task = lru_cache(maxsize=WORLDS_KEPT)(self._built)
 
     def draw(self, rng: np.random.Generator, world: int | None = None) -> tuple[Task, Robot]:
-        """Task and robot of the next episode, in this world or in one that `rng` draws; all are equally likely.
+        """Return task and robot of the next episode, in this world or in one drawn uniformly by `rng`.
 
         Raises InputError for a world that the map set does not hold, or in which the robot cannot drive.
         """
@@ -60,7 +60,7 @@ class Episodes:
 
 
 def world_of(options: Mapping[str, Any] | None) -> int | None:
-    """The world that the options of Gymnasium's `reset` choose, if any. Raises InputError for another option."""
+    """Return the world chosen by the options of Gymnasium's `reset`, if any. Raises InputError for other options."""
     for key in options or {}:
         if key != "world":
             raise InputError(f"options has {key!r}: may hold only 'world', the number of a world")
@@ -68,7 +68,7 @@ def world_of(options: Mapping[str, Any] | None) -> int | None:
 
 
 def _summary(numbers: tuple[int, ...]) -> str:
-    """The numbers of some worlds, for a message."""
+    """Numbers of some of the worlds, for an error message."""
     if len(numbers) <= 8:
         return ", ".join(map(str, numbers))
     return f"the {len(numbers)} worlds {numbers[0]}, {numbers[1]}, …, {numbers[-1]}"

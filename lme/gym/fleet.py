@@ -1,6 +1,7 @@
 """Many robots, each in its own world and episode, moved by one compiled call: `sim=fast` in bulk.
 
-It takes and returns arrays, and does not need Gymnasium. To the last bit, each robot sees and does what it would alone.
+It takes and returns arrays and does not need Gymnasium. Each robot sees and does exactly, to the last bit, what it
+would alone.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectoriza
 
 
 class Views(NamedTuple):
-    """What K robots see.
+    """Observations of K robots.
 
     ranges (K, B) float32 [m], range_max without a return; targets (K, 2): goals in the robots' frames [m]; twists (K,
-    2): they are the last commands, too, as far as the robots could follow [m/s, rad/s]; limits (K, 4): v_max, ω_max,
-    α_v, α_ω; boxes (K, 3): half length, half width and rounding of what collides [m].
+    2), which are also the last commands, as far as the robots could follow them [m/s, rad/s]; limits (K, 4): v_max,
+    ω_max, α_v, α_ω; boxes (K, 3): half length, half width and rounding of the collision footprint [m].
     """
 
     ranges: NDArray[np.float32]
@@ -42,12 +43,12 @@ class Views(NamedTuple):
     boxes: Floats
 
     def of(self, chosen: Ints) -> Views:
-        """What some of the robots see, in new arrays."""
+        """Return the observations of some of the robots, in new arrays."""
         twists, limits, boxes = self.twists[chosen], self.limits[chosen], self.boxes[chosen]
         return Views(self.ranges[chosen], self.targets[chosen], twists, limits, boxes)
 
     def put(self, chosen: Ints, views: Views) -> None:
-        """Replace what some of the robots see."""
+        """Replace the observations of some of the robots."""
         self.ranges[chosen] = views.ranges
         self.targets[chosen], self.twists[chosen] = views.targets, views.twists
         self.limits[chosen], self.boxes[chosen] = views.limits, views.boxes
@@ -56,7 +57,7 @@ class Views(NamedTuple):
 class Transition(NamedTuple):
     """The result of a step of N robots.
 
-    views: what the robots see next; a robot whose episode has ended is at the start of its next one. rewards (N,).
+    views: the next observations; a robot whose episode has ended is at the start of its next one. rewards (N,).
     terminated, truncated (N,): arrived or in contact; out of time. outcomes (N,): codes of `lme.gym.kernels`.
     ended (K,): the robots whose episode has ended, with their `last_views` and `results` (K).
     """
@@ -72,7 +73,7 @@ class Transition(NamedTuple):
 
 
 class Fleet:
-    """N robots. Call `reset` first.
+    """N robots that drive side by side, each in its own world. Call `reset` first.
 
     Lidar and control rate are the same for all; the other values of a robot may be redrawn for each episode.
     """
@@ -151,7 +152,7 @@ class Fleet:
         return task
 
     def _place(self, i: int, task: Task) -> None:
-        """Copy the world of robot i into the arrays of all, which grow if it has more obstacles than any before."""
+        """Copy the world of robot i into the shared arrays, which grow if it has more obstacles than any before."""
         obstacles = (task.world.circles, task.world.edges)
         if task.world.movers:
             raise InputError(f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}")
@@ -168,7 +169,7 @@ class Fleet:
         places.rules[i] = task.goal_tolerance, task.time_limit, task.clock_distance
 
     def _views(self, chosen: Ints) -> Views:
-        """What the chosen robots (K,) see now, in new arrays."""
+        """Return the current observations of the chosen robots (K,), in new arrays."""
         lidar, count = self.robot.lidar, len(chosen)
         std, noise = float(lidar.noise_std), np.empty((0, 0), dtype=np.float32)
         if std > 0.0:

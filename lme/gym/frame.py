@@ -1,4 +1,4 @@
-"""A picture of the scene from above: obstacles, goal, what the lidar sees, the path driven, and the robot."""
+"""Picture of the scene from above: obstacles, goal, lidar returns, the path driven, and the robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Corners = list[tuple[float, float]]
 def frame(
     task: Task, robot: Robot, simulator: Simulator, scan: LaserScan, trail: list[Pose]
 ) -> NDArray[np.uint8]:
-    """The scene (H, W, 3). scan: what the lidar sees now; trail: the poses passed so far, the current one last.
+    """Draw the scene (H, W, 3). scan: the current one; trail: the poses passed so far, the current one last.
 
     All pictures of an episode have the same size.
     """
@@ -49,7 +49,7 @@ def frame(
 
 
 class _Canvas:
-    """A picture in world coordinates, x to the right and y up [m]."""
+    """Image that is drawn on in world coordinates, x to the right and y up [m]."""
 
     def __init__(self, task: Task) -> None:
         low, high = _bounds(task)
@@ -84,7 +84,7 @@ def _bounds(task: Task) -> tuple[Floats, Floats]:
 
 
 def _hits(robot: Robot, scan: LaserScan, pose: Pose) -> Floats:
-    """(M, 2) points that the lidar sees, in the world [m]."""
+    """Points that the lidar sees, in the world: (M, 2) [m]."""
     directions = beam_directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
     hit = scan.ranges < scan.range_max
     return to_world(directions[hit] * scan.ranges[hit, None], compose(pose, robot.lidar.mount))

@@ -1,4 +1,4 @@
-"""One control period of many robots, each in its own world, and what each of them sees."""
+"""One control period of many robots, each in its own world, and their observations after it."""
 
 import math
 from typing import NamedTuple
@@ -15,7 +15,7 @@ RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
 
 
 class Places(NamedTuple):
-    """The worlds and tasks of N robots, each in the first rows of its part of the arrays.
+    """Worlds and tasks of N robots. Each robot uses the first rows of its part of the arrays.
 
     circles (N, C, 3), edges (N, E, 4): obstacles [m]. counts (N, 2): how many of them are the robot's.
     starts, goals (N, 2) [m]. rules (N, 3): tolerance of the goal [m], time limit [s], distance from the start [m] at
@@ -31,7 +31,7 @@ class Places(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """N robots: limits (N, 4), boxes (N, 3) of what collides [m], and the radius (N,) around each box [m]."""
+    """Bodies of N robots: limits (N, 4), collision footprints (N, 3) [m] and their circumscribed radii (N,) [m]."""
 
     limits: Floats
     boxes: Floats
@@ -39,10 +39,10 @@ class Bodies(NamedTuple):
 
 
 class States(NamedTuple):
-    """The state of N robots, which the kernels change.
+    """State of N robots, which the kernels change in place.
 
-    poses (N, 3); twists (N, 2); times (N,) since reset [s]; clocks (N,): when the clock started [s], NaN before;
-    lengths (N,) of the paths [m]; outcomes (N,).
+    poses (N, 3); twists (N, 2); times (N,) since reset [s]; clocks (N,): time at which the clock started [s], NaN
+    before; lengths (N,) of the paths [m]; outcomes (N,).
     """
 
     poses: Floats
@@ -79,7 +79,7 @@ def advance(states, bodies, places, commands, dt, max_step, even_ramp):
 
 @njit(cache=True, error_model="numpy")
 def look(chosen, states, places, lidar, table, noise, noise_std, ranges, targets):
-    """Write what the chosen robots (K,) see: ranges (K, B) [m], and targets (K, 2) in their frames [m].
+    """Write the observations of the chosen robots (K,): ranges (K, B) and targets (K, 2) in their frames [m].
 
     lidar: x, y, yaw of the mount, angle_min, angle_increment, range_max; table (2, B): `beam_table`; noise (K, B)
     standard normal, not read if noise_std [m] is 0.
@@ -103,7 +103,7 @@ def look(chosen, states, places, lidar, table, noise, noise_std, ranges, targets
 
 @njit(cache=True, error_model="numpy")
 def wrapped(angle):
-    """`lme.geometry.frames.wrap_angle`: the angle wrapped to (−π, π] [rad], exactly."""
+    """Wrap an angle to (−π, π] [rad], with exactly the result of `lme.geometry.frames.wrap_angle`."""
     size = abs(angle)
     part = size % math.tau
     rest = math.tau - part
@@ -115,7 +115,7 @@ def wrapped(angle):
 
 @njit(cache=True, error_model="numpy")
 def _motion(i, states, bodies, commands, dt, max_step, even_ramp):
-    """`drive` of robot i."""
+    """Return the motion of robot i, by `drive`."""
     pose = (states.poses[i, 0], states.poses[i, 1], states.poses[i, 2])
     twist, command = (states.twists[i, 0], states.twists[i, 1]), (commands[i, 0], commands[i, 1])
     limits = (bodies.limits[i, 0], bodies.limits[i, 1], bodies.limits[i, 2], bodies.limits[i, 3])

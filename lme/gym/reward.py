@@ -1,4 +1,4 @@
-"""The reward of a step, and the result of an episode."""
+"""Reward of a step and result of an episode."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Reward:
 
 
 class Result(NamedTuple):
-    """How an episode ended. time: on the task's clock [s]; path_length [m]; optimal_time: the task's [s]."""
+    """Result of an episode. time: on the task's clock [s]; path_length [m]; optimal_time: the task's [s]."""
 
     outcome: Outcome
     world: int
@@ -49,7 +49,7 @@ class Result(NamedTuple):
     optimal_time: float
 
     def info(self) -> dict[str, Any]:
-        """What Gymnasium's info holds at the end of an episode; `is_success` is Stable-Baselines3's name."""
+        """Return the entries of Gymnasium's info at the end; `is_success` is Stable-Baselines3's name."""
         success = self.outcome is Outcome.SUCCESS
         metric = (
             math.nan if math.isnan(self.optimal_time) else barn_metric(success, self.time, self.optimal_time)

@@ -1,4 +1,4 @@
-"""The environment of one robot."""
+"""Gymnasium environment of one robot."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from lme.worlds.world import MapSet
 class NavigationEnv(gym.Env[Any, Any]):
     """Drive a robot to its goal past obstacles that it sees with a lidar.
 
-    See docs/envs.md for observation, action, reward and info. Each episode is in a world of the map set, drawn at
-    random; `reset(options={"world": 42})` chooses it.
+    See docs/envs.md for observation, action, reward and info. Each episode takes place in a world drawn at random
+    from the map set, or in the one that `reset(options={"world": 42})` chooses.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
@@ -52,7 +52,7 @@ class NavigationEnv(gym.Env[Any, Any]):
     ) -> None:
         """See `lme.gym.spaces.choose` for the other keywords.
 
-        people: whom the observation's `people` holds, see `lme.perception.people.source.People`; "none": no such key.
+        people: the people in the observation, see `lme.perception.people.source.People`; "none": no such key.
         """
         if render_mode not in (None, "rgb_array"):
             raise InputError(f'render_mode is {render_mode!r}: must be None or "rgb_array"')
@@ -97,7 +97,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         return self._seen(observation), self._reward(outcome), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The scene from above, (H, W, 3); None without a render mode."""
+        """Return the scene from above (H, W, 3), or None without a render mode."""
         if self.render_mode is None or self._simulator is None:
             return None
         return frame(self._task, self._robot, self._simulator, self._scan, self._trail)
@@ -117,7 +117,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         return float(self._choices.reward.of(before, self._distance, np.array([CODES[outcome]]))[0])
 
     def _distance_left(self) -> Floats:
-        """(1,) distance from robot to goal [m]."""
+        """Distance from robot to goal: (1,) [m]."""
         assert self._simulator is not None
         return distances(np.array([self._task.goal]), np.array([self._simulator.state.pose]))
 

@@ -25,7 +25,7 @@ MOST_PEOPLE = 16  # in an observation
 
 
 def observation_space(lidar: Lidar, people: bool) -> spaces.Dict[Any]:
-    """scan [m], target [m], twist [m/s, rad/s] and limits (v_max, ω_max, α_v, α_ω), float32; and `people_rows`."""
+    """Space of scan, target [m], twist [m/s, rad/s], limits (v_max, ω_max, α_v, α_ω), float32; and `people_rows`."""
     space = spaces.Dict(
         scan=spaces.Box(0.0, lidar.range_max, (lidar.num_beams,), np.float32),
         target=spaces.Box(-np.inf, np.inf, (2,), np.float32),
@@ -38,12 +38,12 @@ def observation_space(lidar: Lidar, people: bool) -> spaces.Dict[Any]:
 
 
 def action_space() -> spaces.Box[Any]:
-    """v and ω, each as a share of the robot's limit."""
+    """Space of v and ω, each as a share of the robot's limit."""
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
 def arrays(ranges: NDArray[np.float32], target: Any, twist: Any, limits: Any, range_max: float) -> Arrays:
-    """New arrays as in the space, of one robot or of many. The range of a beam without a return becomes range_max."""
+    """Return new arrays as in the space, for one robot or many. A beam without a return gets range_max."""
     return {
         "scan": np.minimum(ranges, np.float32(range_max)),
         "target": np.array(target, dtype=np.float32),
@@ -53,7 +53,7 @@ def arrays(ranges: NDArray[np.float32], target: Any, twist: Any, limits: Any, ra
 
 
 def people_rows(pedestrians: Floats) -> NDArray[np.float32]:
-    """(MOST_PEOPLE, 5) of people (P, 4) in the robot frame [m, m/s]: those who are nearest, and 1; then rows of 0."""
+    """Rows (MOST_PEOPLE, 5) of the nearest people of (P, 4) in the robot frame [m, m/s], and 1; then rows of 0."""
     rows = np.zeros((MOST_PEOPLE, 5), np.float32)
     nearest = np.argsort(np.hypot(pedestrians[:, 0], pedestrians[:, 1]), kind="stable")[:MOST_PEOPLE]
     rows[: len(nearest), :4] = pedestrians[nearest]
@@ -62,7 +62,7 @@ def people_rows(pedestrians: Floats) -> NDArray[np.float32]:
 
 
 def commands(actions: Any, limits: Floats) -> Floats:
-    """Velocity commands (..., 2) [m/s, rad/s] of actions (..., 2), cut off at ±1. limits (..., 4).
+    """Return the velocity commands (..., 2) [m/s, rad/s] of actions (..., 2) clipped to ±1. limits (..., 4).
 
     Raises InputError for actions of another shape and for NaN.
     """
@@ -78,7 +78,7 @@ Settings = Mapping[str, Any]
 
 @dataclass(slots=True)
 class Choices:
-    """The objects that an environment is made of. simulator: a class, called with `config` and a robot."""
+    """Parts of an environment. simulator: a class, called with `config` and a robot."""
 
     map_set: MapSet
     robot: Robot | DrawRobot
@@ -87,7 +87,7 @@ class Choices:
     reward: Reward
 
     def episodes(self) -> Episodes:
-        """The episodes to drive."""
+        """Return the episodes to drive."""
         return Episodes(self.map_set, self.robot)
 
 
@@ -99,7 +99,7 @@ def choose(
     map_config: Settings | None,
     sim_config: Settings | None,
 ) -> Choices:
-    """The objects for these keywords. Raises InputError for an unknown name or key, or a wrong value.
+    """Return the objects for these keywords. Raises InputError for an unknown name or key, or a wrong value.
 
     map, robot, sim: names in `conf/map/`, `conf/robot/` and `conf/sim/`, or objects. map_config, sim_config: values
     for some of the keys of a named one. reward: values for some of the fields of `Reward`.
@@ -130,10 +130,10 @@ TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
 
 
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
-    """(beams + 4,) float32: the scan clipped at `clip` [m], the target, and the last action.
+    """Observation as one vector (beams + 4,), float32: scan clipped at `clip` [m], target, and last action.
 
-    beams: their number; each is the nearest return of a group of neighbouring beams of the lidar. None: all beams.
-    A target farther away than twice the clip is moved in to that distance. At the start the last action is 0.
+    beams: number of ranges, each the nearest return of a group of neighbouring beams of the lidar. None: all beams.
+    A target farther away than twice the clip is moved to that distance. At the start the last action is 0.
     Source: Daffan/ros_jackal, where the robot learns to drive in the BARN worlds.
     """
 
@@ -166,7 +166,7 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstruct
 
 
 def flattened(seen: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0) -> NDArray[np.float32]:
-    """The vectors (..., beams + 4) of `FlatObservation` for observations of one robot or of many.
+    """Return the vectors (..., beams + 4) of `FlatObservation` for observations of one robot or of many.
 
     action (..., 2): the last one, in [−1, 1]; beams: a divisor of the lidar's; clip [m].
     """

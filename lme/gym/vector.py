@@ -1,4 +1,4 @@
-"""The environment of many robots, as Gymnasium's vector environment: a thin wrapper around `Fleet`."""
+"""Gymnasium vector environment of many robots: a thin wrapper around `Fleet`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from lme.worlds.world import MapSet
 class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
     """Many robots in `sim=fast`, moved by one compiled call.
 
-    To the last bit, each does what it would in `NavigationEnv`. A robot whose episode has ended is at the start of the
-    next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
+    Each robot does exactly, to the last bit, what it would do in `NavigationEnv`. A robot whose episode ends is put
+    at the start of the next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -42,7 +42,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         render_mode: str | None = None,
         people: str = "none",
     ) -> None:
-        """See `lme.gym.spaces.choose` for the keywords. Raises InputError for what one call does not support."""
+        """See `lme.gym.spaces.choose` for the keywords. Raises InputError for what the compiled call lacks."""
         if render_mode is not None:
             raise InputError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         if people != People.none:
@@ -62,7 +62,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
-        """Start an episode with every robot. seed: of the first robot, one more for each next one; or one for each."""
+        """Start an episode with every robot. seed: of the first robot, others count up; or one for each."""
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         views = self.fleet.reset(seeds, world_of(options))
         self._limits = views.limits
@@ -78,7 +78,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         return self._seen(moved.views), moved.rewards, moved.terminated, moved.truncated, self._infos(moved)
 
     def _infos(self, moved: Transition) -> dict[str, Any]:
-        """The ends of episodes, and the starts of the next ones."""
+        """Return the ends of episodes and the starts of the next ones, as Gymnasium's infos."""
         infos: dict[str, Any] = {}
         last = self._seen(moved.last_views)
         for k, i in enumerate(moved.ended.tolist()):

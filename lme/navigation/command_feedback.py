@@ -1,4 +1,4 @@
-"""What a navigator knows of the motion that its commands have led to, and from where the next one ramps."""
+"""Motion that a navigator's commands have led to, and the twist from which the next command ramps."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ _MOVED_M = 0.02  # in a control period: no noise of the odometry
 
 
 class CommandFeedback:
-    """Tells planners the last command, and a twist that is the robot's, and keeps commands within the limits.
+    """Gives planners the last command and a twist that can be trusted, and keeps commands within the limits.
 
-    A robot that makes less than a fifth of the commanded motion over two seconds is held: lifted, blocked or stopped by
-    an emergency switch. Then commands ramp from its measured motion, so that it does not leap when it is let go.
+    A robot that makes less than a fifth of the commanded motion over two seconds counts as held: lifted, blocked or
+    stopped by an emergency switch. Commands then ramp from its measured motion, so that it does not leap when
+    released.
 
-    A twist that is exactly zero from one pose to another is no measurement (FAST-LIO publishes such odometry): the
-    velocity between the poses takes its place.
+    A twist that is exactly zero while the pose changes is not a measurement (FAST-LIO publishes such odometry), and
+    is replaced by the velocity between the poses.
     """
 
     def __init__(self, feedback: Feedback | str, dt: float | None) -> None:
-        """dt: control period [s]; None: not known, so acceleration is not limited and the motion is not watched."""
+        """dt: control period [s]; None: unknown, so acceleration is not limited and the motion is not monitored."""
         if feedback not in list(Feedback):
             raise InputError(f"feedback is {feedback!r}: must be one of {', '.join(Feedback)}")
         self._closed, self._dt = feedback == Feedback.CLOSED_LOOP, dt
@@ -43,7 +44,7 @@ class CommandFeedback:
             self._periods: deque[tuple[float, ...]] = deque(maxlen=max(round(_HELD_FOR / self._dt), 1))
 
     def completed(self, observation: Observation) -> Observation:
-        """The observation with the last command, where it has none, and with what the motion says. Once per period."""
+        """Fill in the last command, if missing, and what the motion shows. Call it once per period."""
         if observation.last_command is None:
             observation = observation._replace(last_command=self._last)
         move = None if self._dt is None else self._reckoning.move(observation)
@@ -57,7 +58,7 @@ class CommandFeedback:
         return observation._replace(closed_loop=True) if held or self._closed else observation
 
     def limited(self, command: Twist, observation: Observation) -> Twist:
-        """The command, or the nearest that the limits allow. It is the last one from now on."""
+        """Return the command, or the nearest one within the limits, and remember it as the last command."""
         limits = observation.limits
         if self._dt is None:
             self._last = limits.clamped(command)
@@ -86,5 +87,5 @@ class CommandFeedback:
 
 
 def _behind(asked: float, done: float, least: float) -> bool:
-    """Return whether less than a fifth of a motion that was asked for was done."""
+    """Return whether less than a fifth of the commanded motion was executed."""
     return abs(asked) > least and math.copysign(1.0, asked) * done < _FOLLOWED * abs(asked)

@@ -55,17 +55,17 @@ class Episode:
 
     @property
     def speeds(self) -> Floats:
-        """(T,) executed speed ahead, a column of the trajectory [m/s]."""
+        """Executed forward speed, a column of the trajectory: (T,) [m/s]."""
         return self.trajectory[:, TRAJECTORY_COLUMNS.index("v_mps")]
 
     @property
     def turn_rates(self) -> Floats:
-        """(T,) executed turn rate, a column of the trajectory [rad/s]."""
+        """Executed turn rate, a column of the trajectory: (T,) [rad/s]."""
         return self.trajectory[:, TRAJECTORY_COLUMNS.index("omega_radps")]
 
 
 class Observer(Protocol):
-    """Receives every step of a running episode. It must not change anything."""
+    """Receives every step of a running episode, which it must not influence."""
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
         """Called after each decision and before its execution; `state`: the true state at the decision."""
@@ -96,9 +96,9 @@ def run_episode(
 
 
 class RunningEpisode:
-    """An episode that its caller drives: `decide`, then `move`, while there is no `outcome`.
+    """Episode that its caller advances: `decide`, then `move`, until there is an `outcome`.
 
-    observation: the newest. navigator, simulator: those that drive; nothing else may drive them meanwhile.
+    observation: the newest. navigator, simulator: in use by this episode; nothing else may use them meanwhile.
     decision_us: computing time of the last decision [µs].
     """
 
@@ -120,7 +120,7 @@ class RunningEpisode:
         return self._log.outcome()
 
     def decide(self) -> Twist:
-        """The navigator's command for the newest observation."""
+        """Return the navigator's command for the newest observation."""
         before = perf_counter_ns()
         command = self.navigator.act(self.observation)
         self.decision_us = (perf_counter_ns() - before) / 1000.0
@@ -129,10 +129,10 @@ class RunningEpisode:
         return command
 
     def change(self, task: Task) -> None:
-        """Go on among the obstacles of another task and to its goal; see `lme.simulation.simulator.Changeable`.
+        """Continue among the obstacles of another task and to its goal; see `lme.simulation.simulator.Changeable`.
 
-        Call it before `decide`. A guide that was given the map keeps the map that it has. Raises InputError for a
-        simulator that cannot.
+        Call it before `decide`. A guide that was given the map keeps that map. Raises InputError for a simulator that
+        cannot change its task.
         """
         if not isinstance(self.simulator, Changeable):
             name = type(self.simulator).__name__
@@ -149,7 +149,7 @@ class RunningEpisode:
         self.observation = self._checked(observation)
 
     def _checked(self, observation: Observation) -> Observation:
-        """What a simulator returns; one of a user's own is checked. Raises InputError, which names the step."""
+        """Return the simulator's result, checked if it is a user's own. Raises InputError, which names the step."""
         if self._ships:
             return observation
         try:
@@ -158,20 +158,20 @@ class RunningEpisode:
             raise InputError(f"step {self._log.steps}: {error}") from error
 
     def episode(self) -> Episode:
-        """The result. Call it at the end."""
+        """Return the result. Call it at the end."""
         outcome = self._log.outcome()
         assert outcome is not None
         return self._log.episode(outcome)
 
 
 class Progress:
-    """Path length, least clearance and time of a running episode, and how it ends.
+    """Path length, least clearance, time and outcome of a running episode.
 
     path_length, min_clearance: [m] so far.
     """
 
     def __init__(self, task: Task, state: State) -> None:
-        """state: after the simulator's reset."""
+        """state: the state after the simulator's reset."""
         self._task = task
         self._start = np.array(task.start[:2])
         self._clock_start = math.nan if task.clock_distance > 0.0 else 0.0
@@ -179,7 +179,7 @@ class Progress:
         self.min_clearance = state.clearance
 
     def change(self, task: Task) -> None:
-        """Go by the rules of another task from now on."""
+        """Apply the rules of another task from now on."""
         self._task = task
 
     def moved(self, before: State, state: State) -> None:
@@ -220,7 +220,7 @@ class _Log:
 
     @property
     def steps(self) -> int:
-        """Decisions so far."""
+        """Number of decisions so far."""
         return len(self._decision_us)
 
     def outcome(self) -> Outcome | None:
@@ -228,7 +228,7 @@ class _Log:
         return self._progress.outcome(self._simulator.state)
 
     def change(self, task: Task) -> None:
-        """Go on with another task."""
+        """Continue with another task."""
         self._task = task
         self._progress.change(task)
 
@@ -245,7 +245,7 @@ class _Log:
         self._progress.moved(self._before, self._simulator.state)
 
     def episode(self, outcome: Outcome) -> Episode:
-        """The result at the end of the episode."""
+        """Return the result at the end of the episode."""
         state = self._simulator.state
         self._rows.append(self._row(np.full(2, np.nan), False))
         return Episode(

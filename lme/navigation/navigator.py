@@ -1,4 +1,4 @@
-"""A navigator: one guide and one planner."""
+"""Navigator: one guide and one planner."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ class Explainable(Protocol):
     """A guide that can explain its last decision, such as LME."""
 
     def explanation(self) -> Explanation | None:
-        """All quantities behind the last decision; None before the first. Changes no state."""
+        """Return all quantities behind the last decision, None before the first. Changes no state."""
 
 
 class Explanations:
-    """Returns each explanation of a navigator once: a guide may not ask LME at every step."""
+    """Returns each explanation of a navigator once, since a guide may not run LME at every step."""
 
     def __init__(self, navigator: Navigator) -> None:
         self._navigator = navigator
         self._given: Decision | None = None
 
     def new(self) -> Explanation | None:
-        """The explanation if LME made a decision since the last call."""
+        """Return the explanation if LME made a decision since the last call."""
         why = self._navigator.explanation()
         if why is None or why.decision is self._given:
             return None
@@ -51,10 +51,11 @@ class Explanations:
 class Navigator:
     """Asks the guide where to go and the planner how to get there.
 
-    goal_tolerance: nearer to the target than this [m] it commands a stop. 0: whoever drives it decides when to stop.
-    people: puts people into observations; None: they keep those whom they have. feedback: from where commands ramp.
-    dt: control period [s], in which commands, also those of a user's own planner, change no faster than the limits of
-    acceleration allow; None: the planner alone sees to that, and the limits of velocity alone are kept here.
+    goal_tolerance: distance to the target below which it commands a stop [m]. 0: the caller decides when to stop.
+    people: source of the people in observations; None: observations keep their own. feedback: from where commands
+    ramp. dt: control period [s], in which commands, also those of a user's own planner, change no faster than the
+    limits of acceleration allow; None: only the limits of velocity are enforced here, and acceleration is left to the
+    planner.
     """
 
     def __init__(
@@ -95,14 +96,14 @@ class Navigator:
             self.guide.read_map(world, start)
 
     def explanation(self) -> Explanation | None:
-        """The guide's explanation of its last decision; None before the first, or if it cannot explain."""
+        """Return the guide's explanation of its last decision; None before the first, or if it has none."""
         return self.guide.explanation() if isinstance(self.guide, Explainable) else None
 
     def act(self, observation: Observation, time: float | None = None) -> Twist:
-        """Velocity command for one control period, within the limits and within one ramp of the last.
+        """Return the velocity command for one control period, within the limits and one ramp of the last command.
 
-        Raises InputError, which names the step, if guide, planner or source of people return what cannot be used.
-        time: when the scan was taken [s], on any clock; None: one control period after the last one.
+        Raises InputError, which names the step, if guide, planner or source of people return invalid values.
+        time: of the scan [s], on any clock; None: one control period after the last one.
         """
         self._steps += 1
         try:
