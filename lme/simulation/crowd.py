@@ -1,6 +1,6 @@
 """Motion of pedestrians and doors: the poses of all movers of a world over time.
 
-Scripted and recorded movers keep to their paths; people walk as `lme.simulation.walkers` says.
+Scripted and recorded movers follow their paths; people walk according to `lme.simulation.walkers`.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ _CYCLE = REPEATS.index("cycle")
 
 
 class Crowd:
-    """All movers of a world. Each is at the start of its path until `advance` is called.
+    """All movers of a world, each at the start of its path until `advance` is called.
 
-    poses: (M, 3) of the movers, in the world. present: (M,) whether they are there; only recorded ones come and go.
-    circles: (C, 3) discs that are there; edges: (E, 4) sides of polygons, both as in `World` and in the order of the
-    movers. top_speed: the greatest speed of any point of a mover [m/s]. velocities: (M, 2) of the movers' origins in
-    the last step, in the world [m/s].
+    poses: (M, 3) of the movers, in the world. present: (M,) whether they are in the world; only recorded movers come
+    and go. circles: (C, 3) discs that are present; edges: (E, 4) sides of polygons, both as in `World` and in the
+    order of the movers. top_speed: the greatest speed of any point of a mover [m/s]. velocities: (M, 2) of the
+    movers' origins in the last step, in the world [m/s].
     """
 
     def __init__(
         self, movers: Sequence[Mover], world: World | None = None, robot_radius: float = 0.0
     ) -> None:
-        """world: whose walls people walk around. robot_radius: of the disc that they take the robot for [m]."""
+        """world: its walls stand in people's way. robot_radius: of the disc that stands for the robot [m]."""
         self._movers = tuple(movers)
         self._discs = np.array(
             [i for i, mover in enumerate(movers) if mover.radius is not None], dtype=np.int64
@@ -61,7 +61,7 @@ class Crowd:
 
     @property
     def people(self) -> tuple[Floats, Floats]:
-        """The discs (C, 3) and their velocities (C, 2), in the order of `circles` [m, m/s]."""
+        """Discs (C, 3) and their velocities (C, 2), in the order of `circles` [m, m/s]."""
         return self.circles, self.disc_velocities
 
     @property
@@ -83,7 +83,7 @@ class Crowd:
         self._place()
 
     def go_on(self, former: Crowd) -> None:
-        """Take the time of another crowd, and from it where the movers are that it has too, the same objects."""
+        """Continue from another crowd: take over its time, and the state of the movers that are in both."""
         self._time = former._time
         places = {mover: i for i, mover in enumerate(former._movers)}
         kept = [(i, places[mover]) for i, mover in enumerate(self._movers) if mover in places]
@@ -117,12 +117,12 @@ class Crowd:
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
 
     def _there(self, rows: Floats) -> Floats:
-        """The rows, one for each disc, of those that are there."""
+        """Select from the rows, one for each disc, those of the discs that are present."""
         return rows[self.present[self._discs]] if self._come_and_go else rows
 
 
 def _timed(mover: Mover) -> Floats:
-    """(P, 4) waypoints with their arrival times; a cycle ends at its first waypoint."""
+    """Waypoints with their arrival times: (P, 4). A cycle ends at its first waypoint."""
     if mover.times is not None:
         return np.column_stack([mover.path, mover.times - mover.times[0]])
     path = np.vstack([mover.path, mover.path[:1]]) if mover.repeat == "cycle" else mover.path
@@ -132,7 +132,7 @@ def _timed(mover: Mover) -> Floats:
 
 
 def _top_speed(mover: Mover) -> float:
-    """The greatest speed of any of its points [m/s]."""
+    """Greatest speed of any point of the mover [m/s]."""
     if mover.walks:
         return HASTE * mover.speed
     if mover.times is not None:
@@ -142,7 +142,7 @@ def _top_speed(mover: Mover) -> float:
 
 
 def _rules(mover: Mover) -> tuple[float, ...]:
-    """start_after, starts_within, trigger x and y (NaN: the mover's own position), waits_within, repeat."""
+    """Rules: start_after, starts_within, trigger x and y (NaN: the mover's own position), waits_within, repeat."""
     if mover.walks:
         return (math.inf, -1.0, math.nan, math.nan, -1.0, 0.0)  # `Walkers` moves them
     starts = math.inf if mover.starts_within is None else mover.starts_within
@@ -186,7 +186,7 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):
 
 @njit(cache=True, error_model="numpy")
 def _is_ahead(path, progress, repeat, dx, dy):
-    """Whether the point (dx, dy) from the mover lies ahead of it; every point does while it turns on the spot."""
+    """Return whether (dx, dy) from the mover is ahead of it; every point is while it turns on the spot."""
     leg, _, sign = _leg(path, progress, repeat)
     last = min(leg + 1, len(path) - 1)
     along_x, along_y = path[last, 0] - path[leg, 0], path[last, 1] - path[leg, 1]

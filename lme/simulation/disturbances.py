@@ -67,7 +67,7 @@ class Disturbances:
 
 
 class Delay:
-    """Queue of commands on their way to the wheels. The command is zero before the first one arrives."""
+    """Queue of commands on their way to the wheels. Before the first one arrives, the command is zero."""
 
     def __init__(self, latency: float) -> None:
         self._latency = latency
@@ -79,7 +79,7 @@ class Delay:
         self._pending.append((time + self._latency, command))
 
     def at(self, time: float) -> Twist:
-        """The last command that has arrived by `time` [s]. Times must not decrease from call to call."""
+        """Return the last command that has arrived by `time` [s], which must not decrease from call to call."""
         while self._pending and self._pending[0][0] <= time:
             _, self._arrived = self._pending.popleft()
         return self._arrived
@@ -94,15 +94,15 @@ class Measured(NamedTuple):
 
 
 class PastMotion:
-    """The motion some time ago, interpolated between observations; before the first one the first."""
+    """Motion some time ago, interpolated between observations; before the first observation, the first."""
 
     def __init__(self, age: float) -> None:
-        """age: [s]; 0: the motion now."""
+        """age: of the motion that is returned [s]; 0: the current motion."""
         self._age = age
         self._motions: deque[tuple[float, Measured]] = deque()
 
     def at(self, time: float, motion: Measured) -> Measured:
-        """The motion at `time` − age [s]; `motion`: at `time`, which must not decrease from call to call."""
+        """Return the motion at `time` − age [s]. motion: at `time`, which must not decrease from call to call."""
         if self._age == 0.0:
             return motion
         self._motions.append((time, motion))
@@ -117,10 +117,11 @@ class PastMotion:
 
 
 class Odometry:
-    """The robot's own measurement of its motion: speed and turn rate are off by constant factors.
+    """Motion as the robot measures it itself: speed and turn rate are wrong by constant factors.
 
-    So they are if the wheels' diameter and distance, or the gyro's scale, are not what the robot assumes: systematic
-    errors (Borenstein & Feng 1996, doi:10.1109/70.544770), which grow with the way instead of averaging out.
+    This happens if the wheels' diameter and distance, or the gyro's scale, differ from what the robot assumes. Such
+    errors are systematic (Borenstein & Feng 1996, doi:10.1109/70.544770): they grow with the path driven instead of
+    averaging out.
     """
 
     def __init__(self, error: float, rng: np.random.Generator) -> None:
@@ -130,7 +131,7 @@ class Odometry:
         self._last = self._pose = Pose(0.0, 0.0, 0.0)
 
     def measured(self, twist: Twist, odometry: Pose) -> tuple[Twist, Pose]:
-        """Twist and pose since the start as the robot has them, from those of exact encoders. Once per period."""
+        """Return twist and pose since the start as measured, from those of exact encoders. Call once per period."""
         if self._exact:
             return twist, odometry
         step, self._last = relative(odometry, self._last), odometry
@@ -157,12 +158,12 @@ class TargetEstimate:
         self._fix = goal
 
     def aim(self, goal: Floats) -> None:
-        """Take another goal (2,) [m] from the next fix on, which is due at once if the goal has moved."""
+        """Use another goal (2,) [m] from the next fix on, which is due at once if the goal has moved."""
         if not np.array_equal(goal, self._goal):
             self._goal, self._due = goal, 0.0
 
     def seen_from(self, pose: Pose, odometry: Pose, time: float) -> Floats:
-        """(2,) target in the robot frame [m]. pose: the true pose; odometry: pose by the wheel encoders."""
+        """Return the target in the robot frame (2,) [m]. pose: the true one; odometry: pose by the wheel encoders."""
         if self._exact:
             return to_robot(self._goal, pose)
         if self._rate is None or time >= self._due - 1e-9:
@@ -171,7 +172,7 @@ class TargetEstimate:
         return to_robot(self._fix, odometry)
 
     def _estimated(self, pose: Pose) -> Pose:
-        """The pose that localisation reports."""
+        """Pose that localisation reports."""
         return Pose(*(np.asarray(pose) + self._rng.normal(0.0, self._deviation)).tolist())
 
 

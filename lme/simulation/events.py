@@ -1,4 +1,4 @@
-"""What ends a motion: contact or arrival."""
+"""Events that end a motion: contact and arrival."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from lme.worlds.world import Task, World
 def until_event(
     travel: Floats, task: Task, box: tuple[float, float, float], circles: Floats, edges: Floats
 ) -> tuple[Floats, float, bool, bool]:
-    """The poses up to contact or arrival, least clearance [m], contact, arrival.
+    """Return the poses up to contact or arrival, least clearance [m], contact, arrival.
 
-    travel (K, 3); box of what collides; circles (C, 3) and edges (E, 4), those of the task's world first. Contact on
-    arrival counts as contact only.
+    travel (K, 3); box: the collision footprint; circles (C, 3) and edges (E, 4), those of the task's world first.
+    Contact on arrival counts as contact only.
     """
     edges = nearby(task.world, travel, box, edges)
     goal = np.asarray(task.goal, dtype=np.float64)
@@ -27,7 +27,7 @@ def until_event(
 
 
 def nearby(world: World, poses: Floats, box: tuple[float, float, float], edges: Floats) -> Floats:
-    """Edges (E, 4), of which the first are the world's, without those too far away to be the nearest to a motion.
+    """Drop edges that are too far away to be the nearest one to a motion. edges (E, 4): the world's come first.
 
     poses (K, 3) and box (half_length, half_width, rounding) [m] of the footprint. All of a small world's edges stay.
     """

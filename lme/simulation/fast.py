@@ -40,8 +40,8 @@ class FastConfig(Disturbances):
 class FastSimulator:
     """Differential drive with a footprint and a noisy lidar; any contact ends the episode.
 
-    Without movers, slip, latency, lag and gait, a whole control period is checked at once; otherwise in substeps
-    (`Substepper`).
+    Without movers, slip, latency, lag and gait, a whole control period is checked at once; otherwise it is checked in
+    substeps (`Substepper`).
     """
 
     Config = FastConfig
@@ -120,7 +120,7 @@ class FastSimulator:
         self._task = task
 
     def _make_substepper(self, task: Task, crowd: Crowd, body: Body) -> Substepper | None:
-        """A substepper if one is needed."""
+        """Return a substepper if one is needed."""
         robot, config = self._robot, self._config
         if not (len(crowd) or config.latency or config.lag or config.natural_frequency or config.slip):
             return None
@@ -128,7 +128,7 @@ class FastSimulator:
         return Substepper(task, robot, config, self._rng.spawn(1)[0], crowd, body)
 
     def _count_substeps(self, crowd: Crowd) -> int:
-        """Substeps of a period: `max_step` bounds robot and movers at their top speeds together."""
+        """Number of substeps of a period, so that robot and movers at top speed move at most `max_step` together."""
         robot, config = self._robot, self._config
         v_max = (1.0 + config.overshoot_v) * robot.v_max
         omega_max = (1.0 + config.overshoot_omega) * robot.omega_max
@@ -136,7 +136,7 @@ class FastSimulator:
         return math.ceil(max(fastest * robot.dt / self._config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:
-        """The robot's limits; for an even ramp, α is lowered so that velocity changes over the whole period."""
+        """Return the limits; for an even ramp, α is lowered so that velocity changes over the whole period."""
         limits = self._robot.limits
         if not self._config.even_ramp:
             return limits
@@ -171,5 +171,5 @@ class _MasslessBody:
         self.twist = Twist(motion[0] / dt, motion[1] / dt)
 
     def touches(self, clearance: float) -> bool:
-        """Distance 0 is contact."""
+        """Return whether the distance is 0."""
         return clearance <= 0.0

@@ -1,11 +1,11 @@
-"""A walking gait: velocity that overshoots the command, a measured twist that ripples, and a lidar that tilts.
+"""Walking gait: velocity that overshoots the command, a measured twist that ripples, and a lidar that tilts.
 
 The model is fitted to a Unitree Go2 that walks in MuJoCo; `conf/sim/walking.yaml` has its values and their source.
 
-A tilt acts on a planar lidar alone, whose beams then meet the floor. The cloud of a 3D lidar (`robot.lidar.cloud`) is
+A tilt affects only a planar lidar, whose beams then meet the floor. The cloud of a 3D lidar (`robot.lidar.cloud`) is
 levelled by the estimated attitude, as in lidar-inertial odometry, so its points stay where they were hit and the floor
-stays below the heights that make the scan. What the tilt leaves there, a few millimetres by which the sensor moves, is
-less than the lidar's own noise, so the scan of a cloud does not change.
+stays below the heights that make the scan. The tilt still moves the sensor by a few millimetres, less than the
+lidar's own noise, so the scan of a cloud does not change.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ROLL_SHARE = 0.5  # [-] of the pitch's standard deviation: 1.3° of 2.3° for th
 
 
 def is_walking(twist: Twist) -> bool:
-    """Return whether the legs move."""
+    """Return whether the legs are moving."""
     return max(abs(twist.v), abs(twist.omega)) > STANDING
 
 
@@ -50,7 +50,7 @@ class GaitResponse:
         self._rates = [0.0, 0.0]  # y'/f of v and of ω
 
     def follow(self, command: tuple[float, float], dt: float) -> tuple[float, float]:
-        """Distance [m] and turn [rad] of the next `dt` [s] under a command v [m/s], ω [rad/s]."""
+        """Return distance [m] and turn [rad] in the next `dt` [s] under a command v [m/s], ω [rad/s]."""
         moved, reached = [0.0, 0.0], [0.0, 0.0]
         for axis in range(2):
             state = (self.twist[axis], self._rates[axis], command[axis])
@@ -61,7 +61,7 @@ class GaitResponse:
 
 
 def response_of(config: Disturbances) -> GaitResponse | None:
-    """The response of a robot at rest; None if its wheels follow the command directly."""
+    """Return the response of a robot at rest; None if its wheels follow the command directly."""
     if config.natural_frequency == 0.0:
         return None
     return GaitResponse(config.natural_frequency, (config.overshoot_v, config.overshoot_omega))
@@ -69,7 +69,7 @@ def response_of(config: Disturbances) -> GaitResponse | None:
 
 @lru_cache(maxsize=64)
 def _transition(frequency: float, damping: float, dt: float) -> Floats:
-    """(3, 3) from (y, y'/f, u) to the integral of y over dt, and y and y'/f after it: a matrix exponential."""
+    """Matrix (3, 3) from (y, y'/f, u) to the integral of y over dt and y, y'/f after it: a matrix exponential."""
     from scipy.linalg import expm
 
     rates = np.zeros((4, 4))  # of (integral, y, y'/f, u)
@@ -81,10 +81,10 @@ def _transition(frequency: float, damping: float, dt: float) -> Floats:
 
 
 def rippled(twist: Twist, ripple_v: float, ripple_omega: float, rng: np.random.Generator) -> Twist:
-    """The measured twist with white noise of these standard deviations [m/s, rad/s].
+    """Add white noise of these standard deviations [m/s, rad/s] to the measured twist.
 
-    The body sways with every stride, and the twist with it; the sway is a centimetre or two and a degree, so the pose
-    is left as it is. White noise is a simplification: at 8 Hz successive twists of the Go2 correlate by −.35 to .26,
+    The body and its twist sway with every stride. The sway is only a centimetre or two and a degree, so the pose is
+    not changed. White noise is a simplification: at 8 Hz successive twists of the Go2 correlate by −.35 to .26,
     and a faster control loop would see a smoother ripple.
     """
     v, omega = rng.normal((twist.v, twist.omega), (ripple_v, ripple_omega)).tolist()
@@ -96,7 +96,7 @@ def floor_ranges(bearings: Floats, height: float, tilt: float, rng: np.random.Ge
 
     bearings (B,) in the base frame [rad]; height of the lidar above the floor [m]. Pitch is drawn with the standard
     deviation `tilt` [rad] and roll with `ROLL_SHARE` of it. A beam dips by pitch·cos(bearing) + roll·sin(bearing), and
-    meets the floor at height / sin(dip). Ranges to upright obstacles, which change by 1 % at 9°, are left as they are.
+    meets the floor at height / sin(dip). Ranges to upright obstacles change by only 1 % at 9° and are not changed.
     """
     pitch, roll = rng.normal(0.0, (tilt, ROLL_SHARE * tilt))
     dips = pitch * np.cos(bearings) + roll * np.sin(bearings)

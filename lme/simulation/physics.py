@@ -1,4 +1,4 @@
-"""Rigid-body simulator: a robot with mass on wheels with limited grip; the physics engine reports contact."""
+"""Rigid-body simulator: a robot with mass on wheels of limited grip; the physics engine reports contact."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class RigidBody:
         self.twist = Twist(along, self._robot.angular_velocity)
 
     def keep_moving(self, former: RigidBody) -> None:
-        """Move as another body does at this moment."""
+        """Take over the current velocity of another body."""
         self._robot.velocity, self._robot.angular_velocity = (
             former._robot.velocity,
             former._robot.angular_velocity,
@@ -146,7 +146,7 @@ class RigidBody:
         self.twist = former.twist
 
     def touches(self, clearance: float) -> bool:
-        """Return whether the engine has reported a contact and not its end."""
+        """Return whether the engine has reported a contact, but not its end."""
         return self._touching > 0
 
     def _push(self, v: float, omega: float, heading: float, dt: float) -> None:
@@ -227,7 +227,7 @@ def _static_shapes(body: pymunk.Body, world: World) -> Iterator[pymunk.Shape]:
 
 
 def _polygon(body: pymunk.Body, outline: Floats) -> Iterator[pymunk.Shape]:
-    """One shape for a convex polygon, else one per side, since the engine would fill a concave polygon's hollows."""
+    """Return one shape for a convex polygon, else one per side: the engine would fill the hollows of others."""
     points = outline.tolist()
     if _is_convex(outline):
         yield pymunk.Poly(body, points)

@@ -1,4 +1,4 @@
-"""The interface of every simulator, and the robot's sensors, which all simulators share."""
+"""Interface of every simulator, and the robot's sensors, which all simulators share."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Simulator(Protocol):
 
     @property
     def people(self) -> tuple[Floats, Floats]:
-        """Discs that move and are there: circles (P, 3) and velocities (P, 2), in the world [m, m/s]."""
+        """Moving discs that are present: circles (P, 3) and velocities (P, 2), in the world [m, m/s]."""
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
@@ -67,17 +67,17 @@ class Simulator(Protocol):
 
 @runtime_checkable
 class Changeable(Protocol):
-    """A simulator whose world can change while the robot drives. Ours all are."""
+    """Simulator whose world can change while the robot drives. All simulators of lme allow it."""
 
     def change(self, task: Task) -> Observation:
-        """Go on among the obstacles of another task and to its goal, from where the robot is; its start is not used.
+        """Continue among the obstacles of another task and to its goal, from the current pose; its start is not used.
 
-        Movers that the last task had too, the same objects, go on where they are.
+        Movers that were in the last task too, as the same objects, continue from where they are.
         """
 
 
 def forward_enough(command: Twist, robot: Robot) -> Twist:
-    """The command, but for a robot that backs up no faster than v_min."""
+    """Return the command, limited to backing up no faster than v_min."""
     return command if robot.v_min is None else Twist(max(command.v, robot.v_min), command.omega)
 
 
@@ -103,11 +103,11 @@ class Sensors:
             self._mid360.reset(rng)
 
     def sent(self, command: Twist) -> None:
-        """Note the command of a period, as far as the robot's limits allow it after the last one."""
+        """Remember the command of a period, as far as the robot's limits allow it after the last one."""
         self.last_command = reachable(*command, self.last_command, self._limits, self._robot.dt)
 
     def change(self, task: Task) -> None:
-        """Look among the obstacles of another task from now on, for its goal."""
+        """Observe the obstacles and the goal of another task from now on."""
         self._look_in(task)
         self._target.aim(np.asarray(task.goal, dtype=np.float64))
 
@@ -121,10 +121,10 @@ class Sensors:
         crowd: Crowd | None = None,
         scan_pose: Pose | None = None,
     ) -> Observation:
-        """The observation; twist, odometry: by exact encoders; circles (C, 3), edges (E, 4): the obstacles now,
-        static ones first.
+        """Return the observation. twist, odometry: those of exact encoders.
 
-        crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the current pose.
+        circles (C, 3), edges (E, 4): the current obstacles, static ones first; crowd: the movers among them.
+        scan_pose: where the newest scan was taken, if not at the current pose.
         """
         scan_pose = scan_pose or state.pose
         config, walking = self._config, is_walking(twist)
@@ -154,7 +154,7 @@ class Sensors:
         self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
 
     def _scan(self, pose: Pose, circles: Floats, edges: Floats, tilt: float) -> LaserScan:
-        """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a levelled cloud.
+        """Return a planar scanner's beams, interpolated for `native_beams`, or the projection of a levelled cloud.
 
         tilt: standard deviation of the pitch [rad], which a levelled cloud does not have.
         """

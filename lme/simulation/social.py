@@ -1,8 +1,8 @@
 """Social measures of an episode, named and defined as in HuNavSim and by Francis et al.
 
 Pérez-Higueras, Otero, Caballero and Merino 2023, "HuNavSim", DOI 10.1109/LRA.2023.3316072, whose evaluator also has
-those of SEAN 2.0 and SocNavBench; Francis et al. 2025, DOI 10.1145/3700599. docs/social.md gives each definition.
-People are all discs that move. Distances are from the robot's outline to a person's disc.
+the measures of SEAN 2.0 and SocNavBench; Francis et al. 2025, DOI 10.1145/3700599. docs/social.md gives each
+definition. People are all discs that move. Distances are from the robot's outline to a person's disc.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Company:
         self._state = state
 
     def measures(self) -> SocialMeasures:
-        """The measures, once the episode has ended."""
+        """Return the measures, once the episode has ended."""
         state = self._state
         assert state is not None
         ours, theirs = self._fault(state) if state.contact else (0.0, 0.0)
@@ -87,9 +87,9 @@ class Company:
         )
 
     def _fault(self, state: State) -> tuple[float, float]:
-        """Who walked into whom: (1, 0) if the robot closed the gap at least as fast as the person, else (0, 1).
+        """Attribute a contact: (1, 0) if the robot closed the gap at least as fast as the person, else (0, 1).
 
-        (0, 0) for a contact with a wall. A robot that stands, or drives away, is never to blame.
+        Returns (0, 0) for a contact with a wall. A robot that stands or drives away is never to blame.
         """
         circles, velocities = self._simulator.people
         here = np.array([state.pose])
@@ -102,7 +102,7 @@ class Company:
 
 
 def without_people(task: Task) -> Task:
-    """The same task with nobody in its world; doors and static obstacles stay."""
+    """Return the same task without people in its world; doors and static obstacles stay."""
     doors = tuple(mover for mover in task.world.movers if mover.radius is None)
     return replace(task, world=replace(task.world, movers=doors))
 
@@ -110,7 +110,7 @@ def without_people(task: Task) -> Task:
 def closing_speeds(
     state: State, box: tuple[float, float, float], circle: Floats, velocity: Floats
 ) -> tuple[float, float]:
-    """How fast the robot, and how fast the person, closes the gap between them [m/s], along the line of contact."""
+    """Speeds at which the robot and the person each close the gap between them, along the line of contact [m/s]."""
     x, y, yaw = state.pose
     cos, sin = math.cos(yaw), math.sin(yaw)
     dx, dy = circle[0] - x, circle[1] - y

@@ -1,4 +1,4 @@
-"""Motion in short substeps, as delay, lag, gait, slip, movers and rigid bodies need it."""
+"""Motion in short substeps, which delay, lag, gait, slip, movers and rigid bodies need."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lme.worlds.world import Task
 
 
 class Body(Protocol):
-    """The robot's body, which the wheels move. It owns its pose."""
+    """Body of the robot, which the wheels move and which owns the pose."""
 
     pose: Pose
     twist: Twist  # over ground
@@ -36,14 +36,14 @@ class Body(Protocol):
 class Wheels:
     """Two driven wheels that follow commands within the limits, with encoders.
 
-    ramped: where the ramps are. twist: of the tread; the same unless there is a response. odometry: pose of the base
-    by the encoders, in the frame of the start.
+    ramped: current velocities on the ramps. twist: of the tread; the same unless there is a response. odometry: pose
+    of the base according to the encoders, in the frame of the start.
     """
 
     def __init__(self, lag: float = 0.0, response: GaitResponse | None = None) -> None:
         """lag: time constant with which the velocities approach the command, within the limits [s].
 
-        response: of legs in the wheels' place, which follow the ramps.
+        response: that of legs, which take the place of the wheels and follow the ramps.
         """
         self._lag = lag
         self._response = response
@@ -99,19 +99,19 @@ class Substepper:
         return np.vstack([circles, self.crowd.circles]), np.vstack([edges, self.crowd.edges])
 
     def start(self) -> State:
-        """The state before the next command."""
+        """Return the state before the next command."""
         clearance, contact, arrived = self._check()
         travel = np.array([self._body.pose])
         return State(self._body.pose, self._body.twist, self._time, travel, clearance, contact, arrived)
 
     def change(self, task: Task, crowd: Crowd, body: Body | None = None) -> None:
-        """Go on among the obstacles and movers of another task. body: in place of the former; None: the same."""
+        """Continue among the obstacles and movers of another task. body: replaces the current one; None: keep it."""
         self._enter(task)
         self.crowd = crowd
         self._body = body or self._body
 
     def join(self, state: State, odometry: Pose) -> None:
-        """Go on from a state that was reached without substeps."""
+        """Continue from a state that was reached without substeps."""
         self._time = state.time
         self.wheels.ramped = self.wheels.twist = state.twist
         self.wheels.odometry = odometry
@@ -125,7 +125,7 @@ class Substepper:
         """Simulate one control period in equal substeps, or until the first contact or arrival.
 
         A delayed command takes effect in the first substep whose middle is at or past its time.
-        limits: function of a command and of where the ramps are when the command takes effect.
+        limits: function of a command and of the velocities on the ramps when it takes effect.
         """
         dt, least, travel = self._robot.dt / substeps, math.inf, np.empty((substeps, 3))
         factors = slip_factors(self._slip, self._rng)
@@ -147,7 +147,7 @@ class Substepper:
         return State(pose, twist, self._time, travel[: k + 1], least, contact, arrived)
 
     def _check(self) -> tuple[float, bool, bool]:
-        """Clearance [m], contact, arrival. Contact on arrival counts as contact only."""
+        """Return clearance [m], contact and arrival. Contact on arrival counts as contact only."""
         pose, box = self._body.pose, self._robot.hull.box
         here = np.array([pose])
         circles, edges = self._static
@@ -167,7 +167,7 @@ def track(footprint: Footprint) -> float:
 
 
 def rolled(pose: Pose, motion: tuple[float, float]) -> Pose:
-    """The pose after a turn [rad] and a distance [m] along the turn's middle heading."""
+    """Return the pose after a turn [rad] and a distance [m] along the middle heading of the turn."""
     distance, angle = motion
     return compose(pose, Pose(distance * math.cos(angle / 2), distance * math.sin(angle / 2), angle))
 

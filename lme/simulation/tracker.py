@@ -1,4 +1,4 @@
-"""A tracker of people: where the moving discs that the lidar can see are, and how fast they walk."""
+"""Tracker of people: positions and velocities of the moving discs that the lidar can see."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The planar scan of a level 3D lidar among upright obstacles, without its cloud.
+"""Planar scan of a level 3D lidar among upright obstacles, computed without its cloud.
 
 Obstacles reach above every height that counts, so a beam's first hit follows from its azimuth alone. Most beams of
-a cloud pass above or below the heights that count wherever they hit; they are left out by their elevation.
+a cloud hit above or below the heights that count, wherever they hit; they are skipped because of their elevation.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ def beam_pattern(
 
 @njit(cache=True, error_model="numpy")
 def beam_noise(first: int, number: int, seed: int) -> Floats:
-    """Noise of mean 0 and variance 1 of `number` beams from beam `first` on, at most MOST_NOISE: (number,).
+    """Noise of mean 0, variance 1 and at most MOST_NOISE, of `number` beams from beam `first` on: (number,).
 
-    It is almost normal: the sum of four uniform numbers, with a kurtosis of 2.7 instead of 3.
+    It is nearly normal: the sum of four uniform numbers, with a kurtosis of 2.7 instead of 3.
     """
     noise = np.empty(number)
     for i in range(number):
@@ -79,7 +79,7 @@ def rise_share(beam, phase):
 
 @njit(cache=True, error_model="numpy")
 def noise_of(beam, seed):
-    """The noise of one beam: the same for the same beam and seed, whichever beams are requested."""
+    """Noise of one beam, which depends only on beam and seed, not on the other beams requested."""
     mixed = seed + (np.uint64(beam) + np.uint64(1)) * _STEP
     mixed = (mixed ^ (mixed >> _SHIFTS[0])) * _MIX_1
     mixed = (mixed ^ (mixed >> _SHIFTS[1])) * _MIX_2
@@ -107,7 +107,7 @@ def cloud_scan(
     """Least horizontal range of a cloud's points in each bin, inf for a bin without points: (num_bins,) [m].
 
     pose: of the sensor in the world; beams (first, number, phase in azimuth, phase in elevation) of the pattern
-    (`beam_pattern.py`); noise (seed, σ [m]); sensor (height above the ground [m], lowest and highest
+    (`beam_pattern`); noise (seed, σ [m]); sensor (height above the ground [m], lowest and highest
     elevation [rad], nearest and farthest distance [m]); heights (lowest, highest) and spans (nearest, farthest):
     limits of the points that count [m]; circles (C, 3), edges (E, 4) and those of an
     `EdgeGrid`. The middle of bin i is at −π + i · 2π / bins.
@@ -156,7 +156,7 @@ def cloud_scan(
 
 @njit(cache=True, error_model="numpy")
 def _between(first, number, phase, lowest, highest):
-    """The beams with an elevation between two shares of the field of view. No branches, for speed."""
+    """Beams with an elevation between two shares of the field of view. Without branches, for speed."""
     kept, count = np.empty(number, np.int64), 0
     for beam in range(first, first + number):
         rise = rise_share(beam, phase)

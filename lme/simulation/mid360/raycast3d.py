@@ -31,7 +31,7 @@ def cast_rays(
     origin (3,); directions (N, 3) unit vectors; circles (C, 5) solid [x, y, r, bottom, top]; edges (E, 6) thin
     upright walls [x0, y0, x1, y1, bottom, top]; solids (P, 4) [first edge, edge after the last, bottom, top]:
     polygons with a lid at the top and at the bottom; planes (ground, ceiling): heights of infinite planes, −inf and
-    inf for none. From inside a disc the distance is 0; from inside a polygon a ray hits the wall.
+    inf for none. Inside a disc the distance is 0; inside a polygon a ray hits its wall.
     """
     starts, items = by_bearing(origin, circles, edges, range_max)
     x, y, z = origin[0], origin[1], origin[2]
@@ -67,7 +67,7 @@ def _bucket(x, y):
 
 @njit(cache=True, error_model="numpy")
 def by_bearing(origin, circles, edges, range_max):
-    """`starts` and `items`: bucket b holds items[starts[b]:starts[b + 1]]. Item i < C is a circle, else edge i − C."""
+    """Return starts, items: bucket b holds items[starts[b]:starts[b + 1]]. Item i < C: circle i, else edge i − C."""
     count = len(circles) + len(edges)
     first, number = np.empty(count, np.int64), np.empty(count, np.int64)
     starts = np.zeros(BUCKETS + 1, np.int64)
@@ -164,7 +164,8 @@ def to_circle(ray, centre, bottom, top):
 def to_edge(ray, ends, bottom, top):
     """Distance along a ray from the origin to an upright wall; inf if the ray misses it or runs along it.
 
-    A hit depends on the sides of the wall's ends, as in the planar kernel, so that no ray passes a shared corner.
+    A hit is decided by the sides of the ray on which the wall's ends lie, as in the planar kernel, so that no ray
+    slips through a shared corner.
     """
     dx, dy, rise = ray
     ax, ay, bx, by = ends

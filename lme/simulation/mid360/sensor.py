@@ -30,7 +30,7 @@ class ExtrudedWorld:
 
     circles (C, 2), segments (S, 2), polygons (P, 2): [bottom, top] of each obstacle of the world, or one such
     pair for all of a kind [m]; top may be inf. ground, ceiling: their heights [m], −inf and inf for none.
-    Movers are left out; add them to the circles and polygons of the world if the lidar should see them.
+    Movers are not included; add them to the circles and polygons of the world if the lidar should see them.
     Raises InputError for heights of another shape, NaN, or a bottom above its top.
     """
 
@@ -88,7 +88,7 @@ class Mid360:
     """A lidar whose scan pattern never repeats and covers the field of view ever more densely.
 
     ASSUMED: Livox does not publish the pattern; this one fills azimuth and elevation evenly. The noise at
-    every range is the manual's value for 10 m. It belongs to the beam, so `cloud` and `scan` see the same.
+    every range is the manual's value for 10 m. It belongs to the beam, so `cloud` and `scan` have the same noise.
     """
 
     Config = Mid360Config
@@ -98,7 +98,7 @@ class Mid360:
         self._mount = rigid_transform(config.mount)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Start the pattern at a random beam, with other noise."""
+        """Start the pattern at a random beam, with new noise."""
         self._phase = tuple(rng.random(2).tolist())
         self._seed = int(rng.integers(2**63))
         self._fired = 0
@@ -130,11 +130,11 @@ class Mid360:
     def scan(
         self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats, grid: EdgeGrid = NO_EDGES
     ) -> NDArray[np.float32]:
-        """The projection of the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
+        """Project the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
 
-        The result is that of `cloud`, of `lme.perception.projection.to_scan` and of obstacles circles (C, 3) and
-        edges (E, 4), and those of a grid, that reach from the ground beyond the highest points that count. Inf means
-        no return.
+        The result equals that of `cloud` and `lme.perception.projection.to_scan` if the obstacles, circles (C, 3),
+        edges (E, 4) and those of a grid, reach from the ground to above the highest points that count. Inf means no
+        return.
         """
         config, cloud = self._config, lidar.cloud
         assert cloud is not None
@@ -154,21 +154,21 @@ class Mid360:
         return ranges
 
     def _fire(self, duration: float) -> tuple[int, int]:
-        """The first of the pattern's beams in the next `duration` [s], and their number."""
+        """Advance the pattern by `duration` [s]; return the first of its beams in that time, and their number."""
         first, number = self._fired, round(self._config.point_rate * duration)
         self._fired += number
         return first, number
 
 
 def mid360_of(lidar: Lidar) -> Mid360:
-    """The sensor whose cloud makes the scans of a lidar with a `cloud`."""
+    """Return the sensor whose cloud makes the scans of a lidar with a `cloud`."""
     assert lidar.cloud is not None
     mount = [lidar.x, lidar.y, lidar.cloud.height, 0.0, 0.0, lidar.yaw]
     return Mid360(Mid360Config(mount=mount, noise_std=lidar.noise_std))
 
 
 def _heights(kind: str, given: ArrayLike, count: int) -> Floats:
-    """(count, 2) bottoms and tops [m]."""
+    """Bottoms and tops: (count, 2) [m]."""
     heights = np.asarray(given, dtype=np.float64)
     if heights.shape == (2,):
         heights = np.tile(heights, (count, 1))

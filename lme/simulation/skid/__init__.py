@@ -1,4 +1,4 @@
-"""Simulator of a robot that slips: wheels that slide on the floor, and odometry that drifts."""
+"""Simulator of a robot that slips: its wheels slide on the floor, and its odometry drifts."""
 
 from lme.simulation.skid.simulator import SkidSimulator
 

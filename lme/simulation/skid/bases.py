@@ -1,4 +1,4 @@
-"""What moves the robot in `sim=skid`: wheels that slide, or the measured response of a real robot."""
+"""Bases that move the robot in `sim=skid`: sliding wheels, or the measured response of a real robot."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from lme.types import Floats, Limits, Pose, Twist
 
 
 class Base(Protocol):
-    """The robot's base. It owns its pose.
+    """Base of the robot, which owns the pose.
 
-    twist: over ground, ahead. measured: speed of the wheels and true turn rate, as encoders and gyro give them.
-    reckoned: x, y (2,) in the world, by the wheels' speed along the measured yaw since the start.
+    twist: over ground, v straight ahead. measured: speed of the wheels and true turn rate, as encoders and gyro give
+    them. reckoned: x, y (2,) in the world, dead-reckoned by the wheels' speed along the measured yaw since the start.
     """
 
     pose: Pose
@@ -79,9 +79,9 @@ class SlidingBase:
 
 
 class RespondingBase:
-    """A real robot, by its measured response. The wheels are assumed to do what the controller commands.
+    """Measured response of a real robot. The wheels are assumed to do what the controller commands.
 
-    So encoders give the ground velocity divided by its gain, and odometry drifts accordingly.
+    Encoders therefore give the ground velocity divided by its gain, and odometry drifts accordingly.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class RespondingBase:
         lag: float,
         gait: GaitResponse | None = None,
     ) -> None:
-        """lag: time constant of the velocity over ground [s], and gait, both besides the measured response."""
+        """lag: time constant of the velocity over ground [s]; it and the gait add to the measured response."""
         self._response = response
         self._track = track(footprint)
         self._limits = Limits(math.inf, math.inf, response.alpha_v, response.alpha_omega)

@@ -1,11 +1,12 @@
-"""Motion of a robot whose wheels slide on the floor: a planar body under box friction.
+"""Motion of a robot whose wheels slide on the floor, as a planar body under box friction.
 
 Each wheel follows its controller exactly and touches the floor at both edges of its tread. Friction opposes the
 sliding of a contact along two directions, each bounded by μ N on its own, as in Open Dynamics Engine (ODE). A sweep
 over the contacts (projected Gauss–Seidel) finds the impulses of each millisecond.
 
-The first direction may be fixed to the wheel's material, as `fdir1` of a Gazebo model is. It then turns with the
-wheel, up and down through the floor: cos φ of it is horizontal, and the rest of the force loads or lifts the wheel.
+The first direction may be fixed to the wheel's material, like `fdir1` of a Gazebo model. It then rotates with the
+wheel, up and down through the floor: its share cos φ is horizontal, and the rest of the force loads or lifts the
+wheel.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Chassis(NamedTuple):
 
 
 class WheelState(NamedTuple):
-    """What a step changes, in place.
+    """State that a step changes in place.
 
     body (6,): x, y, yaw and velocities vx, vy, ω of the centre of mass, in the world. wheels (4,): v and ω that the
     controller has reached, angles of the left and right wheels. acceleration (2,): of the centre of mass in the
@@ -70,7 +71,7 @@ def slide(
     duration: float,
     count: int,
 ) -> Floats:
-    """Poses (count, 3) of the base at equal times, the last one after `duration` [s]; changes the state.
+    """Drive, and return poses (count, 3) of the base at equal times up to `duration` [s]. Changes the state.
 
     command (v, ω); limits (v_max, ω_max, α_v, α_ω) of the controller; factors: ground per metre of tread, left and
     right; axes: index into AXES. yaw_errors: of the measured yaw [rad], by which odometry moves, in equal parts of
@@ -105,7 +106,7 @@ def slide(
 
 @njit(cache=True, error_model="numpy")
 def _contacts(chassis):
-    """(8, 5) contacts: x, y from the centre of mass, load at rest [N], −1 in front or 1, −1 at the left or 1."""
+    """Contacts (8, 5): x, y from the centre of mass, load at rest [N], −1 in front or 1, −1 at the left or 1."""
     points = np.empty((_CONTACTS, 5))
     half_base, weight = chassis.wheel_base / 2, chassis.mass * GRAVITY
     lean = chassis.com_x / chassis.wheel_base if chassis.wheel_base > 0.0 else 0.0
@@ -124,9 +125,9 @@ def _contacts(chassis):
 
 @njit(cache=True, error_model="numpy")
 def _turn_wheels(wheels, chassis, command, limits, share, dt):
-    """Move the controller by one step and turn the wheels; speeds of their treads [m/s], left and right.
+    """Advance the controller and the wheels by one step; return the speeds of the treads [m/s], left and right.
 
-    It goes a share of the way to the command, as far as its acceleration allows.
+    The controller moves by a share of the difference to the command, as far as its acceleration allows.
     """
     for i in range(2):
         goal = min(max(command[i], -limits[i]), limits[i])

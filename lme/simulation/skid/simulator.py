@@ -1,4 +1,4 @@
-"""Simulator of a robot that slips: wheels that slide on the floor, and odometry that drifts."""
+"""Simulator of a robot that slips: its wheels slide on the floor, and its odometry drifts."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class SkidConfig(Disturbances):
 
 
 class SkidSimulator:
-    """A base that slips among static and moving obstacles; any contact of the robot's hull ends the episode."""
+    """Base that slips among static and moving obstacles; any contact of the collision footprint ends the episode."""
 
     Config = SkidConfig
 
@@ -108,7 +108,7 @@ class SkidSimulator:
         return self._observe()
 
     def _enter(self, task: Task) -> None:
-        """Take the obstacles, movers and goal of a task."""
+        """Take over the obstacles, movers and goal of a task."""
         self._task = task
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
         self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
@@ -150,7 +150,7 @@ class SkidSimulator:
         )
 
     def _scan_pose(self) -> Pose:
-        """Where the newest scan was taken, to the nearest pose of the last period."""
+        """Pose at which the newest scan was taken, to the nearest pose of the last period."""
         travel, rate = self.state.travel, self._config.scan_rate
         if rate is None:
             return self.state.pose

@@ -1,1 +1,1 @@
-"""People who walk to where they want to be, around walls, each other and the robot."""
+"""People who walk to their destinations, around walls, each other and the robot."""

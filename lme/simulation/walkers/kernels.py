@@ -2,8 +2,8 @@
 
 Both take people's places (P, 2) [m] and velocities (P, 2) [m/s], wanted velocities (P, 2) [m/s], traits (P, 5) of
 radius [m], wanted and greatest speed [m/s], whether they see the robot, and when they start [s]; others (1 + O, 5) of
-x, y, vx, vy, radius: the robot and other moving discs; circles (C, 3) and edges (E, 4), which stand; dt [s] to the next
-decision. They return the new velocities (P, 2) [m/s].
+x, y, vx, vy, radius: the robot and other moving discs; circles (C, 3) and edges (E, 4), which are static; dt [s] to
+the next decision. They return the new velocities (P, 2) [m/s].
 """
 
 from __future__ import annotations
@@ -50,10 +50,11 @@ def next_waypoints(
     time: float,
     elapsed: float,
 ) -> Floats:
-    """Wanted velocities (P, 2) [m/s]; moves on in the plans (P, 3).
+    """Advance the plans (P, 3) in place and return the wanted velocities (P, 2) [m/s].
 
     way (W, 2): the waypoints of all people; those of person i begin at first[i]. elapsed: since the last call [s].
-    Who cannot get on for `_PATIENCE` turns round, so that two people in a narrow way do not stand there for ever.
+    A person who makes no progress for `_PATIENCE` turns round, so that two people in a narrow passage do not block
+    each other for ever.
     """
     wanted = np.zeros_like(places)
     for i in range(len(places)):
@@ -195,7 +196,7 @@ def social_force(
 
 @njit(cache=True, error_model="numpy")
 def _interaction(relative, velocity):
-    """Acceleration (x, y) [m/s²] by a person at `relative` [m], relative to whom we walk with `velocity` [m/s]."""
+    """Acceleration (x, y) [m/s²] by a person at `relative` [m]; velocity: one's own relative to theirs [m/s]."""
     distance = math.hypot(relative[0], relative[1])
     if distance == 0.0 or distance > _NEIGHBOURS:
         return 0.0, 0.0
@@ -219,7 +220,7 @@ def _interaction(relative, velocity):
 
 @njit(cache=True, error_model="numpy")
 def _walls(place, radius, fastest, circles, edges, horizon, lines):
-    """Write a half-plane for everything that stands in reach; returns their number."""
+    """Write a half-plane for each static obstacle in reach; return their number."""
     count, reach = 0, radius + fastest * horizon
     # Circles first, then edges, each by its nearest point.
     for k in range(len(circles)):
@@ -237,7 +238,7 @@ def _walls(place, radius, fastest, circles, edges, horizon, lines):
 
 @njit(cache=True, error_model="numpy")
 def _nearest_wall(place, circles, edges):
-    """The nearest point of all that stands, from a place: (x, y) [m], infinite if there is none."""
+    """Nearest point of all static obstacles, relative to a place: (x, y) [m], infinite if there is none."""
     best_x, best_y = math.inf, math.inf
     for k in range(len(circles)):
         x, y = _to_circle(place, circles[k])
@@ -252,7 +253,7 @@ def _nearest_wall(place, circles, edges):
 
 @njit(cache=True, error_model="numpy")
 def _to_circle(place, circle):
-    """The nearest point of a disc, from a place outside it: (x, y) [m]."""
+    """Nearest point of a disc, relative to a place outside it: (x, y) [m]."""
     dx, dy = circle[0] - place[0], circle[1] - place[1]
     distance = math.hypot(dx, dy)
     share = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
@@ -261,7 +262,7 @@ def _to_circle(place, circle):
 
 @njit(cache=True, error_model="numpy")
 def _to_edge(place, edge):
-    """The nearest point of a segment, from a place: (x, y) [m]."""
+    """Nearest point of a segment, relative to a place: (x, y) [m]."""
     ax, ay = edge[2] - edge[0], edge[3] - edge[1]
     square = ax * ax + ay * ay
     part = ((place[0] - edge[0]) * ax + (place[1] - edge[1]) * ay) / square if square > 0.0 else 0.0

@@ -1,6 +1,6 @@
-"""The people of a world: where each wants to go, and how a model of walking turns that into a velocity.
+"""People of a world: their destinations, and the velocities that a model of walking makes of them.
 
-Nothing here is random: who the people are and where they go is drawn with the world.
+Nothing here is random: the people and their paths are drawn together with the world.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Walkers:
     def __init__(
         self, movers: Sequence[Mover], chosen: Sequence[int], world: World, robot_radius: float
     ) -> None:
-        """chosen: the indices of the people. robot_radius: of the disc that they take the robot for [m]."""
+        """chosen: indices of the people. robot_radius: of the disc that stands for the robot [m]."""
         self._chosen = np.array(chosen, dtype=np.int64)
         people = [movers[i] for i in chosen]
         self._others = np.array(
@@ -56,9 +56,9 @@ class Walkers:
         self._time, self._decided = 0.0, -math.inf
 
     def go_on(self, former: Walkers, kept: Mapping[int, int]) -> None:
-        """Take the time of others, and from them the plans of people whom they have too.
+        """Continue from other walkers: take over their time, and the plans of the people who are in both.
 
-        kept: the indices of the movers that stay, now and then.
+        kept: for each mover that stays, its current and its former index.
         """
         self._time, self._decided, self._robot = former._time, former._decided, former._robot
         rows = {int(i): row for row, i in enumerate(former._chosen)}
@@ -104,7 +104,7 @@ class Walkers:
         self._time += dt
 
     def _moving(self, crowd: Crowd, robot: Pose, before: Pose, dt: float) -> Floats:
-        """(1 + O, 5) x, y, vx, vy, radius of the robot, which is the first, and of the other discs that move."""
+        """Rows (1 + O, 5) of x, y, vx, vy, radius: first the robot, then the other discs that move."""
         velocity = ((robot.x - before.x) / dt, (robot.y - before.y) / dt)
         there = crowd.present[self._others]
         places, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
