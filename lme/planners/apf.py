@@ -62,7 +62,7 @@ class Apf:
         self._blind = BlindArc(self._mount, self._radius + self._config.influence)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         points = self._blind.points(observation)
         force = self._force(guidance.subgoal, points)
         distance = math.hypot(*guidance.subgoal)
@@ -94,11 +94,11 @@ def repulsion(
 ) -> tuple[float, float]:
     """Force of the scan points on a disc for a gain η of 1, in the robot frame [1/m³]: (x, y).
 
-    points (M, 2), radius of the disc [m]. A point at clearance ρ pushes straight away with the gradient of FIRAS
-    (Khatib 1986), (1/ρ − 1/influence) / ρ². The force is 0 beyond `influence` [m] and constant below `closest` [m].
-    A point's push is divided among the points within `spread` [rad] of its bearing, which count less if they are
-    farther off or weaker. A post therefore counts as one obstacle, and a wall as one for every `spread` of its
-    width, at any lidar resolution.
+    points (M, 2), radius of the disc [m]. A point at clearance ρ pushes directly away from itself with the gradient
+    of FIRAS (Khatib 1986), (1/ρ − 1/influence) / ρ². The force is 0 beyond `influence` [m] and constant below
+    `closest` [m]. A point's push is divided among the points within `spread` [rad] of its bearing, which count less
+    if they are farther away or weaker. A post therefore counts as one obstacle, and a wall as one for every `spread`
+    of its width, at any lidar resolution.
     """
     bearings, pushes, normals = _near(points, radius, influence, closest)
     crowds = _crowds(bearings, pushes, spread)

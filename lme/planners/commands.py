@@ -15,18 +15,18 @@ _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 
 
 def without_tiny_rates(twist: Twist) -> Twist:
-    """The twist without rates that are too small to matter; their quotients would overflow."""
+    """Return the twist with rates that are too small to matter set to 0, since their quotients would overflow."""
     v, omega = twist
     return Twist(v if abs(v) > _AT_REST else 0.0, omega if abs(omega) > _AT_REST else 0.0)
 
 
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
-    """The command nearest to (v, ω) that the limits allow within one period of `dt` [s] after `ramp_start`."""
+    """Return the command nearest to (v, ω) that the limits allow within one period `dt` [s] of `ramp_start`."""
     return reachable(v, omega, observation.ramp_start, observation.limits, dt)
 
 
 def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
-    """Rate that drives `error` to zero as fast as possible without overshoot.
+    """Return the rate that drives `error` to zero as fast as possible without overshoot.
 
     Accelerates at `alpha` up to `rate_max`, then brakes at `alpha`. It is the largest rate such that braking at
     `alpha` after one more period, which starts at `rate`, covers no more than `error`.
@@ -53,6 +53,6 @@ def check_turn_samples(number: int) -> None:
 
 
 def turn_shares(number: int) -> Floats:
-    """An odd number of shares of a range of turn rates, from −1 to 1 and symmetric to the last bit: (number,)."""
+    """Return an odd number of shares of a range of turn rates, −1 to 1, exactly symmetric: (number,)."""
     half = np.linspace(0.0, 1.0, number // 2 + 1)
     return np.concatenate((-half[:0:-1], half))

@@ -1,4 +1,4 @@
-"""The Dynamic Window Approach: the best of the reachable velocities from which the robot can stop in time."""
+"""Dynamic Window Approach: the best of the reachable velocities from which the robot can stop in time."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ class Dwa:
         self._omega_share = turn_shares(config.omega_samples)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """No state to reset."""
+        """Do nothing: there is no state."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         points = obstacle_points(observation.scan, self._mount)
         window = self._window(observation, guidance.subgoal, points)
         admissible = window.contact >= window.stopping
@@ -94,7 +94,7 @@ class Dwa:
         return limited(float(command[0]), float(command[1]), observation, self._dt)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """See `lme.planners.weighed`: the window, by −G(v, ω)."""
+        """Return the window with the costs −G(v, ω); see `lme.planners.weighed`."""
         window = self._window(observation, guidance.subgoal, obstacle_points(observation.scan, self._mount))
         score = self._objective(window, guidance.subgoal, observation.limits)
         costs = np.where(window.contact >= window.stopping, -score, np.inf)
@@ -137,9 +137,9 @@ class Dwa:
         return config.heading * heading + config.clearance * clear + config.velocity * velocity
 
     def _heading(self, window: _Window, subgoal: Floats, limits: Limits) -> Floats:
-        """1 if the robot would face the subgoal after braking, 0 if it would face away: (V, W).
+        """Heading term (V, W): 1 if the robot would face the subgoal after braking, 0 if it would face away.
 
-        The predicted distance is at most half the distance to the subgoal, since the bearing is undefined there.
+        The predicted distance is at most half of that to the subgoal, where the bearing is undefined.
         """
         v, omega = window.v, window.omega
         time = self._dt if self._config.heading_time is None else self._config.heading_time
@@ -152,7 +152,7 @@ class Dwa:
         return facing
 
     def _turn_away(self, window: _Window, points: Floats, now: Twist) -> tuple[float, float]:
-        """If no arc is free: brake, then turn in place, as before or away from the nearest point."""
+        """Brake where no arc is free, then turn in place, as before or away from the nearest point."""
         v_low, omega = window.v[0, 0], window.omega[0]
         if v_low > 0.0:
             return 0.0, now.omega * v_low / now.v  # stay on the current arc, on which a stop was possible

@@ -1,4 +1,4 @@
-"""The tensors of a TensorFlow V2 checkpoint, read without TensorFlow.
+"""Tensors of a TensorFlow V2 checkpoint, read without TensorFlow.
 
 PREFIX.index is a LevelDB table of BundleEntryProto messages by tensor name; PREFIX.data-00000-of-00001 holds the
 raw tensors. Source: tensorflow/core/protobuf/tensor_bundle.proto.
@@ -27,7 +27,7 @@ _LITTLE = 0
 
 
 class BundleEntry(NamedTuple):
-    """The position of a tensor in the shard. dtype: TensorFlow's number; offset, size [bytes]; crc: masked."""
+    """Position of a tensor in the shard. dtype: TensorFlow's number; offset, size [bytes]; crc: masked."""
 
     dtype: int
     shape: tuple[int, ...]
@@ -38,7 +38,7 @@ class BundleEntry(NamedTuple):
 
 
 def read_entries(prefix: Path) -> dict[str, BundleEntry]:
-    """The entries of PREFIX.index by tensor name. Raises InputError, naming the file, for a wrong or damaged one."""
+    """Return the entries of PREFIX.index by tensor name. Raises InputError, naming the file, if it is damaged."""
     path = Path(f"{prefix}{INDEX}")
     found: dict[str, BundleEntry] = {}
     try:
@@ -55,7 +55,7 @@ def read_entries(prefix: Path) -> dict[str, BundleEntry]:
 
 
 def read_tensors(prefix: Path, entries: dict[str, BundleEntry]) -> dict[str, NDArray[np.float32]]:
-    """The values of the tensors in PREFIX's shard, flat, each with its checksum verified.
+    """Return the values of the tensors in PREFIX's shard, flat, each with its checksum verified.
 
     Raises InputError, naming file and tensor, also for a tensor that is not float32.
     """
@@ -102,7 +102,7 @@ def _entry(message: bytes) -> BundleEntry:
 
 
 def _shape(message: bytes) -> tuple[int, ...]:
-    """The sizes of a TensorShapeProto."""
+    """Sizes in a TensorShapeProto."""
     sizes = []
     for field, dimension in _fields(message):
         if field == 2 and isinstance(dimension, bytes):

@@ -29,7 +29,7 @@ _ENDINGS = (INDEX, SHARD, ".meta")
 
 
 def tensor_names() -> dict[str, str]:
-    """The checkpoint's name of every array of `SHAPES`."""
+    """Return the checkpoint's name of every array of `SHAPES`."""
     names = {"alpha": f"{_POLICY}/Variable"}
     for ours, theirs in zip(LAYERS, _LAYERS, strict=True):
         names |= {f"{ours}.{part}": f"{_POLICY}/{theirs}/{part}" for part in ("kernel", "bias")}
@@ -37,7 +37,7 @@ def tensor_names() -> dict[str, str]:
 
 
 def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES` and `TRAINED`.
+    """Return the policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES` and `TRAINED`.
 
     path: the common prefix of the checkpoint's files, or one of them. Every tensor's checksum is verified, also
     those of the critics. Raises InputError, naming file and tensor.
@@ -64,7 +64,7 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
 
 
 def checkpoint_prefix(path: Path) -> Path:
-    """The common prefix of a checkpoint's files, from the prefix itself or from the path of one of them."""
+    """Return the common prefix of a checkpoint's files, given the prefix or the path of one of them."""
     for ending in _ENDINGS:
         if path.name.endswith(ending):
             return path.with_name(path.name.removesuffix(ending))

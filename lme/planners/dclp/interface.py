@@ -1,4 +1,4 @@
-"""Interface between a robot and DRL-DCLP's network: its inputs, and what its output means."""
+"""Interface between a robot and DRL-DCLP's network: its inputs, and the command for its output."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Told:
             require("planner.told.lidar_x", self.lidar_x)
 
     def filled_from(self, robot: Robot) -> Told:
-        """These values, with the robot's own where they are null."""
+        """Return these values, with the robot's own in place of nulls."""
         half_length, half_width, rounding = robot.footprint.box
         length, width = half_length + rounding, half_width + rounding
         own = Told(*robot.limits.bounds, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x)
@@ -51,7 +51,7 @@ class Told:
 
 @dataclass(slots=True)
 class DclpConfig:
-    """The network's weights, and the ranges that it gets where the lidar sees nothing."""
+    """Weights of the network, and the ranges that it gets where the lidar sees nothing."""
 
     weights: str | None = None  # path of an .npz; None: the network that ships with lme
     no_return: float = 5.0  # [m] range of a beam without return
@@ -79,7 +79,7 @@ class DclpFeatures(NamedTuple):
 
 
 class DclpInterface:
-    """The network's inputs for a robot, and the command that its output means."""
+    """Inputs of the network for a robot, and the command for its output."""
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
         self._config = config
@@ -90,7 +90,7 @@ class DclpInterface:
         self._directions[:, 3:] = [_number(told.front), _number(told.rear), _number(told.half_width)]
 
     def features(self, observation: Observation, subgoal: Floats) -> DclpFeatures:
-        """The inputs of the network. subgoal: (2,) in the robot frame [m]."""
+        """Return the inputs of the network. subgoal: (2,) in the robot frame [m]."""
         config = self._config
         directions = self._directions.copy()
         directions[:, :3] = nearest_by_direction(
@@ -102,7 +102,7 @@ class DclpInterface:
         return DclpFeatures(directions, state)
 
     def goal(self, guidance: Guidance) -> Floats:
-        """The subgoal, or if the guide has a path, the first point on it that is `lookahead` away: (2,) [m]."""
+        """Return the subgoal or, if the guide has a path, its first point that is `lookahead` away: (2,) [m]."""
         path = guidance.path
         if path is None or guidance.blocked:
             return guidance.subgoal
@@ -111,18 +111,18 @@ class DclpInterface:
         return goal
 
     def action(self, command: Twist, observation: Observation) -> Floats:
-        """The output (2,) that means a command, clipped to ±1."""
+        """Return the output (2,) that corresponds to a command, clipped to ±1."""
         answer: Floats = np.clip(np.array(command) / self.full(observation.limits), -1.0, 1.0)
         return answer
 
     def command(self, action: Floats, observation: Observation) -> Twist:
-        """The command of an output (2,), v and ω in (−1, 1), limited to what the robot can reach in a period."""
+        """Return the command for an output (2,), v and ω in (−1, 1), limited to what is reachable in a period."""
         v, omega = action
         full_v, full_omega = self.full(observation.limits)
         return limited(float(v) * full_v, float(omega) * full_omega, observation, self._dt)
 
     def full(self, own: Limits) -> tuple[float, float]:
-        """Commands of a full output [m/s], [rad/s]. own: the robot's limits."""
+        """Return the commands for a full output [m/s], [rad/s]. own: the robot's limits."""
         config, limits = self._config, self._limits(own)
         return (
             limits.v_max if config.full_v is None else config.full_v,
@@ -130,7 +130,7 @@ class DclpInterface:
         )
 
     def _limits(self, own: Limits) -> Limits:
-        """The limits that the network is given."""
+        """Limits that the network is given."""
         told = self._config.told
         given = {name: getattr(told, name, None) for name in Limits._fields}
         return own._replace(**{name: value for name, value in given.items() if value is not None})
@@ -142,7 +142,7 @@ def _number(value: float | None) -> float:
 
 
 def told_values(told: Told) -> Floats:
-    """The values of `TOLD` for a robot as described to the network: (7,)."""
+    """Return the values of `TOLD` for a robot as described to the network: (7,)."""
     return np.array([_number(getattr(told, key)) for key in TOLD])
 
 

@@ -35,12 +35,12 @@ def entries(data: bytes, place: str) -> Iterator[tuple[bytes, bytes]]:
 
 
 def masked(crc: int) -> int:
-    """A checksum as it is stored, so that a checksum of data with checksums is not trivial."""
+    """Return a checksum in its stored form, which keeps checksums of data with checksums from being trivial."""
     return (((crc >> 15) | (crc << 17)) + _MASK_DELTA) & 0xFFFFFFFF
 
 
 def varint(data: bytes, at: int) -> tuple[int, int]:
-    """The number at `at`, in groups of seven bits, and the position after it. Raises ValueError if it is cut off."""
+    """Read the varint at `at`; return it and the position after it. Raises ValueError if it is cut off."""
     number = 0
     for i in range(_VARINT_MAX):
         if at + i >= len(data):
@@ -80,7 +80,7 @@ def _block(data: bytes, handle: tuple[int, int]) -> Iterator[tuple[bytes, bytes]
 
 
 def _checked(data: bytes, offset: int, size: int) -> bytes:
-    """The content of a block, with its checksum verified."""
+    """Return the content of a block, with its checksum verified."""
     end = offset + size
     trailer = data[end : end + _TRAILER]
     if len(trailer) < _TRAILER:

@@ -1,4 +1,4 @@
-"""The policy network of DRL-DCLP: shared layers over directions, a maximum, and a mixture of actions."""
+"""Policy network of DRL-DCLP: shared layers over directions, a maximum, and a mixture of actions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Mixture(NamedTuple):
 
 
 class DclpPolicy:
-    """The published network in compiled code: 1 M multiplications.
+    """Published network in compiled code: 1 M multiplications.
 
     weights: the arrays of `lme.planners.dclp.weights.SHAPES`.
     """
@@ -36,7 +36,7 @@ class DclpPolicy:
         self._shared, self._joint, self._output = layers[:3], layers[3:-1], layers[-1]
 
     def mixture(self, directions: Floats, state: Floats) -> Mixture:
-        """The components of the action.
+        """Return the components of the action.
 
         directions: (90, 6) of cos, sin, distance [m], length ahead, length behind, half width [m]. state: (8,) of
         distance and bearing of the target, v, ω, and the limits of v, ω and their accelerations, in SI units.
@@ -54,9 +54,9 @@ class DclpPolicy:
 
 
 def draw(mixture: Mixture, rng: np.random.Generator) -> Floats:
-    """The mean of a component drawn by its probability: (2,) of v and ω in (−1, 1).
+    """Draw a component by its probability and return its mean: (2,) of v and ω in (−1, 1).
 
-    The authors' deterministic policy also draws the component; only the noise about its mean is left out.
+    The authors' deterministic policy draws the component, too, and omits only the noise about its mean.
     """
     odds = np.exp(mixture.logits - mixture.logits.max())
     odds = np.cumsum(odds)

@@ -1,4 +1,4 @@
-"""What DRL-DCLP's network sees: the nearest return in each of 90 directions, about the robot."""
+"""Observation of DRL-DCLP's network: the nearest return in each of 90 directions, about the robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _EDGE = 1e-6  # [rad] a beam on the edge of two sectors belongs to the second on
 
 
 def nearest_by_direction(scan: LaserScan, mount: Pose, no_return: float, blind_range: float) -> Floats:
-    """Direction and distance of the nearest return in each 4° about the lidar: (90, 3) of cos, sin and [m].
+    """Direction and distance of the nearest return in every 4° about the lidar: (90, 3) of cos, sin and [m].
 
     Direction and distance are those from the base, in the network's frame: x to the right, y ahead.
     no_return: range of a beam without return [m]. blind_range: range in a direction without beams [m].
@@ -39,5 +39,5 @@ def _beams(angle_min: float, angle_increment: float, num_beams: int) -> tuple[In
 
 @lru_cache(maxsize=1)
 def _middles() -> Floats:
-    """Directions of the middles of the sectors: (90, 2)."""
+    """Directions of the sectors' middles: (90, 2)."""
     return beam_directions(_SECTOR / 2, _SECTOR, DIRECTIONS)

@@ -1,4 +1,4 @@
-"""DRL-DCLP: a local planner learned by reinforcement for any rectangular robot and any limits."""
+"""DRL-DCLP: a local planner trained by reinforcement learning for any rectangular robot and any limits."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Dclp:
         warn_if_untrained(self.interface.told, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Take the generator that draws the mixture's components."""
+        """Start a new episode with the generator that draws the mixture's components."""
         self._rng = rng
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         self.seen = self.interface.features(observation, self.interface.goal(guidance))
         return self.interface.command(draw(self._network.mixture(*self.seen), self._rng), observation)
 

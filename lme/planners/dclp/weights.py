@@ -1,4 +1,4 @@
-"""The weights of a DCLP network in a file: an .npz with the arrays of `SHAPES` and `TRAINED`, float32."""
+"""Weights of a DCLP network in a file: an .npz with the arrays of `SHAPES` and `TRAINED`, float32."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_weights(weights: Weights, file: IO[bytes]) -> None:
 
 
 def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The arrays of `SHAPES` and `TRAINED` in a file that `write_weights` made.
+    """Read the arrays of `SHAPES` and `TRAINED` from a file that `write_weights` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
     shapes, and values that are not finite. No array is created before its shape is known to be right.

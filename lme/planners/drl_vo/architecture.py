@@ -1,4 +1,4 @@
-"""The layers of the DRL-VO network, and the names and shapes of its weights.
+"""Layers of the DRL-VO network, and the names and shapes of its weights.
 
 It has three sizes: c channels (published: 64), f features (256) and h hidden units (256). The architecture
 is the same for all sizes. Inputs: an image (3, 80, 80) of scans and of pedestrians' vx and vy, and a sub-goal (2,).
@@ -67,7 +67,7 @@ class Residual(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """The sizes that determine the shapes of all weights."""
+    """Sizes that determine the shapes of all weights."""
 
     channels: int
     features: int
@@ -109,7 +109,7 @@ RESIDUALS = (LAYER_1_0, LAYER_1_1, LAYER_2, REFINEMENT_2, LAYER_3, REFINEMENT_3)
 
 
 def shapes(sizes: Sizes) -> dict[str, Shape]:
-    """The shape of every array by its name."""
+    """Return the shape of every array by its name."""
     c, f, h = sizes
     found = dict(_convolution_shapes(STEM, c))
     for inside, shortcut in RESIDUALS:
@@ -121,7 +121,7 @@ def shapes(sizes: Sizes) -> dict[str, Shape]:
 
 
 def checked_sizes(found: Mapping[str, Shape], source: str) -> Sizes:
-    """The sizes of the network whose arrays are among those found; there may be others too.
+    """Return the sizes of the network whose arrays are among those found, possibly with others.
 
     source: the file, for messages. Raises InputError, naming the array, if one is missing or they disagree.
     """

@@ -11,7 +11,7 @@ from lme.planners.drl_vo.network import BATCH_NORMS
 
 @dataclass(slots=True)
 class DrlVoConfig:
-    """The network, what it sees, and what its outputs mean."""
+    """Network, its observation, and the meaning of its outputs."""
 
     weights: str | None = None  # path of an .npz
     batch_norm: str = "sample"  # "sample": statistics of the current feature maps; "running": of the training

@@ -14,7 +14,7 @@ _EPSILON = 1e-5  # of the norms, PyTorch's default
 
 
 def onnx_model(weights: Arrays, batch_norm: str) -> bytes:
-    """The network that maps image (1, 3, 80, 80) and goal (1, 2) to the action's means (1, 2), as ONNX.
+    """Return the network from image (1, 3, 80, 80) and goal (1, 2) to the action's means (1, 2), as ONNX.
 
     weights: the arrays that `architecture` lists. batch_norm: "sample" or "running".
     """
@@ -56,7 +56,7 @@ class _Graph:
         self._linear(net.ACTION, hidden, OUTPUT)
 
     def _residual(self, residual: Residual, x: str, start: str | None = None) -> str:
-        """start: where the shortcut begins, if not at x."""
+        """Add a residual block. start: the input of its shortcut, if not x."""
         first, second, third = residual.inside
         inside = self._relu(self._normed(second, self._relu(self._normed(first, x))))
         start = start or x
@@ -64,7 +64,7 @@ class _Graph:
         return self._relu(self._node("Add", self._normed(third, inside), shortcut))
 
     def _normed(self, layer: Convolution, x: str) -> str:
-        """A convolution and its norm. Of a single sample, batch norm is instance norm."""
+        """Add a convolution and its norm. For a single sample, batch norm is instance norm."""
         given = self._weight_inputs(
             f"{net.EXTRACTOR}{layer.name}", "weight", *(["bias"] if layer.bias else [])
         )
@@ -84,7 +84,7 @@ class _Graph:
         return self._node("Relu", x)
 
     def _weight_inputs(self, layer: str, *parts: str) -> list[str]:
-        """The names of a layer's weights, which become part of the model."""
+        """Add a layer's weights to the model and return their names."""
         names = [f"{layer}.{part}" for part in parts]
         for name in names:
             self._tensors.append(self._onnx.numpy_helper.from_array(self._weights[name], name))

@@ -23,10 +23,10 @@ _POLICY_MAX = 2**30  # [bytes]; the published one has about 20 MB
 
 
 def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The actor's weights in an archive that Stable-Baselines3's PPO saved, as `weights.write_weights` takes them.
+    """Return the actor's weights in an archive of Stable-Baselines3's PPO, as `weights.write_weights` takes them.
 
-    Critic, optimiser and pickled settings are left out; nothing in the archive runs. The zips' own checksums are
-    verified. Raises InputError, naming file and array.
+    Critic, optimiser and pickled settings are ignored, and nothing in the archive is executed. The zips' own
+    checksums are verified. Raises InputError, naming file and array.
     """
     try:
         check_regular(path)
@@ -43,7 +43,7 @@ def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
 
 
 def _policy(archive: zipfile.ZipFile) -> zipfile.ZipFile:
-    """The zip within the zip."""
+    """Return the zip within the zip."""
     if POLICY not in archive.namelist():
         raise DamagedError(f"holds no {POLICY}")
     info = archive.getinfo(POLICY)

@@ -1,4 +1,4 @@
-"""Interface between a robot and the DRL-VO network: its inputs, and what its output means."""
+"""Interface between a robot and the DRL-VO network: its inputs, and the command for its output."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NOWHERE = np.zeros(2)
 
 
 class DrlVoFeatures(NamedTuple):
-    """Inputs of the network, as `observation.image_of` makes an image of them.
+    """Inputs of the network, of which `observation.image_of` makes an image.
 
     sweeps: (20, 80) in [−1, 1], least and mean range of each of the ten sweeps, the oldest first. pedestrians:
     (32, 4), as in an observation, after rows of zeros. goal: (2,) in look-ahead distances.
@@ -31,7 +31,7 @@ class DrlVoFeatures(NamedTuple):
 
 
 class DrlVoInterface:
-    """The network's inputs from the last half second, and the command that its output means."""
+    """Inputs of the network from the last half second, and the command for its output."""
 
     def __init__(self, config: DrlVoConfig, robot: Robot) -> None:
         self._config = config
@@ -46,7 +46,7 @@ class DrlVoInterface:
         self._goal = _NOWHERE
 
     def features(self, observation: Observation, subgoal: Floats) -> DrlVoFeatures:
-        """The inputs of the network, once a step: the scan joins the sweeps. subgoal: (2,) in the robot frame [m]."""
+        """Add the scan and return the inputs; call once per step. subgoal: (2,) in the robot frame [m]."""
         self._sweeps.add(observation.scan, self._mount_yaw)
         pedestrians = np.zeros((PEDESTRIANS, 4))
         if self._config.pedestrians:
@@ -56,7 +56,7 @@ class DrlVoInterface:
         return DrlVoFeatures(self._sweeps.rows(), pedestrians, subgoal / self._config.lookahead)
 
     def goal(self, guidance: Guidance) -> Floats:
-        """The sub-goal of the network, in the robot frame: (2,) [m]."""
+        """Return the sub-goal of the network, in the robot frame: (2,) [m]."""
         path = guidance.path
         if path is None:
             path = np.vstack([_NOWHERE, guidance.subgoal])
@@ -67,13 +67,13 @@ class DrlVoInterface:
         return self._goal
 
     def action(self, command: Twist, observation: Observation) -> Floats:
-        """The output (2,) that means a command, clipped to ±1; reverse becomes 0."""
+        """Return the output (2,) that corresponds to a command, clipped to ±1; reverse becomes 0."""
         first = 2.0 * command.v / self._fastest(observation) - 1.0
         answer: Floats = np.clip([first, command.omega / self._config.omega_max], -1.0, 1.0)
         return answer
 
     def command(self, action: Floats, observation: Observation) -> Twist:
-        """The command of an output (2,) in [−1, 1], or the turn before an obstacle.
+        """Return the command for an output (2,) in [−1, 1], or the turn in front of an obstacle.
 
         It is limited to what the robot can reach in a period.
         """
@@ -84,7 +84,7 @@ class DrlVoInterface:
         return limited(v, float(action[1]) * config.omega_max, observation, self._dt)
 
     def turns(self, observation: Observation) -> bool:
-        """Return whether an obstacle ahead is so near that the robot turns left in place, whatever the output."""
+        """Return whether an obstacle ahead is so near that the robot turns left in place regardless of the output."""
         return free_ahead(observation.scan, self._mount_yaw) <= self._config.stop_range
 
     def arrived(self, observation: Observation, guidance: Guidance) -> bool:
@@ -95,7 +95,7 @@ class DrlVoInterface:
         return near and (guidance.path is not None or math.hypot(*observation.target) <= margin)
 
     def _fastest(self, observation: Observation) -> float:
-        """Speed of the greatest output [m/s]."""
+        """Speed for the greatest output [m/s]."""
         config = self._config
         if config.v_free is None or free_ahead(observation.scan, self._mount_yaw) < config.free_range:
             return config.v_max

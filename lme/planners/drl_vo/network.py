@@ -16,9 +16,9 @@ BATCH_NORMS = ("sample", "running")
 
 
 class DrlVoPolicy:
-    """The actor on one core: 4.7 GFLOP at the published size.
+    """Actor of DRL-VO, run on one core: 4.7 GFLOP at the published size.
 
-    weights: the arrays that `architecture` lists. batch_norm: "sample" takes mean and variance of each feature map
+    weights: the arrays that `architecture` lists. batch_norm: "sample" uses mean and variance of each feature map
     itself, "running" those of the training. deviations: (2,) of the action's normal distribution.
     Raises InputError if onnx or onnxruntime is not installed.
     """
@@ -37,7 +37,7 @@ class DrlVoPolicy:
         self.deviations: Floats = np.exp(weights[LOG_STD].astype(np.float64))
 
     def means(self, image: NDArray[np.float32], goal: Floats) -> Floats:
-        """Means (2,) of the action. image: (3, 80, 80) of scans, vx and vy; goal: (2,)."""
+        """Return the means (2,) of the action. image: (3, 80, 80) of scans, vx and vy; goal: (2,)."""
         given = {IMAGE_INPUT: image[None], GOAL_INPUT: goal.astype(np.float32)[None]}
         (answer,) = self._session.run(None, given)
         means: Floats = answer[0].astype(np.float64)

@@ -1,4 +1,4 @@
-"""What the DRL-VO network sees: ten sweeps of the lidar, pooled, and maps of the pedestrians' velocities."""
+"""Observation of the DRL-VO network: ten pooled lidar sweeps, and maps of the pedestrians' velocities."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _EDGE = 1e-6  # [rad] a beam on the edge of two bins belongs to the left one, wh
 
 
 class Sweeps:
-    """The pooled sweeps of the last half second.
+    """Pooled sweeps of the last half second.
 
-    fov: what the bins divide [rad], straight ahead in the middle. range_max: longer ranges become this one [m].
+    fov: angle that the bins divide [rad], centred straight ahead. range_max: longer ranges become this one [m].
     no_return: range of a beam without return, and of a bin without beams [m]. A sweep that is due between two
-    scans is the scan before it: the authors' node takes the last one, too. Sweeps before the first scan equal it.
+    scans is the earlier scan, as in the authors' node. Sweeps before the first scan equal it.
     """
 
     def __init__(self, fov: float, range_max: float, no_return: float, rates: tuple[float, float]) -> None:
-        """rates: of the scans that come, and of the sweeps [Hz]."""
+        """rates: of the incoming scans and of the sweeps [Hz]."""
         self._fov, self._range_max, self._no_return = fov, range_max, no_return
         scan_rate, sweep_rate = rates
         ages = [math.ceil(k * scan_rate / sweep_rate - 1e-9) for k in reversed(range(SWEEPS))]
@@ -52,12 +52,12 @@ class Sweeps:
         self._pooled.extendleft([pooled] * (1 if self._pooled else self._kept))
 
     def rows(self) -> Floats:
-        """(20, 80) in [−1, 1]: two rows a sweep, least and mean, the oldest sweep first."""
+        """Rows (20, 80) in [−1, 1]: least and mean of each sweep, the oldest sweep first."""
         return 2.0 * np.vstack([self._pooled[age] for age in self._ages]) / self._range_max - 1.0
 
 
 def velocity_maps(pedestrians: Floats) -> Floats:
-    """vx and vy, halved, of the pedestrians (P, 4) in cells of 0.25 m: (2, 80, 80); 0 where there is none.
+    """Maps of the pedestrians' (P, 4) vx and vy, halved, in cells of 0.25 m: (2, 80, 80); 0 without one.
 
     Rows are x from 0 to 20 m ahead, columns y from 10 m to the left to 10 m to the right. Of two pedestrians in a
     cell the last one counts.
@@ -73,27 +73,27 @@ def velocity_maps(pedestrians: Floats) -> Floats:
 
 
 def free_ahead(scan: LaserScan, mount_yaw: float) -> float:
-    """The least range within 45° of straight ahead [m]; inf without a return there."""
+    """Least range within 45° of straight ahead [m]; inf without a return there."""
     beams, _ = _binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), 2 * _FRONT)
     seen = beams[has_return(scan)[beams]]
     return float(scan.ranges[seen].min(initial=math.inf))
 
 
 def image_of(sweeps: Floats, pedestrians: Floats) -> NDArray[np.float32]:
-    """The network's image (3, 80, 80): the rows of the sweeps (20, 80) four times, then the velocity maps."""
+    """Image for the network (3, 80, 80): the rows of the sweeps (20, 80) four times, then the velocity maps."""
     maps = velocity_maps(pedestrians)
     return np.concatenate((np.tile(sweeps, (_TILES, 1))[None], maps)).astype(np.float32)
 
 
 def has_return(scan: LaserScan) -> Bools:
-    """Which beams (B,) have a return: NaN has none."""
+    """Return whether each beam has a return: (B,). NaN means none."""
     found: Bools = (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
     return found
 
 
 @lru_cache(maxsize=16)
 def _binned(angle_min: float, angle_increment: float, num_beams: int, fov: float) -> tuple[Ints, Ints]:
-    """The beams within `fov` about straight ahead, and the bins that they fall in, from the right to the left."""
+    """Return the beams within `fov`, centred straight ahead, and their bins, from the right to the left."""
     angles = angle_min + angle_increment * np.arange(num_beams)
     angles = (angles + math.pi + _EDGE) % math.tau - math.pi  # a beam straight back is the first one
     beams = np.flatnonzero(np.abs(angles - _EDGE) <= fov / 2 + _EDGE)

@@ -1,4 +1,4 @@
-"""DRL-VO: a local planner learned by reinforcement that sees past scans and pedestrians and follows a global path."""
+"""DRL-VO: a reinforcement-learned local planner that sees past scans and pedestrians and follows a global path."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class DrlVo:
 
     Network, observation, action and rules are those of the authors' code, github.com/TempleRAIL/drl_vo_nav and
     nav-competition-icra2022-drl-vo. The sub-goal is where the guide's path leaves the disc of `lookahead` about the
-    robot, or its end; without a path, the guide's subgoal, at most that far away. While the guide finds no path, it
-    stays what it was, in the robot frame. Near the goal the robot stops, near an obstacle ahead it turns left in
+    robot, or its end; without a path, the guide's subgoal, at most that far away. While the guide finds no path, the
+    sub-goal stays the same in the robot frame. Near the goal the robot stops, near an obstacle ahead it turns left in
     place. The command is limited to what the robot can reach in a period. A NaN range is not a return.
     """
 
@@ -44,12 +44,12 @@ class DrlVo:
         _warn_if_untrained(config, robot, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sweeps and the sub-goal; take the generator that draws the actions."""
+        """Forget the sweeps and the sub-goal; `rng` draws the actions."""
         self._rng = rng
         self.interface.clear()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         interface = self.interface
         self.seen = interface.features(observation, interface.goal(guidance))
         if interface.arrived(observation, guidance):
@@ -58,7 +58,7 @@ class DrlVo:
         return interface.command(answer, observation)
 
     def _output(self, features: DrlVoFeatures) -> Floats:
-        """The network's output: (2,) in [−1, 1]."""
+        """Return the network's output: (2,) in [−1, 1]."""
         image = image_of(features.sweeps, features.pedestrians)
         answer = self._network.means(image, features.goal)
         if not self._config.deterministic:

@@ -1,7 +1,7 @@
 """Tensors in a file that PyTorch saved (`torch.save` of a `state_dict`, PyTorch 1.6 or newer), without PyTorch.
 
-Such a file is a zip: a pickle that describes the tensors, and their numbers. The pickle is read as data by the few
-operations of a `state_dict`; it can name no other function, and none of it is executed.
+Such a file is a zip: a pickle that describes the tensors, and their numbers. The pickle is read as data, with the
+few operations of a `state_dict`; it cannot name any other function, and none of it is executed.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _ITSELF = ("BINUNICODE", "BININT", "BININT1", "BININT2", "LONG1")  # opcodes tha
 
 
 class DamagedError(ValueError):
-    """The file is not what `torch.save` writes for a `state_dict`."""
+    """The file is not one that `torch.save` writes for a `state_dict`."""
 
 
 class Storage(NamedTuple):
-    """Numbers in the file. kind: their type, as "torch FloatStorage"."""
+    """Numbers in the file. kind: their type, such as "torch FloatStorage"."""
 
     kind: str
     key: str
 
 
 class Tensor(NamedTuple):
-    """A part of a storage. offset, stride: in numbers."""
+    """Part of a storage. offset, stride: in numbers."""
 
     storage: Storage
     offset: int
@@ -50,10 +50,10 @@ class Tensor(NamedTuple):
 
 
 class TorchFile:
-    """A saved `state_dict`. tensors: by their names; their numbers are read by `read`."""
+    """Saved `state_dict`. tensors: by name; `read` reads their numbers."""
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
-        """Raises DamagedError, or what zipfile raises."""
+        """Open the file. Raises DamagedError or the errors of zipfile."""
         self._archive = archive
         pickles = [name for name in archive.namelist() if name.endswith("/data.pkl")]
         if len(pickles) != 1:
@@ -62,7 +62,7 @@ class TorchFile:
         self.tensors = read_state(_member(archive, pickles[0], PICKLE_MAX))
 
     def read(self, name: str) -> NDArray[np.float32]:
-        """A tensor's numbers. Raises DamagedError unless it is float32, whole and in order."""
+        """Return a tensor's numbers. Raises DamagedError unless it is float32, complete and in order."""
         storage, offset, shape, stride = self.tensors[name]
         if storage.kind != _FLOAT:
             raise DamagedError(f"{name} is a {storage.kind}: must be float32")
@@ -76,7 +76,7 @@ class TorchFile:
 
 
 def read_state(data: bytes) -> dict[str, Tensor]:
-    """The tensors that the pickle of a `state_dict` describes. Raises DamagedError."""
+    """Return the tensors that the pickle of a `state_dict` describes. Raises DamagedError."""
     try:
         state = _Machine().run(data)
     except (ValueError, IndexError, KeyError, TypeError, AttributeError) as error:
@@ -87,7 +87,7 @@ def read_state(data: bytes) -> dict[str, Tensor]:
 
 
 class _Machine:
-    """The operations of pickle protocol 2 that a `state_dict` needs, on a stack of stacks."""
+    """Operations of pickle protocol 2 that a `state_dict` needs, on a stack of stacks."""
 
     def __init__(self) -> None:
         self._stack: list[Any] = []
@@ -95,7 +95,7 @@ class _Machine:
         self._memo: dict[int, Any] = {}
 
     def run(self, data: bytes) -> Any:
-        """What the pickle describes. An operation that is not defined below raises AttributeError."""
+        """Return the object that the pickle describes. Raises AttributeError for an operation not defined below."""
         for operation, argument, _ in pickletools.genops(data):
             if operation.name == "STOP":
                 break
@@ -209,7 +209,7 @@ def _in_order(shape: tuple[int, ...], stride: tuple[int, ...]) -> bool:
 
 
 def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """The content of a member. Raises DamagedError for one that is missing, or of more than `most` bytes."""
+    """Return the content of a member. Raises DamagedError if it is missing or has more than `most` bytes."""
     try:
         info = archive.getinfo(name)
     except KeyError:

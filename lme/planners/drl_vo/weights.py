@@ -1,4 +1,4 @@
-"""The weights of a DRL-VO network in a file: an .npz with the arrays that `architecture` lists and `TRAINED`, float32.
+"""Weights of a DRL-VO network in a file: an .npz with the arrays of `architecture` and `TRAINED`, float32.
 
 The network may have any size. The names and shapes are those of the policy's `state_dict` in Stable-Baselines3.
 """
@@ -20,12 +20,12 @@ TRAINED = "trained"  # the greatest values of TOLD in the training: (2,)
 
 
 def file_shapes(sizes: Sizes) -> dict[str, Shape]:
-    """The shape of every array in the file of a network of these sizes."""
+    """Return the shape of every array in the file of a network of these sizes."""
     return {**shapes(sizes), TRAINED: (len(TOLD),)}
 
 
 def write_weights(weights: Arrays, file: IO[bytes]) -> None:
-    """Write a network's arrays and `TRAINED` as .npz, and no others. The same weights give the same bytes.
+    """Write only a network's arrays and `TRAINED`, as .npz. The same weights give the same bytes.
 
     Raises InputError, naming the array, if one is missing or has another shape.
     """
@@ -34,7 +34,7 @@ def write_weights(weights: Arrays, file: IO[bytes]) -> None:
 
 
 def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """A network's arrays and `TRAINED` in a file that `write_weights` made.
+    """Read a network's arrays and `TRAINED` from a file that `write_weights` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
     shapes, and values that are not finite. No array is created before all shapes are known to agree.

@@ -1,4 +1,4 @@
-"""An elastic band: bubbles of free space along a path, moved by repulsion from obstacles and by contraction."""
+"""Elastic band: bubbles of free space along a path, moved by repulsion from obstacles and by contraction."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
 def _force(before, bubble, after, normal, space, spacing, forces):
     """Contraction and repulsion across the band, along `normal`.
 
-    Contraction: the sum of the unit vectors to both neighbours. Repulsion: the radius missing to `influence` times
+    Contraction: the sum of the unit vectors to both neighbours. Repulsion: `influence` minus the radius, times
     the gradient of the radius, by central differences over one radius to either side.
     """
     internal, external, influence, _ = forces
@@ -152,7 +152,7 @@ def mend(
 
 @njit(cache=True, error_model="numpy")
 def _filled(centres, radii, space, spacing, joint, size):
-    """The band with inserted bubbles, rows x, y, radius, and the length of its chain."""
+    """Return the band with inserted bubbles, rows of x, y, radius, and the length of its chain."""
     out, waiting = np.empty((size, 3)), np.empty((size, 3))  # `waiting` is a stack
     left = len(centres)
     # Push the bubbles in reverse, so that the start of the band is on top.
@@ -181,7 +181,7 @@ def _filled(centres, radii, space, spacing, joint, size):
 
 @njit(cache=True, error_model="numpy")
 def _without_redundant(centres, radii, joint):
-    """Both ends of the band, and the bubbles whose neighbours would not join without them."""
+    """Keep both ends of the band, and the bubbles whose neighbours would not join without them."""
     out, out_radii = centres.copy(), radii.copy()
     count = 1
     for i in range(1, len(centres)):

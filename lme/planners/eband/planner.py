@@ -73,7 +73,7 @@ class EBand:
         self._known = np.empty((0, 2))
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         here = observation.odometry
         points = self._look(observation)
         planned = guidance.path is not None and len(guidance.path) > 0
@@ -84,7 +84,7 @@ class EBand:
         return self._safe(v, omega, points, observation)
 
     def _look(self, observation: Observation) -> Floats:
-        """Visible obstacle points and earlier ones that are hidden now: (M, 2), robot frame [m]."""
+        """Return the visible obstacle points, and earlier ones that are hidden now: (M, 2), robot frame [m]."""
         here, scan, mount = observation.odometry, observation.scan, self._robot.lidar.mount
         seen = obstacle_points(scan, mount)
         seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < self._reach]
@@ -130,7 +130,7 @@ class EBand:
         return min(config.v_max, max(config.bubble_velocity * float(band.radii[0]), config.v_min))
 
     def _safe(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
-        """The first safe command: as given, slower, or backwards; else brake."""
+        """Return the first safe command, as given, slower or backwards; else brake."""
         circles = np.column_stack([points, np.zeros(len(points))])
         now = self._clearance(_AT_REST, circles)
         ahead = [(share * v, omega) for share in _SLOWER]
@@ -156,7 +156,7 @@ class EBand:
 
 
 def _thinned(points: Floats, spacing: float) -> Floats:
-    """The point nearest to the centre of each grid cell; independent of the order of the points."""
+    """Return the point nearest to the centre of each grid cell, independently of the order of the points."""
     cells = np.rint(points / spacing)
     off = np.abs(points - cells * spacing).sum(axis=1)
     order = np.lexsort((off, cells[:, 1], cells[:, 0]))

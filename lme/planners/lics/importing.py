@@ -16,10 +16,10 @@ from lme.planners.lics.weights import SHAPES, WHAT
 
 
 def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The arrays of `SHAPES` in a `state_dict` that PyTorch saved, such as `transformer_99.pth`.
+    """Return the arrays of `SHAPES` in a `state_dict` that PyTorch saved, such as `transformer_99.pth`.
 
-    Nothing in the file runs, and PyTorch is not needed. The zip's own checksums are verified. Raises InputError, naming
-    file and array.
+    Nothing in the file is executed, and PyTorch is not needed. The zip's own checksums are verified. Raises
+    InputError, naming file and array.
     """
     try:
         check_regular(path)

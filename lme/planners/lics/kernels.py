@@ -1,4 +1,4 @@
-"""What a transformer needs besides dense layers: attention and normalised sums. Arrays are float32."""
+"""Attention and normalised sums, which a transformer needs besides dense layers. Arrays are float32."""
 
 import math
 
@@ -15,8 +15,8 @@ _LEAST_VARIANCE = np.float32(1e-5)  # PyTorch's default of a layer norm
 def attention(queries: Singles, keys: Singles, values: Singles, heads: int) -> Singles:
     """Mean of the values (M, W), weighted by the softmax of query · key / √W: (N, W).
 
-    queries (N, W), keys (M, W). Each head has its own part of the W columns. The root is of W, as the authors have it,
-    and not of a head's width.
+    queries (N, W), keys (M, W). Each head has its own part of the W columns. As in the authors' code, the root is
+    that of W, not of a head's width.
     """
     count, width = queries.shape
     part, scale = width // heads, np.float32(1.0 / math.sqrt(width))

@@ -1,4 +1,4 @@
-"""The LiCS network: a small transformer from a sweep and the direction of the goal to a velocity."""
+"""LiCS network: a small transformer from a sweep and the direction of the goal to a velocity."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class _Dense(NamedTuple):
 
 
 class LicsPolicy:
-    """The published network in compiled code, 4 M multiplications.
+    """Published network in compiled code, 4 M multiplications.
 
     weights: the arrays of `lme.planners.lics.weights.SHAPES`.
     """
@@ -44,7 +44,7 @@ class LicsPolicy:
         )
 
     def velocity(self, ranges: Singles, direction: Floats) -> Floats:
-        """The velocity (2,) that the network wants, in shares of the greatest v and ω.
+        """Return the velocity (2,) that the network wants, in shares of the greatest v and ω.
 
         ranges (720,) [m], from the right to the left; direction (2,): of the goal, in the robot frame, of length 1.
         """

@@ -1,4 +1,4 @@
-"""What the LiCS network sees: a sweep of 720 beams over 270°, and the direction of a point on the path."""
+"""Observation of the LiCS network: 720 beams over 270°, and the direction of a point on the path."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _AT_ROBOT = 0.05  # [m] a path that begins nearer than this begins at the robot
 
 
 def sweep(scan: LaserScan, mount_yaw: float, clip: float) -> NDArray[np.float32]:
-    """The range of the nearest beam in each of the 720 directions, from the right to the left: (720,) [m].
+    """Range of the nearest beam in each of the 720 directions, from the right to the left: (720,) [m].
 
     mount_yaw: of the lidar in the base frame [rad]. A beam without a return, a direction without a beam, and a range
     above `clip` give `clip`.
@@ -36,10 +36,10 @@ def sweep(scan: LaserScan, mount_yaw: float, clip: float) -> NDArray[np.float32]
 
 
 def direction_along(path: Floats, los: float) -> Floats:
-    """The direction (2,), of length 1, of the first point of a path (K, 2) [m] farther than `los` [m] from its begin.
+    """Unit vector (2,) to the first point of a path (K, 2) [m] that is farther than `los` [m] from its start.
 
-    The begin is the robot if the path begins there; without such a point the last one counts. (0, 0) if the path ends
-    where it begins. The authors smooth the path before, which ours, made of straight pieces, does not need.
+    The start is the robot if the path begins there. Without such a point the last one is used; (0, 0) if the path
+    ends where it begins. The authors smooth the path first; ours is made of straight pieces and does not need it.
     """
     begin = path[0] if math.hypot(*path[0]) > _AT_ROBOT else np.zeros(2)
     away = path - begin

@@ -21,7 +21,7 @@ SHIPPED = "lics_ki.npz"  # in conf/network/
 
 @dataclass(slots=True)
 class LicsConfig:
-    """The network's weights, what it sees, and the velocities that its output means; the authors' names."""
+    """Weights of the network, its observation, and the velocities for its output; the authors' names."""
 
     weights: str | None = None  # path of an .npz; None: the authors' network, which ships with lme
     los: float = 2.0  # [m] the network drives towards the first point of the path this far from its begin
@@ -42,7 +42,7 @@ class Lics:
 
     Network, observation and action are those of the authors' entry, LiCS-KI: a sweep of 720 beams and the direction of
     a point on the global path give a velocity, which falls with the least range within 40° of straight ahead. While
-    the guide finds no path, the direction stays what it was, in the robot frame. The entry has no recovery, and no
+    the guide finds no path, the direction stays the same in the robot frame. The entry has no recovery, and no
     notion of arrival. The command is limited to what the robot can reach in a period.
     """
 
@@ -59,7 +59,7 @@ class Lics:
         self._direction: Floats = np.zeros(2)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         config = self._config
         ranges = sweep(observation.scan, self._robot.lidar.yaw, config.laser_clip)
         if not guidance.blocked:

@@ -1,4 +1,4 @@
-"""The layers of the LiCS network, and its weights in a file: an .npz with the arrays of `SHAPES`, float32.
+"""Layers of the LiCS network, and its weights in a file: an .npz with the arrays of `SHAPES`, float32.
 
 The network reads a sweep as 36 tokens of 20 beams, and the direction of the goal as two tokens of one number. Names
 and shapes are those of the authors' `state_dict`: three layers of an encoder, in which the tokens of the sweep attend
@@ -47,7 +47,7 @@ SHAPES = _shapes()  # of every array of the network by its name; a weight is (ou
 
 
 def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The arrays of `SHAPES` in a file that `array_file.write_arrays` made.
+    """Read the arrays of `SHAPES` from a file that `array_file.write_arrays` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
     shapes, and values that are not finite. No array is created before its shape is known to be right.

@@ -19,7 +19,7 @@ class MinTimeParts:
 
 @dataclass(slots=True)
 class MinTimeConfig:
-    """Distances that it keeps, and what it may rely on."""
+    """Distances that the planner keeps, and properties of the robot on which it may rely."""
 
     margin: float = 0.05  # [m] distance to obstacle points at rest
     margin_time: float = 0.1  # [s] further distance per speed of the outline

@@ -1,4 +1,4 @@
-"""A drive whose velocity approaches the command with a time constant."""
+"""Drive whose velocity approaches the command with a time constant."""
 
 import math
 
@@ -6,9 +6,9 @@ from lme.types import Limits, Twist
 
 
 class Lag:
-    """First-order lag of v and ω: after a time t, e^(−t/τ) of their distance from the command is left.
+    """First-order lag of v and ω: after a time t, e^(−t/τ) of their difference from the command is left.
 
-    Limits of acceleration are not in it. With τ = 0 the velocity is that of the command.
+    Limits of acceleration are not modelled. With τ = 0 the velocity is that of the command.
     """
 
     def __init__(self, time_constant: float, dt: float) -> None:
@@ -16,7 +16,7 @@ class Lag:
         self._time_constant, self._dt = time_constant, dt
 
     def after(self, now: Twist, command: Twist, duration: float) -> Twist:
-        """The twist `duration` [s] later."""
+        """Return the twist `duration` [s] later."""
         if self._time_constant == 0.0:
             return command
         left = math.exp(-duration / self._time_constant)
@@ -25,12 +25,12 @@ class Lag:
         )
 
     def reach(self, now: Twist, limits: Limits) -> tuple[Twist, Twist]:
-        """The least and the greatest v and ω that a command within the limits leads to in one period."""
+        """Return the least and the greatest v and ω to which commands within the limits lead in one period."""
         least, most = Twist(limits.lowest, -limits.omega_max), Twist(limits.v_max, limits.omega_max)
         return self.after(now, least, self._dt), self.after(now, most, self._dt)
 
     def command_for(self, wanted: Twist, now: Twist, limits: Limits) -> Twist:
-        """The command that leads to the wanted twist in one period; the nearest to it that the limits allow."""
+        """Return the command that leads to the wanted twist in one period, or the nearest one within the limits."""
         if self._time_constant == 0.0:
             return wanted
         gain = -1.0 / math.expm1(-self._dt / self._time_constant)

@@ -1,4 +1,4 @@
-"""Multi-point turns: strokes forwards, back and on the spot that lead out of a place in which a robot cannot turn."""
+"""Multi-point turns: strokes forwards, backwards and on the spot, out of a place in which a robot cannot turn."""
 
 from __future__ import annotations
 
@@ -31,17 +31,18 @@ _NOWHERE = np.full(2, np.inf)
 
 
 class MultiPointTurn:
-    """Leads a robot that has had no free way for some time to a place with room to turn on the spot, and turns it.
+    """Leads a robot without a free way for some time to a place with room to turn on the spot, and turns it there.
 
-    A body that is longer than wide gets by arcs into places that it can leave only by strokes. A search in x, y and
+    A body that is longer than wide can reach places on arcs that it can leave only by strokes. A search in x, y and
     heading finds a few steps to a place with room (`way_out`), and the strokes are driven one after the other, to the
-    end. There the robot turns to the fastest way. Without a place with room near it, it goes to a place on the fastest
-    way, forwards or back, and searches again; so it does where a point turns up on a stroke. A stroke that takes far
-    too long, as of a robot that does not move, ends the turn. With a known delay, progress is that of the commands.
+    end. There the robot turns to the fastest way. If there is no place with room nearby, it drives to a place on the
+    fastest way, forwards or backwards, and searches again; it also does so where a point appears on a stroke. A
+    stroke that takes far too long, for instance because the robot does not move, ends the turn. With a known delay,
+    progress is measured by the commands.
     """
 
     def __init__(self, footprint: Footprint, dt: float, margin: float) -> None:
-        """dt: control period [s]; margin: to points [m]."""
+        """dt: control period [s]; margin: distance kept to points [m]."""
         self._dt = dt
         self._box = footprint.box
         self._close = _CLOSE * margin
@@ -50,7 +51,7 @@ class MultiPointTurn:
         _load()
 
     def reset(self) -> None:
-        """Forget for how long there was no free way, and the strokes."""
+        """Forget the strokes, and for how long there was no free way."""
         self._blocked_for = 0.0  # [s] longer than not
         self._before = STILL
         self._braking = 0.0  # [s] for which it was to stand
@@ -60,10 +61,11 @@ class MultiPointTurn:
         self._goes_on = False  # there is no room at the end of the strokes
 
     def command(self, blocked: bool, points: Floats, way: Floats, now: Twist, limits: Limits) -> Twist | None:
-        """Advance one period, in which the guide found no free way or did; None: no turn is under way.
+        """Advance by one period and return the command; None: no turn is under way.
 
-        points (M, 2): obstacles; way (K, 2): places on the fastest way, in the robot frame [m]; now: the twist [m/s,
-        rad/s]. While the robot comes to rest, the command is zero.
+        blocked: the guide finds no free way in this period; points (M, 2): obstacles; way (K, 2): places on the
+        fastest way, in the robot frame [m]; now: the twist [m/s, rad/s]. While the robot comes to rest, the command
+        is zero.
         """
         self._count(now, limits)
         if not self._strokes:
@@ -78,7 +80,7 @@ class MultiPointTurn:
         return self._on_stroke(now, limits) if self._strokes else None
 
     def _count(self, now: Twist, limits: Limits) -> None:
-        """Subtract what was driven in the last period; the next stroke begins when the robot has come to rest."""
+        """Subtract the motion of the last period; begin the next stroke once the robot has come to rest."""
         before, self._before = self._before, now
         if not self._strokes:
             return
@@ -94,19 +96,19 @@ class MultiPointTurn:
             self.reset()
 
     def _stands(self, now: Twist) -> bool:
-        """Return whether the robot, which is to stand, does."""
+        """Return whether the robot, which has to stop, stands."""
         self._braking += self._dt
         return max(abs(now.v), abs(now.omega)) < _RESTS or self._braking > _BRAKING
 
     def _begin(self, limits: Limits) -> None:
-        """Begin with the first stroke that is left, if one is."""
+        """Begin the first stroke that is left, if there is one."""
         self._braking = 0.0
         if self._strokes:
             rate = _rates(limits)[0 if self._strokes[0][0] else 1]
             self._time_left = _LATE * self._left[0] / max(rate, _RESTS) + _LATER
 
     def _is_free(self, points: Floats) -> bool:
-        """Return whether what is left of the stroke is free."""
+        """Return whether the rest of the stroke is free."""
         (ahead, turn), left = self._strokes[0], max(self._left[0], 0.0)
         return bool(keeps_on_stroke(points, self._box, self._close, ahead * left, turn * left))
 
@@ -127,16 +129,16 @@ class MultiPointTurn:
         self._begin(limits)
 
     def _on_stroke(self, now: Twist, limits: Limits) -> Twist:
-        """The command on the stroke, so that the robot stands at its end."""
+        """Return the command on the stroke, so that the robot stands at its end."""
         (ahead, turn), (speed, rate) = self._strokes[0], _rates(limits)
-        left = self._left[0] if self._left[0] > _DONE else 0.0  # who has overshot does not come back
+        left = self._left[0] if self._left[0] > _DONE else 0.0  # an overshoot is not driven back
         v = approach(ahead * left, now.v, speed, limits.alpha_v, self._dt)
         return Twist(v, approach(turn * left, now.omega, rate, limits.alpha_omega, self._dt))
 
 
 @functools.cache
 def _load() -> None:
-    """Load the compiled search, once in a process: a robot that is stuck should not have to wait for it."""
+    """Load the compiled search once per process, so that a robot that is stuck need not wait for it."""
     point, box = np.array([[0.4, 0.0]]), (0.3, 0.2, 0.0)
     way_out(point, box, 0.02, 0.41, _NOWHERE, True)
     keeps_on_stroke(point, box, 0.02, STROKE, 0.0)
@@ -148,7 +150,7 @@ def _rates(limits: Limits) -> tuple[float, float]:
 
 
 def _turn_to(way: Floats, pose: Floats) -> float:
-    """How far a robot at the pose (3,) has to turn to look along the way (K, 2) [rad]."""
+    """Angle by which a robot at the pose (3,) has to turn to face along the way (K, 2) [rad]."""
     nearest = int(np.hypot(*(way - pose[:2]).T).argmin())
     x, y = way[min(nearest + 1, len(way) - 1)] - pose[:2]
     return wrap_angle(math.atan2(y, x) - float(pose[2]))

@@ -40,7 +40,7 @@ _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
 class _Situation(NamedTuple):
-    """What a command is chosen for: subgoal (2,), points (M, 2), movers (P, 5) and way (K, 2) in the robot frame."""
+    """Input of a decision: subgoal (2,), points (M, 2), movers (P, 5) and way (K, 2) in the robot frame."""
 
     subgoal: Floats
     points: Floats
@@ -50,12 +50,12 @@ class _Situation(NamedTuple):
 
 
 def _excess(measured: float, commanded: float) -> float:
-    """By how much a measured rate exceeds the commanded one."""
+    """Amount by which a measured rate exceeds the commanded one."""
     return measured - commanded if abs(measured) > abs(commanded) else 0.0
 
 
 def _moved(now: _Situation, pose: Pose, later: float = 0.0) -> _Situation:
-    """A situation in the robot frame at another pose, `later` [s]; the twist stays."""
+    """Return the situation in the robot frame at another pose, `later` [s] on, with the same twist."""
     movers = now.movers.copy()
     movers[:, :2] = to_robot(movers[:, :2] + later * movers[:, 2:4], pose)
     movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
@@ -69,11 +69,12 @@ class MinTime:
     Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
     subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with speed, reaches no
     obstacle point before the robot has stopped. If none is safe, the robot brakes on its current arc. Where the guide
-    finds no free way, and no command ahead is faster than backing up, the robot backs up on an arc; later, it makes a
-    `MultiPointTurn`. The points are those that the guide knows, else those of the scan. If the delay of commands is
-    known, all this starts where the robot will be then. Tracked people are predicted at their current velocity.
+    finds no free way, and no forward command is faster than backing up, the robot backs up on an arc and later makes
+    a `MultiPointTurn`. The points are those that the guide knows, else those of the scan. If the delay of commands is
+    known, decisions start from where the robot will be after it. Tracked people are predicted at their current
+    velocity.
 
-    A robot that can stop without touching a point gets no command after which it could not (docs/safety.md).
+    A robot that can stop without touching a point never gets a command after which it could not (docs/safety.md).
     """
 
     Config = MinTimeConfig
@@ -103,7 +104,7 @@ class MinTime:
             self._turn.reset()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         here, limits = self._here(observation, guidance), observation.limits
         now = self._ahead(here, limits)
         sees_back = guidance.points is not None or is_full_circle(observation.scan)
@@ -119,7 +120,7 @@ class MinTime:
         return command
 
     def _multi_point_turn(self, guidance: Guidance, now: _Situation, limits: Limits) -> Twist | None:
-        """The command of a multi-point turn, if the guide knows points and the way, and nobody is in sight."""
+        """Return the command of a multi-point turn, if the guide knows points and way and nobody is in sight."""
         if self._turn is None:
             return None
         if guidance.points is None or now.way is None or len(now.movers):
@@ -132,16 +133,17 @@ class MinTime:
         return command
 
     def _wanted(self, guidance: Guidance, now: _Situation, limits: Limits, may_back: bool) -> Twist:
-        """The best command, or one back if the robot is stuck and may."""
+        """Return the best command, or one that backs up if the robot is stuck and may back up."""
         wanted = self._best(now, limits)
         if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, now, limits)):
             return self._back_up(now, limits) or wanted
         return wanted
 
     def _is_stuck(self, wanted: Twist, guidance: Guidance, now: _Situation, limits: Limits) -> bool:
-        """Whether to begin to back up: at once, but not again and again where the robot turns out of a narrow place.
+        """Return whether to begin to back up: at once, but not repeatedly while turning out of a narrow place.
 
-        Where the guide has a free way, only who has stood for a while is stuck, but not at the subgoal or among movers.
+        Where the guide has a free way, a robot counts as stuck only after standing still for a while, and never at
+        the subgoal or among movers.
         """
         stands = not any(wanted)
         blocked = guidance.blocked and wanted.v < self._backward(limits)
@@ -156,7 +158,7 @@ class MinTime:
         return stuck
 
     def _stoppable(self, command: Twist, now: StoppingState) -> Twist:
-        """The command, or the nearest after which the robot can still stop, if it can stop now."""
+        """Return the command, or the nearest one after which the robot can still stop, if it can stop now."""
         check = self._check
         for state in (now, now.as_measured()):
             if check.stops(STILL, state):
@@ -164,9 +166,9 @@ class MinTime:
         return command
 
     def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
-        """The situation now. Where latency or lag are known, the motion is predicted from the measured twist.
+        """Return the current situation. With known latency or lag, motion is predicted from the measured twist.
 
-        Where they are not, a robot that moves faster than its command is taken to be where that leads it within its
+        Otherwise, a robot that moves faster than its command is assumed to be where the excess takes it within its
         settling time.
         """
         predicts = self._check.under_way or self._config.lag
@@ -181,11 +183,11 @@ class MinTime:
         return _moved(here, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else here
 
     def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
-        """The situation in which the next command takes effect."""
+        """Return the situation in which the next command takes effect."""
         return self._predicted(here, limits) if self._check.under_way else here
 
     def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
-        """Points that do not move (M, 2), and movers (P, 5)."""
+        """Return the points that do not move (M, 2), and the movers (P, 5)."""
         if guidance.points is not None and not len(observation.pedestrians):
             return guidance.points, _NOBODY
         seen = obstacle_points(observation.scan, self._robot.lidar.mount)
@@ -194,12 +196,12 @@ class MinTime:
         return points[~own], movers
 
     def _predicted(self, now: _Situation, limits: Limits) -> _Situation:
-        """A situation after the latency, in the robot frame of that time."""
+        """Return the situation after the latency, in the robot frame of that time."""
         pose, twist = self._predict(now.twist, limits)
         return _moved(now, pose, self._config.latency)._replace(twist=twist)
 
     def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
-        """Pose in the current robot frame and twist when the next command takes effect."""
+        """Predict pose, in the current robot frame, and twist for when the next command takes effect."""
         pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
         under_way = self._check.under_way
         rest = self._config.latency - (len(under_way) - 1) * dt  # of the oldest command
@@ -212,7 +214,7 @@ class MinTime:
         return pose, without_tiny_rates(now)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """See `lme.planners.weighed`: every arc with its expected time, but for backing up and multi-point turns."""
+        """Return every arc with its time, but no backing up or multi-point turn; see `lme.planners.weighed`."""
         limits = observation.limits
         now = self._ahead(self._here(observation, guidance), limits)
         ahead, *given = self._given(now, limits)
@@ -228,7 +230,7 @@ class MinTime:
         return Weighed(commands, costs.ravel(), _HORIZON)
 
     def _best(self, situation: _Situation, limits: Limits) -> Twist:
-        """The safe command with the least expected time; if none is safe, to brake on the present arc."""
+        """Return the safe command with the least expected time; if none is safe, brake on the current arc."""
         window, *given = self._given(situation, limits)
         v, omega, time, slowest = best_command(window, self._shares, *given)
         if math.isfinite(time):
@@ -237,7 +239,7 @@ class MinTime:
         return Twist(0.0, now.omega * slowest / now.v if now.v > 0.0 else 0.0)
 
     def _given(self, situation: _Situation, limits: Limits) -> tuple[Any, ...]:
-        """What `best_command` takes, but for the shares: its `Window`, `Estimate` and `Safety` in plain tuples."""
+        """Return the arguments of `best_command` but the shares, with its named tuples as plain ones."""
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now, _ = situation
         least, most = self._lag.reach(now, limits)
@@ -253,7 +255,7 @@ class MinTime:
         return min(_BACKWARD * limits.v_max, -limits.lowest)
 
     def _back_up(self, now: _Situation, limits: Limits) -> Twist | None:
-        """Back for `_BACK` or more, on the safe arc with the least expected time to the subgoal; None: none is safe."""
+        """Back up `_BACK` or more on the safe arc of least expected time to the subgoal; None: none is safe."""
         speed = self._backward(limits)
         omega = self._turns_back(speed, now.twist.omega, limits) if speed > 0.0 else np.empty(0)
         safe = omega[self._is_safe_back(speed, omega, now.points, limits)]
@@ -265,7 +267,7 @@ class MinTime:
         return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))
 
     def _turns_back(self, speed: float, omega: float, limits: Limits) -> Floats:
-        """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s]; 0 if it is among them."""
+        """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s], with 0 if possible."""
         (_, least), (_, most) = self._lag.reach(Twist(0.0, omega), limits)
         change, grip = limits.alpha_omega * self._robot.dt, self._config.grip / speed
         low, high = max(omega - change, least, -grip), min(omega + change, most, grip)

@@ -8,7 +8,7 @@ _POLYNOMIAL = 0x82F63B78  # Castagnoli, bits reversed (RFC 3720, appendix B.4)
 
 
 def _table() -> NDArray[np.uint32]:
-    """The effect of each byte: (256,)."""
+    """Return the effect of each byte on the checksum: (256,)."""
     table = np.arange(256, dtype=np.uint32)
     for _ in range(8):
         table = np.where(table & 1, (table >> 1) ^ np.uint32(_POLYNOMIAL), table >> 1).astype(np.uint32)

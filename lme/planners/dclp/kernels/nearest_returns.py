@@ -1,4 +1,4 @@
-"""The nearest return of a scan in each sector."""
+"""Nearest return of a scan in each sector."""
 
 import math
 

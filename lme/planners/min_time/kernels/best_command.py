@@ -1,4 +1,4 @@
-"""The command that brings a robot to a subgoal in the least expected time and can still stop in time."""
+"""Command that brings a robot to a subgoal in the least expected time and lets it still stop in time."""
 
 import math
 from typing import NamedTuple
@@ -20,11 +20,11 @@ _HOLDS = 5  # number of times for which a command is tried, from one period to t
 
 
 class Estimate(NamedTuple):
-    """How the time to a subgoal is estimated. Times [s], v_max [m/s].
+    """Parameters of the estimated time to a subgoal. Times [s], v_max [m/s].
 
     A command is held for some time up to `horizon`, and then its turn is braked. From the heading that this leads to,
-    the robot turns to the subgoal, which takes `turn` [s/rad], and drives there at v_max. `slow`: added for a command
-    of speed 0, in proportion less for faster ones.
+    the robot turns to the subgoal, which takes `turn` [s/rad], and drives there at v_max. `slow`: time added for a
+    command of speed 0, proportionally less for faster ones.
     """
 
     v_max: float
@@ -35,7 +35,7 @@ class Estimate(NamedTuple):
 
 
 class Safety(NamedTuple):
-    """What makes a command safe.
+    """Conditions under which a command is safe.
 
     Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the
     time to stop, at `brake` [m/s²] and the turn acceleration in use [rad/s²]. v · |ω| is at most `grip` [m/s²], if a
@@ -50,11 +50,12 @@ class Safety(NamedTuple):
 
 
 class Window(NamedTuple):
-    """What can be commanded within a period.
+    """Velocities that can be commanded within a period.
 
     twist: v and ω now; least, most: those that the drive can reach [m/s, rad/s]; alphas: the limits alpha_v and
-    alpha_omega [m/s², rad/s²]. Farther than `near` [m] from every point, and where nothing moves, ω differs from what
-    it is, or from what was last `asked` for [rad/s], by no more than `calm` [rad/s²] allow: a drive may lag behind.
+    alpha_omega [m/s², rad/s²]. Farther than `near` [m] from every point, and where nothing moves, ω changes by at
+    most `calm` [rad/s²], either from its current value or from the one last `asked` for [rad/s], since a drive may
+    lag behind.
     """
 
     twist: tuple[float, float]
@@ -84,7 +85,7 @@ def best_command(
     safety: SafetyNumbers,
     movers: Floats,
 ) -> tuple[float, float, float, float]:
-    """`best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
+    """Return `best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
     # Sample what can be reached in a period, and choose among all pairs of v and ω.
     v, omega, alpha = tried(window, shares, Estimate(*estimate).period, points, box, movers)
     best = best_twist(v, omega, alpha, subgoal, points, box, estimate, safety, movers)
@@ -135,13 +136,13 @@ def best_twist(
     safety: SafetyNumbers,
     movers: Floats,
 ) -> tuple[float, float, float]:
-    """(v, ω) of the safe command with the least expected time to the subgoal, and that time [s]; inf: none is safe.
+    """Return the safe command (v, ω) of least expected time to the subgoal, and that time [s]; inf: none is safe.
 
     v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]. alpha_omega: turn acceleration [rad/s²]. subgoal
     (2,), points (M, 2): in the robot frame [m]. box: footprint (half_length, half_width, rounding) [m]. movers (P, 5):
     x, y, vx, vy and radius of what moves [m, m/s]. A command on whose arc one of them meets the robot's disc within
-    `FORESEEN` [s] costs up to `_MEETING` [s] more: the sooner, the more. If the robot would meet them on the arc, and
-    also if it brakes, the command costs more by the speed that is left then: who cannot get past stands in time
+    `FORESEEN` [s] costs up to `_MEETING` [s] more: the sooner, the more. If the robot would meet them on the arc and
+    even while braking, the command costs more, by the speed that is left then: a robot that cannot pass stops in time
     (passive safety, Macek et al. 2009, "Towards safe vehicle navigation in dynamic urban scenarios", Automatika 50).
     """
     # Callers pass plain tuples; the kernel reads their fields by name.
@@ -189,10 +190,10 @@ def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers)
 
 @njit(cache=True, error_model="numpy")
 def _held(omega, estimate, alpha_omega):
-    """Times for which a command is held (K,) [s], and what each turn rate then does (W, K, 4).
+    """Return the times for which a command is held (K,) [s], and the effect of each turn rate (W, K, 4).
 
-    That is cosine and sine of half of the turn, the chord of an arc of length 1, and the heading in which the robot
-    comes to face when the turn is braked at alpha_omega [rad/s²].
+    The effect is cosine and sine of half of the turn, the chord of an arc of length 1, and the heading that the robot
+    reaches when the turn is braked at alpha_omega [rad/s²].
     """
     holds, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 4))
     for k in range(_HOLDS):
@@ -210,7 +211,7 @@ def _held(omega, estimate, alpha_omega):
 
 @njit(cache=True, error_model="numpy")
 def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
-    """The time of each command if no obstacle ends it, less `_ROUNDING` [s]; inf: no grip. Faster than `_time_to`."""
+    """Time of each command without obstacles, less `_ROUNDING` [s]; inf: no grip. Faster than `_time_to`."""
     count = len(v) * len(omega)
     x, y, heading = np.empty((3, _HOLDS, count))
     # From where the robot is after each hold: the vector to the subgoal, and the heading.
@@ -239,7 +240,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _after(v, omega, time):
-    """Place of the robot after some time on its arc [m]."""
+    """Position of the robot after some time on its arc [m]."""
     half = 0.5 * omega * time
     chord = v * time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
     return chord * math.cos(half), chord * math.sin(half)
@@ -247,7 +248,7 @@ def _after(v, omega, time):
 
 @njit(cache=True, error_model="numpy")
 def _among_movers(v, omega, movers, reach, delay, brake):
-    """What movers add to the time of a command [s]. delay: until the robot can brake [s]."""
+    """Time that movers add to a command [s]. delay: until the robot can brake [s]."""
     rest = delay + v / brake
     met = _met(v, omega, movers, reach, np.inf, brake, max(FORESEEN, rest))
     cost = _MEETING * (1.0 - min(met, FORESEEN) / FORESEEN)
@@ -259,7 +260,7 @@ def _among_movers(v, omega, movers, reach, delay, brake):
 
 @njit(cache=True, error_model="numpy")
 def _met(v, omega, movers, reach, held, brake, horizon):
-    """Time until the robot on its arc is within `reach` of a mover, and comes nearer [s]; inf: not up to `horizon` [s].
+    """Time until the robot on its arc is within `reach` of a mover and approaching; inf: not up to `horizon` [s].
 
     The command is held for `held` [s]; then the robot brakes on its arc at `brake` [m/s²].
     """

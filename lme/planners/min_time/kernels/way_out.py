@@ -1,4 +1,4 @@
-"""Strokes that lead a robot out of a place in which it cannot turn: a search in x, y and heading."""
+"""Search in x, y and heading for strokes that lead a robot out of a place in which it cannot turn."""
 
 import math
 
@@ -28,13 +28,13 @@ def way_out(
     place: Floats,
     backwards: bool,
 ) -> tuple[NDArray[np.int8], bool]:
-    """A few steps to where all points are at least `room` [m] from the robot's centre: (K, 2); and True.
+    """Find a few steps (K, 2) to where the centre is at least `room` [m] from all points; return them and True.
 
-    A step is a row: 1, forwards by `STROKE`, or −1, back, or 0; and 1, to the left by `TURN`, or −1, to the right, or
-    0. points (M, 2): in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m], which keeps
-    `margin` [m]; a point that is nearer must just not come any nearer. backwards: whether the robot can drive back. The
-    search is breadth-first, up to 1.5 m from the robot and in `_MOST` poses. If it finds no such place, the steps lead
-    to `_THERE` from the `place` (2,) [m], with False; none, if none do.
+    A step is a row of two signs: 1 for forwards by `STROKE`, −1 for backwards, or 0; and 1 for left by `TURN`, −1 for
+    right, or 0. points (M, 2): in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m], which
+    keeps `margin` [m]; a point that is nearer already must not come any nearer. backwards: whether the robot can
+    drive backwards. The search is breadth-first, up to 1.5 m from the robot and over `_MOST` poses. If it finds no
+    such place, it returns steps that lead to within `_THERE` of the `place` (2,) [m], or none, and False.
     """
     r_max = math.hypot(box[0], box[1]) + box[2]
     near = _nearest_first(points, (_FAR + 1) * _CELL + max(room, r_max + margin))
@@ -76,7 +76,7 @@ def way_out(
 
 
 def poses_after(steps: NDArray[np.int8]) -> Floats:
-    """x, y [m] and yaw [rad] after each of the steps (K, 2) from the origin: (K, 3)."""
+    """Poses after each of the steps (K, 2) from the origin: x, y [m] and yaw [rad], (K, 3)."""
     yaw = TURN * np.cumsum(steps[:, 1])
     ahead = STROKE * steps[:, 0]
     return np.column_stack((np.cumsum(ahead * np.cos(yaw)), np.cumsum(ahead * np.sin(yaw)), yaw))
@@ -86,7 +86,7 @@ def poses_after(steps: NDArray[np.int8]) -> Floats:
 def keeps_on_stroke(
     points: Floats, box: tuple[float, float, float], margin: float, ahead: float, turn: float
 ) -> bool:
-    """Whether points (M, 2) keep `margin` as in `way_out`, while the robot drives `ahead` [m] or turns [rad]."""
+    """Return whether points (M, 2) keep `margin`, as in `way_out`, on a drive `ahead` [m] or a turn [rad]."""
     kept = _kept(points, box, margin)
     number = max(math.ceil(abs(ahead) / STROKE), math.ceil(abs(turn) / TURN))
     pose = np.zeros(3)
@@ -99,7 +99,7 @@ def keeps_on_stroke(
 
 @njit(cache=True, error_model="numpy")
 def _nearest_first(points, reach):
-    """The points within reach of the origin, sorted by distance: a near one ends the search of `_keeps` early."""
+    """Sort the points within reach of the origin by distance, since a near one ends the search of `_keeps` early."""
     squares = points[:, 0] ** 2 + points[:, 1] ** 2
     order = np.argsort(squares)
     return points[order[: np.searchsorted(squares[order], reach * reach)]]
@@ -107,7 +107,7 @@ def _nearest_first(points, reach):
 
 @njit(cache=True, error_model="numpy")
 def _kept(points, box, margin):
-    """The distance that each point keeps from the footprint: the margin, or less if it is nearer now [m]."""
+    """Distance that each point has to keep from the footprint: the margin, or less if it is nearer now [m]."""
     kept = np.empty(len(points))
     for m in range(len(points)):
         kept[m] = min(margin, _distance(points[m, 0], points[m, 1], box) - _ROUNDING)
@@ -146,7 +146,7 @@ def _has_room(points, pose, room):
 
 @njit(cache=True, error_model="numpy")
 def _from_start(steps, before, last):
-    """The steps that lead from the first pose to the last one."""
+    """Return the steps that lead from the first pose to the last one."""
     count, at = 0, last
     while at > 0:
         count, at = count + 1, before[at]
