@@ -43,11 +43,11 @@ class Orca:
     """ORCA (van den Berg et al. 2011, DOI 10.1007/978-3-642-19457-3_1) for a robot that cannot drive sideways.
 
     The robot is a disc of its collision radius and `clearance`, which leaves room for what follows. Tracked people are
-    discs that do their share of every evasion; without a tracker they are obstacles that stand. Scan points, also those
-    that were seen in a blind arc, bound the velocity towards them. Of the permitted velocities the one nearest to
-    the straight way to the subgoal is taken. As in NH-ORCA (Alonso-Mora et al. 2013, DOI 10.1007/978-3-642-32723-0_15)
-    the robot turns to it in `turn_time` and meanwhile drives as fast as the velocity is along its heading. A
-    `StoppingGuard` slows commands that are not safe.
+    discs that do their share of every evasion; without a tracker they are static obstacles. Scan points, also
+    those remembered in a blind arc, bound the velocity towards them. The robot takes the permitted velocity that is
+    nearest to driving straight to the subgoal. As in NH-ORCA (Alonso-Mora et al. 2013, DOI
+    10.1007/978-3-642-32723-0_15) the robot turns to it in `turn_time` and meanwhile drives as fast as the velocity is
+    along its heading. A `StoppingGuard` slows commands that are not safe.
     """
 
     Config = OrcaConfig
@@ -65,7 +65,7 @@ class Orca:
         self._blind = BlindArc(self._mount, self._reach)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         seen = self._blind.points(observation)
         own, people = movers_among(seen, seen, observation.pedestrians, WIDEST)
         points = seen[~own]
@@ -81,7 +81,7 @@ class Orca:
         return self._guard.guard(self._follow(vx, vy, bearing), observation, points)
 
     def _follow(self, vx: float, vy: float, bearing: float) -> Twist:
-        """The command that comes nearest to a velocity; a robot that stands turns to its subgoal."""
+        """Return the command that comes nearest to a velocity; a standing robot turns to its subgoal."""
         heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _STANDS else bearing
         return Twist(max(vx, 0.0), heading / self._config.turn_time)
 
@@ -95,9 +95,9 @@ def permitted(
     times: tuple[float, float, float],
     bounds: tuple[float, float, float],
 ) -> tuple[float, float]:
-    """The permitted velocity nearest to the wanted one (vx, vy) [m/s], in the robot frame.
+    """Return the permitted velocity nearest to the wanted one (vx, vy) [m/s], in the robot frame.
 
-    velocity: the robot's. points (M, 2) of what stands; people (P, 5): x, y, vx, vy, radius. times: horizon for
+    velocity: the robot's. points (M, 2) of static obstacles; people (P, 5): x, y, vx, vy, radius. times: horizon for
     people and for points, and the period [s]. bounds: radius [m], v_max [m/s], and the robot's share of an evasion.
     """
     horizon, wall_horizon, dt = times

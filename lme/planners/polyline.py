@@ -10,7 +10,7 @@ from lme.types import Floats
 
 @njit(cache=True, error_model="numpy")
 def project(line: Floats, x: float, y: float) -> tuple[float, float, int]:
-    """The first point of the polyline (K, 2), K ≥ 1, that is nearest to (x, y).
+    """Find the first point of the polyline (K, 2), K ≥ 1, that is nearest to (x, y).
 
     Returns its distance along the line [m], its distance from (x, y) [m] and the index of its segment.
     """
@@ -62,7 +62,7 @@ def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def exit_point(line: Floats, radius: float) -> tuple[float, float, float]:
-    """The point where the polyline (K, 2), K ≥ 1, first leaves the disc of `radius` [m] about its first point.
+    """Find where the polyline (K, 2), K ≥ 1, first leaves the disc of `radius` [m] about its first point.
 
     Returns its x and y, or those of the line's end if it stays inside, and the length of the whole line [m].
     """

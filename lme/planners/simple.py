@@ -36,8 +36,8 @@ class SimpleConfig:
 class Simple:
     """Two independent acceleration-limited controllers (paper §III.E).
 
-    Their accelerations are the config's, at most the robot's. Out of the heading tolerance the command is 0
-    (Algorithm 3), so there the robot brakes as hard as it can.
+    Their accelerations are those of the config, but at most the robot's. Out of the heading tolerance the command is
+    0 (Algorithm 3), so there the robot brakes as hard as it can.
     """
 
     Config = SimpleConfig
@@ -49,10 +49,10 @@ class Simple:
         self._alpha_omega = math.inf if config.alpha_omega is None else config.alpha_omega
 
     def reset(self, rng: np.random.Generator) -> None:
-        """No state to reset."""
+        """Do nothing: there is no state."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         x, y = guidance.subgoal.tolist()
         bearing = math.atan2(y, x)
         v, omega = observation.ramp_start

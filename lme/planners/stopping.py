@@ -1,4 +1,4 @@
-"""Last check of a command: can the robot still stop before every obstacle point?"""
+"""Last check of a command: the robot must be able to stop before every obstacle point."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class StoppingGuard:
         self._room = robot.r + self._margin
 
     def guard(self, wanted: Twist, observation: Observation, points: Floats) -> Twist:
-        """The first clear command of: `wanted`, slower ones on its arc, its turn in place; else brake.
+        """Return the first clear command of `wanted`, slower ones on its arc, and its turn in place; else brake.
 
         points (M, 2): obstacle points in the robot frame [m]. A command is clear if the outline keeps `margin` [m]
         plus one standard deviation of the lidar's noise. Unless it turns in place, the disc of the collision
@@ -65,9 +65,9 @@ class StoppingGuard:
 
 
 def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_step: float = _STEP) -> Floats:
-    """Poses (K, 3) in the robot frame over one period of the command, from the twist `now`, and a full stop after it.
+    """Poses (K, 3) in the robot frame over one period of the command, from the twist `now`, and a full stop.
 
-    No point of the outline moves further than `max_step` [m] between two poses.
+    No point of the outline moves farther than `max_step` [m] between two poses.
     """
     reach = robot.footprint.r_max
     way, twist = drive(_HERE, now, command, limits.bounds, robot.dt, max_step, reach)
@@ -77,6 +77,6 @@ def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_ste
 
 
 def _slower(wanted: Twist) -> list[tuple[float, float]]:
-    """The command, slower ones on the same arc, then turns in place."""
+    """List the command, slower ones on the same arc, then turns in place."""
     on_arc = [(share * wanted.v, share * wanted.omega) for share in _SHARES]
     return [*on_arc, (0.0, wanted.omega), (0.0, 0.3 * wanted.omega)]

@@ -1,4 +1,4 @@
-"""VFH+: steers towards the cheapest gap of a polar histogram."""
+"""VFH+: steering towards the cheapest gap of a polar histogram."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class VfhPlus:
         self._previous: float | None = None  # direction in the odometry frame, in sectors
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         x, y = map(float, guidance.subgoal)
         yaw = observation.odometry.yaw
         points = self._blind.points(observation)

@@ -1,4 +1,4 @@
-"""The commands that a planner tried before it chose one, for those who watch it think."""
+"""Commands that a planner tried before it chose one, for displays of its decisions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lme.types import Floats, Guidance, Observation
 class Weighed(NamedTuple):
     """Commands (N, 2), v and ω [m/s, rad/s], and their costs (N,); inf: refused. The least cost is chosen.
 
-    horizon: for how long a command is thought to be held [s], at least.
+    horizon: least time for which a command is assumed to be held [s].
     """
 
     commands: Floats
@@ -20,7 +20,7 @@ class Weighed(NamedTuple):
 
 @runtime_checkable
 class Weighing(Protocol):
-    """A planner that tries several commands and can say what it thinks of each."""
+    """Planner that tries several commands and can tell the cost of each."""
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """What `plan` would try now. Changes no state."""
+        """Return the commands that `plan` would try now. Changes no state."""

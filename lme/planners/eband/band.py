@@ -49,7 +49,7 @@ class Band:
     """
 
     def __init__(self, config: BandConfig, inner: float) -> None:
-        """`inner`: radius of the inscribed disc of the robot's outline [m]."""
+        """inner: radius of the inscribed disc of the robot's outline [m]."""
         self._config = config
         self._inner = inner
         self.reset()

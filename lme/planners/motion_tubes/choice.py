@@ -69,7 +69,7 @@ class TubeChoiceConfig:
 
 
 class Route(NamedTuple):
-    """A path (K, 2), K ≥ 2, in the robot frame [m], and its remaining length from the robot [m]."""
+    """Path (K, 2), K ≥ 2, in the robot frame [m], and its remaining length from the robot [m]."""
 
     path: Floats
     left: float
@@ -85,7 +85,7 @@ class TubeGoal(NamedTuple):
 
 
 class ChosenTube(NamedTuple):
-    """A tube's curvature [1/m], speed [m/s], bin of its distance to the goal, and share of free tubes in its set."""
+    """Curvature of a tube [1/m], speed [m/s], bin of its distance to the goal, and share of free tubes in its set."""
 
     curvature: float
     speed: float
@@ -105,13 +105,13 @@ class TubeChoice:
         self._long, self._short, self._near = (self.spec(length, config.heading_step) for length in lengths)
 
     def spec(self, length: float, heading_step: float) -> TubeSpec:
-        """A set of tubes with the margins and whiskers of the forward tubes."""
+        """Return the specification of a set of tubes with the margins and whiskers of the forward tubes."""
         return TubeSpec(
             length, self._config.heading_max, heading_step, self._box, self._margins, self._whiskers
         )
 
     def route(self, guidance: Guidance) -> Route:
-        """The guide's path, or the straight line to its subgoal if it has none."""
+        """Return the guide's path, or the straight line to its subgoal if it has none."""
         path = guidance.path
         if path is None or len(path) < 2:
             path = np.vstack((np.zeros(2), guidance.subgoal))
@@ -120,9 +120,9 @@ class TubeChoice:
         return Route(path, max(left, math.hypot(*path[-1])))
 
     def ahead(self, route: Route, twist: Twist, view: LidarView, seen: Ranges) -> ChosenTube | None:
-        """The best long tube if all long tubes are free, else the best short one, else the best near one.
+        """Return the best long tube if all long tubes are free, else the best short one, else the best near one.
 
-        None if no tube is suitable. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
+        Returns None if no tube is suitable. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
         """
         config = self._config
         for spec in (self._long, self._short, self._near):
@@ -142,7 +142,7 @@ class TubeChoice:
         return None
 
     def goal(self, route: Route, length: float) -> TubeGoal:
-        """The path's point at `length` [m], or its end, and its direction there."""
+        """Return the path's point at `length` [m], or its end, and its direction there."""
         reach = min(length, route.left)
         places = np.array([max(reach - self._config.heading_span, 0.0), reach])
         (before, point), _ = points_along(route.path, places, self._config.long_length)

@@ -64,7 +64,7 @@ def swept_ranges(
 
 @njit(cache=True, error_model="numpy")
 def _place(outline, pose, lidar, increment, corners, beams):
-    """Fill in the outline's corners at `pose` relative to the lidar, and their bearings in beams from the first."""
+    """Write the outline's corners at `pose` relative to the lidar, and their bearings in beams from the first one."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(len(outline)):
         x = pose[0] + cos * outline[i, 0] - sin * outline[i, 1] - lidar[0]
@@ -159,7 +159,7 @@ def choose(
     whisker_beams: Ints,
     whisker_ranges: Ranges,
 ) -> tuple[int, int]:
-    """The best free tube and the bin of its distance to the goal; (−1, −1) if none is suitable.
+    """Choose the best free tube; return it and the bin of its distance to the goal, (−1, −1) if none is suitable.
 
     Sort keys in order: distance from goal (x, y) to the pose after `reach` [m], in bins; outer, front and inner
     whisker free; deviation from the goal's heading, in bins; change of the turn rate at the current v; distance.
@@ -203,7 +203,7 @@ def _less(a, b):
 
 @njit(cache=True, error_model="numpy")
 def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats, float]:
-    """Points (D, 2) at distances [m] along a polyline (K, 2) from its point nearest to the origin, and its rest [m].
+    """Points (D, 2) at distances along a polyline (K, 2) from its point nearest to the origin, and its rest [m].
 
     The nearest point is searched for in the first `window` [m]. A distance past the end gives the end point.
     """
@@ -291,7 +291,7 @@ def out_of_sight(
     num_beams: int,
     reach: float,
 ) -> Floats:
-    """The points within `reach` [m] of the base and outside the field of view, in the base frame: (K, 2).
+    """Select the points within `reach` [m] of the base and out of the field of view, in the base frame: (K, 2).
 
     points (P, 2); pose: of the base in the frame of the points; lidar as in `swept_ranges`.
     """

@@ -89,7 +89,7 @@ class _Scene(NamedTuple):
 class MotionTubes:
     """Follows a path through tubes of free space (KUL+FM, winner of BARN's physical round 2023).
 
-    A tube is the area that the footprint sweeps along an arc. It is free if each beam sees past its edge. This
+    A tube is the area that the footprint sweeps along an arc. It is free if each beam sees past its edge, which
     takes one comparison per beam with precomputed ranges (Teixeira Rodrigues et al., "Clutter-resilient autonomous
     mobile robot navigation with computationally efficient free-space features", DOI 10.1007/978-3-031-25555-7_35).
     The robot drives the free tube that ends nearest to the path's point at the tube's length. If no tube is free,
@@ -125,7 +125,7 @@ class MotionTubes:
         self._forget()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         scene = self._scene(observation, guidance)
         if scene.route.left <= self._config.rest_within:
             self._state = _Manoeuvre.FOLLOW
@@ -178,7 +178,7 @@ class MotionTubes:
         return Twist(v, v * chosen.curvature)
 
     def _limited_by_turn_rate(self, v: float, curvature: float, observation: Observation) -> float:
-        """The speed [m/s], limited so that the reachable turn rate keeps the robot in the tube."""
+        """Limit the speed [m/s] so that the reachable turn rate keeps the robot in the tube."""
         limits = observation.limits
         wanted = min(max(v * curvature, -limits.omega_max), limits.omega_max)
         omega = towards(wanted, observation.ramp_start.omega, limits.alpha_omega, self._dt)
@@ -232,7 +232,7 @@ class MotionTubes:
         return Twist(slower, omega * slower / v)
 
     def _stopping_in_time(self, wanted: Twist, scene: _Scene) -> Twist:
-        """The command, or a similar one after which the robot can stop before every point; else brake."""
+        """Return the command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
         here, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
         for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
@@ -295,6 +295,6 @@ class MotionTubes:
 
 
 def _within(points: Floats, reach: float) -> Floats:
-    """The points (M, 2) that are nearer than `reach` [m]."""
+    """Return the points (M, 2) that are nearer than `reach` [m]."""
     near: Floats = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return near

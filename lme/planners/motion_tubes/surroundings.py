@@ -14,7 +14,7 @@ from lme.types import Bools, Floats, Pose
 
 
 class Surroundings:
-    """The latest scans and the robot's poses in the odometry frame. Obstacles are assumed to be static.
+    """Latest scans and the robot's poses in the odometry frame. Obstacles are assumed to be static.
 
     A scan is kept if the robot has moved or turned enough since the last kept scan; the oldest scan is dropped.
     """
@@ -50,7 +50,7 @@ class Surroundings:
             del kept[: -self._capacity]
 
     def hidden_hits(self, reach: float) -> Floats:
-        """Earlier points within `reach` [m] of the base and out of view now, in the base frame: (K, 2) [m]."""
+        """Return earlier points within `reach` of the base that are out of view now, in its frame: (K, 2) [m]."""
         view = self._view
         assert view is not None
         lidar = (view.x, view.y, view.first)
@@ -67,7 +67,7 @@ class Surroundings:
         return math.dist(before[:2], after[:2]) >= self._spacing or abs(turn) >= self._turn
 
     def _in_base_frame(self) -> tuple[LidarView, Floats, Floats, Ranges]:
-        """The view, poses of base and lidar (M, 3) in the current base frame, and ranges (M, B); newest first."""
+        """Return the view, poses of base and lidar (M, 3) in the current base frame, ranges (M, B); newest first."""
         view = self._view
         assert view is not None
         bodies = np.array([relative(pose, self._poses[-1]) for pose in reversed(self._poses)])

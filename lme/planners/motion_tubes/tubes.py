@@ -41,7 +41,7 @@ class TubeSpec(NamedTuple):
 
 
 class Tubes(NamedTuple):
-    """Tubes of one length for one lidar: the straight one first, then left and right in turn.
+    """Tubes of one length for one lidar: the straight one first, then left and right alternately.
 
     curvatures (N,) [1/m]; needs (N, B) [m], spans (N, 2) and hidden (N,) as in `free_tubes` of `kernels.py`;
     whisker_beams and whisker_ranges (3, N, S): samples of the outer, front and inner whisker.
@@ -57,7 +57,7 @@ class Tubes(NamedTuple):
 
 
 def lidar_view(scan: LaserScan, mount: Pose) -> tuple[LidarView, Ranges]:
-    """The scan's beams in the base frame, anticlockwise, and the free range of each (B,) [m]."""
+    """Return the scan's beams in the base frame, anticlockwise, and the free range of each (B,) [m]."""
     seen = free_ranges(scan.ranges, scan.range_min, scan.range_max)
     first, increment, count = scan.angle_min, scan.angle_increment, len(seen)
     if increment < 0.0:
@@ -67,7 +67,7 @@ def lidar_view(scan: LaserScan, mount: Pose) -> tuple[LidarView, Ranges]:
 
 @lru_cache(maxsize=16)
 def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
-    """The forward tubes."""
+    """Return the forward tubes."""
     curvatures = _curvatures(spec)
     outline = grown_outline(spec.box, *spec.margins)
     front = spec.box[0] + spec.box[2] + spec.margins[0]
@@ -81,7 +81,7 @@ def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
 
 
 def grown_outline(box: Box, front: float, side: float) -> Floats:
-    """The footprint grown at the front and the sides, anticlockwise, with circumscribed corners: (V, 2) [m]."""
+    """Grow the footprint at front and sides; corners are circumscribed and anticlockwise: (V, 2) [m]."""
     half_length, half_width, rounding = box
     turns = np.array([0.0])
     if rounding > 0.0:
@@ -97,7 +97,7 @@ def grown_outline(box: Box, front: float, side: float) -> Floats:
 
 
 def _curvatures(spec: TubeSpec) -> Floats:
-    """0, then left and right in turn, with rising curvature: (N,) [1/m]."""
+    """Curvatures: 0, then left and right alternately, rising: (N,) [1/m]."""
     count = max(1, math.floor(spec.heading_max / spec.heading_step + 1e-9))
     left = spec.heading_step * np.arange(1, count + 1) / spec.length
     return np.concatenate(([0.0], np.column_stack((left, -left)).ravel()))
@@ -138,7 +138,7 @@ def _placed(points: Floats, pose: tuple[float, float, float]) -> Floats:
 
 
 def _beams(points: Floats, view: LidarView) -> tuple[Ints, Ranges]:
-    """The beam nearest to each point (..., 2), −1 if out of view, and the point's range [m]."""
+    """Return the beam nearest to each point (..., 2), −1 if out of view, and the point's range [m]."""
     dx, dy = points[..., 0] - view.x, points[..., 1] - view.y
     bearings = ((np.arctan2(dy, dx) - view.first) % math.tau) / view.increment
     beams = np.where(bearings >= math.tau / view.increment - 0.5, 0, np.rint(bearings))
@@ -149,7 +149,8 @@ def _beams(points: Floats, view: LidarView) -> tuple[Ints, Ranges]:
 class BackwardTubes(NamedTuple):
     """Tubes behind the robot, from the greatest curvature to the least.
 
-    curvatures (N,) [1/m]; ends (N, 2) of the base [m]; samples (P, 2) [m]; inside (N, P): which samples each contains.
+    curvatures (N,) [1/m]; ends (N, 2) of the base [m]; samples (P, 2) [m]; inside (N, P): whether a tube contains a
+    sample.
     """
 
     curvatures: Floats
@@ -160,7 +161,7 @@ class BackwardTubes(NamedTuple):
 
 @lru_cache(maxsize=16)
 def backward_tubes(spec: TubeSpec) -> BackwardTubes:
-    """Tubes driven backwards, with the front margin at the rear and without whiskers."""
+    """Return the tubes driven backwards, with the front margin at the rear and without whiskers."""
     curvatures = np.sort(_curvatures(spec))
     half_length, half_width, rounding = spec.box
     grown = (half_length + spec.margins[0], half_width + spec.margins[1], rounding)

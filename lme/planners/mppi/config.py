@@ -16,7 +16,7 @@ def _costmap() -> LocalCostmapConfig:
 
 @dataclass(slots=True)
 class WeightConfig:
-    """A critic with nothing but a weight."""
+    """Critic with nothing but a weight."""
 
     cost_weight: float = 4.0
 
@@ -42,7 +42,7 @@ class GoalCostConfig:
 
 @dataclass(slots=True)
 class PathAlignConfig:
-    """PathAlignCritic: distance to the path, at equal lengths of way."""
+    """PathAlignCritic: distance to the path, at equal path lengths."""
 
     cost_weight: float = 14.0
     max_path_occupancy_ratio: float = 0.05  # of blocked points; with more the critic is silent
@@ -72,7 +72,7 @@ class PathAngleConfig:
 
 @dataclass(slots=True)
 class PreferForwardConfig:
-    """PreferForwardCritic: way driven backwards."""
+    """PreferForwardCritic: distance driven backwards."""
 
     cost_weight: float = 5.0
     threshold_to_consider: float = 0.5  # [m] only farther from the target than this

@@ -1,4 +1,4 @@
-"""The critics of the BARN Challenge's ROS 2 stack, in its order."""
+"""Critics of the BARN Challenge's ROS 2 stack, in its order."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from lme.types import Floats, Observation
 
 
 class Critics:
-    """Adds up what the critics say of each trajectory.
+    """Adds up the costs that the critics assign to each trajectory.
 
-    Nav2's GoalAngleCritic is missing: goals here have no heading. The critics that the challenge does not use are, too.
+    Nav2's GoalAngleCritic is missing, since goals here have no heading, and so are the critics that the challenge
+    does not use.
     """
 
     def __init__(self, config: MppiConfig, costmap: LocalCostmap, robot: Robot) -> None:
@@ -36,7 +37,7 @@ class Critics:
         poses: Singles,
         bounds: tuple[float, float],
     ) -> tuple[Floats, bool]:
-        """Costs (N,) of the trajectories, and whether some trajectory is free.
+        """Return the costs (N,) of the trajectories, and whether some trajectory is free.
 
         path (P, 2), P ≥ 2, from the robot on, and poses (N, T, 3) are in the odometry frame; speeds (N, T); bounds of
         the velocity (v_min, v_max) [m/s].
@@ -68,7 +69,7 @@ class Critics:
     def _along_path(
         self, costs: Floats, observation: Observation, path: Floats, poses: Singles, left: float
     ) -> None:
-        """The critics of the path. left: distance to the target [m]."""
+        """Apply the critics of the path. left: distance to the target [m]."""
         config, map_ = self._config, self._costmap
         free = critics.free_points(path, map_.costs, map_.grid)
         furthest = critics.furthest_reached(poses, path)
@@ -96,7 +97,7 @@ class Critics:
 
 
 def _cost_at_corner(config: MppiConfig, outline: Floats, inscribed: float) -> float:
-    """The cost from which on a corner of the outline (P, 2) may touch an obstacle; 0 if the inflation ends before."""
+    """Least cost at which a corner of the outline (P, 2) may touch an obstacle; 0 if the inflation ends before."""
     corner = float(np.hypot(*outline.T).max())
     if config.costmap.inflation_radius < corner:
         return 0.0

@@ -1,4 +1,4 @@
-"""Model predictive path integral control (MPPI), as Nav2's default controller does it."""
+"""Model predictive path integral control (MPPI), as in Nav2's default controller."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Mppi:
 
     Noise around the last sequence of controls gives a batch of trajectories. Critics score them on a local costmap, and
     the weighted mean of their controls is the next sequence. If all of them touch obstacles, the sequence begins anew
-    from rest, `retry_attempt_limit` times, and then the robot stops. What one command cannot follow, because the robot
-    is controlled more slowly than the model's steps, is averaged.
+    from rest, `retry_attempt_limit` times, and then the robot stops. If the control period of the robot is
+    longer than a step of the model, a command is the mean of the controls within it.
     """
 
     Config = MppiConfig
@@ -58,7 +58,7 @@ class Mppi:
         self._forget()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         self.costmap.update(observation)
         if math.hypot(*observation.target) < self._config.xy_goal_tolerance:
             self._forget()
@@ -72,12 +72,12 @@ class Mppi:
         return limited(0.0, 0.0, observation, self._dt)
 
     def _forget(self) -> None:
-        """Begin from rest."""
+        """Start anew from rest."""
         self.sequence = np.zeros((self._config.time_steps, 2))  # of controls [m/s, rad/s]
         self._before = np.zeros((_REMEMBERED, 2))
 
     def _path(self, observation: Observation, guidance: Guidance) -> Floats:
-        """The first `prune_distance` of the way in the odometry frame (P, 2), P ≥ 2, from the robot on."""
+        """Return the first `prune_distance` of the path from the robot, in the odometry frame: (P, 2), P ≥ 2."""
         config, line = self._config, guidance.path
         if line is None or len(line) == 0:
             line = np.vstack([np.zeros(2), guidance.subgoal])
@@ -86,7 +86,7 @@ class Mppi:
         return to_world(np.vstack([line[:1], ahead]), observation.odometry)
 
     def _limits(self, robot: Limits) -> VelocityLimits:
-        """The configured limits within those of the robot."""
+        """Return the configured limits within those of the robot."""
         config = self._config
         return (
             max(config.vx_min, robot.lowest),
@@ -98,7 +98,7 @@ class Mppi:
         )
 
     def _optimize(self, observation: Observation, path: Floats, limits: VelocityLimits) -> bool:
-        """Improve the sequence; whether some trajectory is free."""
+        """Improve the sequence; return whether some trajectory is free."""
         config, stds = self._config, (self._config.vx_std, self._config.wz_std)
         for _ in range(config.iteration_count):
             noise = draw(self._rng, config.batch_size, config.time_steps)
@@ -118,7 +118,7 @@ class Mppi:
         return free
 
     def _command(self, limits: VelocityLimits) -> tuple[float, float]:
-        """The mean of the controls until the next command, after the filter; moves the sequence on to there."""
+        """Return the mean of the filtered controls until the next command, and advance the sequence to it."""
         sequence, held = smooth(self.sequence, self._before), self._held
         given = sequence[1 : held + 1] if held else sequence[:1]  # element 0 is the present control
         self._before = np.vstack([self._before, given])[-_REMEMBERED:]

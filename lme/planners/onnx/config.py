@@ -1,4 +1,4 @@
-"""Config of a policy in an ONNX file: what it sees, and what its outputs mean."""
+"""Config of a policy in an ONNX file: its observation, and the meaning of its outputs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FORMS = ("xy", "polar")
 
 @dataclass(slots=True)
 class OnnxScanConfig:
-    """The scan: ranges, from right to left."""
+    """Scan: ranges, from right to left."""
 
     beams: int | None = None  # each the nearest return of a group of neighbours; None: all of the lidar's
     clip: float | None = None  # [m] longer ranges become this one; None: the lidar's range_max
@@ -28,7 +28,7 @@ class OnnxScanConfig:
 
 @dataclass(slots=True)
 class OnnxTargetConfig:
-    """The target, or the guide's subgoal."""
+    """Target, or the guide's subgoal."""
 
     form: str = "xy"  # xy: ahead and left | polar: distance and bearing [rad]
     reach: float | None = None  # [m] becomes 1, and farther targets are moved in to it; None: metres
@@ -42,7 +42,7 @@ class OnnxTargetConfig:
 
 @dataclass(slots=True)
 class OnnxTwistConfig:
-    """The current velocity."""
+    """Current velocity."""
 
     v: float | None = None  # [m/s] that becomes 1; None: m/s
     omega: float | None = None  # [rad/s] that becomes 1; None: rad/s
@@ -55,7 +55,7 @@ class OnnxTwistConfig:
 
 @dataclass(slots=True)
 class OnnxActionConfig:
-    """The two outputs."""
+    """Meaning of the two outputs."""
 
     v: list[float] | None = None  # [m/s] of outputs −1 and 1; None: −v_max and v_max of the robot
     omega: list[float] | None = None  # [rad/s] of outputs −1 and 1; None: −omega_max and omega_max
@@ -68,10 +68,10 @@ class OnnxActionConfig:
 
 @dataclass(slots=True)
 class OnnxConfig:
-    """The file, the parts of the observation that it takes, and how each is scaled.
+    """File, the parts of the observation that its network takes, and their scaling.
 
-    inputs: parts in the order in which a network with one input takes them. A network with several takes those of
-    their names.
+    inputs: parts in the order in which a network with one input takes them. A network with several inputs takes them
+    by name.
     """
 
     path: str | None = None  # of the .onnx file
@@ -91,6 +91,6 @@ class OnnxConfig:
 
 
 def _check_pair(key: str, given: list[float] | None) -> None:
-    """Raise InputError unless this is the values at both ends of a range, or None."""
+    """Raise InputError unless the value is a pair, the two ends of a range, or None."""
     if given is not None and (len(given) != 2 or given[0] == given[1]):
         raise InputError(f"{key} is {list(given)}: must be two different numbers, such as [-1, 1], or null")

@@ -1,4 +1,4 @@
-"""What the policy sees: parts of the observation, each as the policy was trained on it."""
+"""Observation of the policy: its parts, each in the form on which the policy was trained."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Part = NDArray[np.float32]
 
 
 class OnnxFeatures:
-    """The parts that `planner.inputs` names, as float32 vectors.
+    """Parts of the observation that `planner.inputs` names, as float32 vectors.
 
-    The arithmetic is that of `lme.gym`, in float32 and in the same order: an environment's observation and this one
-    are equal to the last bit. Raises InputError unless `planner.scan.beams` divides the lidar's beams.
+    The arithmetic is that of `lme.gym`, in float32 and in the same order, so that an environment's observation and
+    this one are equal to the last bit. Raises InputError unless `planner.scan.beams` divides the lidar's beams.
     """
 
     def __init__(self, config: OnnxConfig, robot: Robot) -> None:
@@ -32,7 +32,7 @@ class OnnxFeatures:
         self.sizes = {part: known[part] for part in config.inputs}
 
     def of(self, observation: Observation, subgoal: Floats, action: Floats) -> dict[str, Part]:
-        """The parts at one step. subgoal: (2,) in the robot frame [m]; action: the last outputs (2,)."""
+        """Return the parts at one step. subgoal: (2,) in the robot frame [m]; action: the last outputs (2,)."""
         config = self._config
         units = np.array([config.twist.v or 1.0, config.twist.omega or 1.0], dtype=np.float32)
         twist: Part = np.array(observation.twist, dtype=np.float32) / units
@@ -56,7 +56,7 @@ class OnnxFeatures:
 
 
 def scan_part(scan: LaserScan, beams: int, config: OnnxScanConfig) -> Part:
-    """(beams,) ranges from right to left; a beam without a return has range_max."""
+    """Ranges from right to left: (beams,). A beam without a return has range_max."""
     ranges = np.where(np.isnan(scan.ranges), np.float32(np.inf), scan.ranges)
     if scan.angle_increment < 0.0:
         ranges = ranges[::-1]
@@ -70,7 +70,7 @@ def scan_part(scan: LaserScan, beams: int, config: OnnxScanConfig) -> Part:
 
 
 def target_part(subgoal: Floats, config: OnnxTargetConfig) -> Part:
-    """(2,) x and y, or distance and bearing; in shares of `reach`, and the bearing in shares of π, if it is given."""
+    """Target (2,): x and y, or distance and bearing. With `reach`, in shares of it, the bearing in shares of π."""
     target: Part = subgoal.astype(np.float32)
     away = np.hypot(target[:1], target[1:])
     if config.form == "polar":

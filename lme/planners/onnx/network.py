@@ -1,4 +1,4 @@
-"""The network in an ONNX file, run by onnxruntime."""
+"""Network in an ONNX file, run by onnxruntime."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ _REASONS = (
 
 
 class Network:
-    """The policy on one core.
+    """Policy in an ONNX file, run on one core.
 
     path: of the file. sizes: of the parts that `planner.inputs` names, in order. A network with one input takes them
     joined, one with several takes each by its name. Raises InputError if onnxruntime is not installed, the file cannot
-    be read, or its inputs or outputs are others.
+    be read, or its inputs or outputs do not match.
     """
 
     def __init__(self, path: Path, sizes: Mapping[str, int]) -> None:
@@ -63,7 +63,7 @@ class Network:
         self.answer({part: np.zeros(size, dtype=np.float32) for part, size in sizes.items()})
 
     def answer(self, parts: Mapping[str, Part]) -> Floats:
-        """The first two outputs (2,) for the parts of one observation."""
+        """Return the first two outputs (2,) for the parts of one observation."""
         joined = np.concatenate(list(parts.values())) if self._joined else None
         given = {}
         for each in self._inputs:
@@ -141,7 +141,7 @@ def _session(path: Path) -> Any:
 
 
 def _reason(said: str, version: str) -> str:
-    """Why a file cannot be loaded: in our words where they are known."""
+    """Reason why a file cannot be loaded, in plain words for known errors."""
     for pattern, words in _REASONS:
         found = re.search(pattern, said)
         if found:
@@ -150,7 +150,7 @@ def _reason(said: str, version: str) -> str:
 
 
 def _line(error: Exception) -> str:
-    """What onnxruntime says, without its own files, line numbers and functions."""
+    """Message of onnxruntime, without its own files, line numbers and functions."""
     said = re.sub(
         r"^\[ONNXRuntimeError\] : \d+ : \w+ : (?:Load model from .* failed:)?",
         "",

@@ -1,4 +1,4 @@
-"""A policy that was trained elsewhere, such as in `lme.gym`, and saved as an ONNX file."""
+"""Policy that was trained elsewhere, such as in `lme.gym`, and saved as an ONNX file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lme.types import Floats, Guidance, Limits, Observation, Twist
 
 
 class OnnxPolicy:
-    """Drives as the policy in an ONNX file says (docs/envs.md).
+    """Follows the policy in an ONNX file (docs/envs.md).
 
     The policy maps the parts of the observation that the config names to two numbers, for v and ω. Its target is the
     guide's subgoal. The command is limited to what the robot can reach in a period.
@@ -36,7 +36,7 @@ class OnnxPolicy:
         self._last = np.zeros(2)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period. Raises InputError for outputs that are not finite."""
+        """Return the command for one control period. Raises InputError for outputs that are not finite."""
         answer = self._network.answer(self._features.of(observation, guidance.subgoal, self._last))
         if not np.isfinite(answer).all():
             raise InputError(
@@ -47,7 +47,7 @@ class OnnxPolicy:
         return limited(v, omega, observation, self._robot.dt)
 
     def _velocities(self, limits: Limits) -> tuple[float, float]:
-        """What the outputs mean [m/s, rad/s]."""
+        """Velocities for the last outputs [m/s, rad/s]."""
         action, (v, omega) = self._config.action, self._last.tolist()
         return (
             _between(v, action.v or [-limits.v_max, limits.v_max]),
@@ -56,6 +56,6 @@ class OnnxPolicy:
 
 
 def _between(output: float, ends: list[float]) -> float:
-    """What an output means, where −1 and 1 mean the two ends; its product with the end if they are symmetric."""
+    """Map an output to the range in which −1 and 1 are the ends; for symmetric ends, their product with it."""
     middle, half = (ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0
     return middle + output * half

@@ -1,4 +1,4 @@
-"""The local planner of ROS move_base, as the organisers of the BARN Challenge use it."""
+"""Local planner of ROS move_base, as the organisers of the BARN Challenge use it."""
 
 from lme.planners.ros_dwa.planner import RosDwa
 

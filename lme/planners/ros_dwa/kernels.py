@@ -48,7 +48,7 @@ def way_cells(
 def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int, int, int]) -> Distances:
     """Steps across the sides of cells from each cell to the nearest of `cells` (C, 2): (I, J); negative: no way.
 
-    No way leads through cells of cost ≥ `INSCRIBED`, except those `ignored` (I, J); `cells` themselves always have 0.
+    Cells of cost ≥ `INSCRIBED` cannot be crossed, except those `ignored` (I, J); `cells` themselves always have 0.
     Only the distances in the window (first row, row after the last, first column, column after the last) are
     guaranteed. Source: base_local_planner's map_grid.cpp.
     """
@@ -150,7 +150,7 @@ def _simulate(wanted, pose, twist, alphas, simulation):
 
 @njit(cache=True, error_model="numpy")
 def _bounds(poses, counts, grid, to_path, to_goal, scales):
-    """Scores (N,) without the costs on the way; inf for trajectories that get lost, which are cut off there."""
+    """Scores (N,) without the costs along the way; inf for trajectories that get lost, which are cut off there."""
     bounds = np.empty(len(poses))
     for n in range(len(poses)):
         path, goal = 0, 0

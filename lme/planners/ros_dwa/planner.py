@@ -1,4 +1,4 @@
-"""The state machine of ROS move_base around its local planner."""
+"""State machine of ROS move_base around its local planner."""
 
 from __future__ import annotations
 
@@ -76,14 +76,14 @@ class RosDwa:
         self._turn: _Turn | None = None
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         self._time += self._dt
         self._costmap.update(observation)
         v, omega = self._cycle(observation, guidance) or _STOP
         return limited(v, omega, observation, self._dt)
 
     def _cycle(self, observation: Observation, guidance: Guidance) -> Twist | None:
-        """One cycle of the state machine; None to stop."""
+        """Run one cycle of the state machine; None means stop."""
         if self._turn is not None:
             return self._keep_turning(observation.odometry)
         self._take_plan(observation, guidance)
@@ -94,7 +94,7 @@ class RosDwa:
         return None
 
     def _take_plan(self, observation: Observation, guidance: Guidance) -> None:
-        """Take a new plan; without one keep the old one while the robot can follow it, but not forever."""
+        """Take a new plan; without one, keep the old plan while the robot can follow it, but not forever."""
         if self._state is _State.ABORTED:
             return
         if not guidance.blocked:
@@ -133,7 +133,7 @@ class RosDwa:
             self._state = _State.ABORTED
 
     def _keep_turning(self, pose: Pose) -> Twist | None:
-        """Turn on the spot; None at the end of the turn."""
+        """Turn on the spot; return None at the end of the turn."""
         assert self._turn is not None
         omega = self._turn.rate(pose, self._costmap)
         if omega is None:
@@ -144,7 +144,7 @@ class RosDwa:
 
 
 class _Turn:
-    """A whole turn on the spot to the left: move_base's rotate_recovery."""
+    """Full turn on the spot to the left: move_base's rotate_recovery."""
 
     def __init__(self, config: RosDwaConfig, pose: Pose) -> None:
         self._config = config
@@ -166,10 +166,10 @@ class _Turn:
 
 
 def _headings(begin: float, turn: float) -> Iterator[float]:
-    """Headings on the way of a turn [rad]."""
+    """Headings during a turn [rad]."""
     return (begin + k * _STEP for k in range(math.ceil(turn / _STEP)))
 
 
 def _dense(path: Floats, spacing: float) -> Floats:
-    """The polyline (K, 2) with points at most `spacing` [m] apart, its ends included."""
+    """Insert points into the polyline (K, 2) so that they are at most `spacing` [m] apart; its ends stay."""
     return np.vstack([path[:1], stretch(path, 0.0, math.inf, spacing)])

@@ -1,4 +1,4 @@
-"""The search for a velocity of base_local_planner's TrajectoryPlanner in its DWA mode."""
+"""Velocity search of base_local_planner's TrajectoryPlanner in its DWA mode."""
 
 from __future__ import annotations
 
@@ -90,19 +90,19 @@ class _Scored:
 
     @property
     def least(self) -> float:
-        """The least score; inf if no trajectory is valid."""
+        """Least score; inf if no trajectory is valid."""
         return float(self.scores.min(initial=math.inf))
 
     def best(self) -> Twist | None:
-        """The first velocity with the least score; None if no trajectory is valid."""
+        """First velocity with the least score; None if no trajectory is valid."""
         return Twist(*self.twists[self.scores.argmin()].tolist()) if self.least < math.inf else None
 
 
 class TrajectorySearch:
     """Samples velocities, simulates and scores them, turns in place, and backs up if nothing else is possible.
 
-    Two turns in place to one side forbid turns to the other side until the robot has moved on. After it began to
-    back up, it drives forward again only when it has moved or turned away.
+    Two turns in place to one side forbid turns to the other side until the robot has moved on. Once it has begun
+    to back up, it drives forward again only after it has moved or turned away.
     """
 
     def __init__(self, config: TrajectoriesConfig, robot: Robot, costmap: LocalCostmap) -> None:
@@ -116,7 +116,7 @@ class TrajectorySearch:
         self.reset()
 
     def _within_reach(self) -> tuple[int, int, int, int]:
-        """The part of the map that trajectories can reach: its rows and columns."""
+        """Rows and columns of the part of the map that trajectories can reach."""
         config = self._config
         fastest = max(config.max_vel_x, -config.escape_vel)
         reach = fastest * config.sim_time + config.heading_lookahead
@@ -133,7 +133,7 @@ class TrajectorySearch:
         self._escape: Pose | None = None
 
     def command(self, observation: Observation, path: Floats) -> Twist | None:
-        """The best velocity along a path (K, 2) in the odometry frame [m]; None if the robot must stop."""
+        """Return the best velocity along a path (K, 2) in the odometry frame [m]; None if the robot must stop."""
         pose, limits = observation.odometry, self._limits(observation.limits)
         self._measure(pose, path)
         samples = self._samples(observation, path, limits)
@@ -151,14 +151,14 @@ class TrajectorySearch:
         return wanted
 
     def _limits(self, robot: Limits) -> Limits:
-        """The configured limits within those of the robot."""
+        """Return the configured limits within those of the robot."""
         config = self._config
         ours = Limits(config.max_vel_x, config.max_vel_theta, config.acc_lim_x, config.acc_lim_theta)
         within = zip(Limits._fields, map(min, ours.bounds, robot.bounds), strict=False)
         return robot._replace(**dict(within))
 
     def _measure(self, pose: Pose, path: Floats) -> None:
-        """Distances of all cells to the path and to its last point on the map."""
+        """Measure the distances of all cells to the path and to its last point on the map."""
         costmap, reach = self._costmap, self._config.costmap.size / 2.0
         shape = costmap.costs.shape
         cells = way_cells(path, pose[:2], reach, costmap.grid, shape)
@@ -214,7 +214,7 @@ class TrajectorySearch:
         )
 
     def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
-        """The best forward trajectory, unless an equally good turn in place faces a cell nearer to the goal."""
+        """Choose the best forward trajectory, unless an equally good turn in place faces a cell nearer the goal."""
         wanted, least, nearest = forward.best(), forward.least, math.inf
         for twist, total, end in zip(turns.twists, turns.scores, turns.ends, strict=True):
             side = 1 if twist[1] > 0.0 else -1

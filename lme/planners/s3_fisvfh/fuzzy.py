@@ -37,7 +37,7 @@ class FuzzyCurve:
         self._values = (weights @ universe) / weights.sum(axis=1)
 
     def __call__(self, value: float) -> float:
-        """The output for one input."""
+        """Return the output for one input."""
         return float(np.interp(value, self._at, self._values))
 
 

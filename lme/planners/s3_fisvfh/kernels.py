@@ -93,7 +93,7 @@ def valleys(blocked: Bools) -> Ints:
 def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: float) -> Floats:
     """One heading for each valley at least `narrow` wide: (K,) [rad] in [−π, π].
 
-    Up to the width `wide` it is the valley's middle, else `goal`, limited to `margin` inside the edges [rad].
+    In valleys up to `wide` it is the middle, else it is `goal`, limited to `margin` inside the edges [rad].
     """
     runs = valleys(blocked)
     width = 2.0 * math.pi / len(blocked)
@@ -155,7 +155,7 @@ def search(
 
 @njit(cache=True, error_model="numpy")
 def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):
-    """Append the children of a node; returns the new number of nodes."""
+    """Append the children of a node; return the new number of nodes."""
     x, y, before, cost, depth = (
         nodes[taken, 0],
         nodes[taken, 1],
@@ -189,7 +189,7 @@ def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules,
 
 @njit(cache=True, error_model="numpy")
 def _wrapped(angle):
-    """The angle wrapped to [−π, π]; an odd function, so that mirrored angles stay mirrored."""
+    """Wrap an angle to [−π, π]; an odd function, so that mirrored angles stay mirrored."""
     while angle > math.pi:
         angle -= 2.0 * math.pi
     while angle < -math.pi:

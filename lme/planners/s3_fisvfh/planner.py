@@ -105,7 +105,7 @@ class S3Fisvfh:
         self._room = 0.0
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         points = obstacle_points(observation.scan, self._robot.lidar.mount)
         self._note_travel(observation.odometry)
         goal = np.asarray(guidance.subgoal, dtype=np.float64)
@@ -128,7 +128,7 @@ class S3Fisvfh:
         return self._retreat(points, guard, heading, observation)
 
     def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
-        """Heading of the search [rad]; without a result, the goal's bearing limited to the field of view."""
+        """Return the heading of the search [rad]; without one, the goal's bearing limited to the field of view."""
         before, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
         heading, found = search(points, self._unseen, goal, before, spacing, self._rules, self._costs)
         if found:
@@ -196,7 +196,7 @@ class S3Fisvfh:
         return limited(0.0, 0.0, observation, dt)
 
     def _note_travel(self, pose: Pose) -> None:
-        """Update how far the robot may back up into the lidar's blind arc [m]."""
+        """Update the distance that the robot may back up into the lidar's blind arc [m]."""
         if self._pose is not None:
             before = self._pose
             ahead = (pose.x - before.x) * math.cos(before.yaw) + (pose.y - before.y) * math.sin(before.yaw)

@@ -1,4 +1,4 @@
-"""The invariant of docs/safety.md: a robot that can stop without touching what was seen gets to another such state."""
+"""Invariant of docs/safety.md: from a state in which it can stop in time, the robot reaches another such state."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ _NONE = np.empty((0, 2))
 
 
 class StoppingState(NamedTuple):
-    """Obstacle points (M, 2) in the robot frame [m], twists, and the limits. A state has commands under way, too.
+    """State to stop from: obstacle points (M, 2) in the robot frame [m], twists, and limits.
 
-    twists: the robot may move with each of them, as with the measured twist and the last command
-    (`Observation.twists`); what is asked of the state must be true of all. ramp_start: from it commands ramp.
+    twists: possible motions of the robot, such as the measured twist and the last command (`Observation.twists`); a
+    property of the state must hold for all of them. ramp_start: the twist from which commands ramp. The commands
+    under way, which belong to the state too, are kept by `StoppingCheck`.
     """
 
     points: Floats
@@ -34,19 +35,19 @@ class StoppingState(NamedTuple):
 
     @classmethod
     def of(cls, observation: Observation, points: Floats) -> StoppingState:
-        """The state of an observation among these points."""
+        """Return the state of an observation among these points."""
         return cls(points, observation.twists, observation.limits, observation.ramp_start)
 
     def as_measured(self) -> StoppingState:
-        """The state with the measured twist alone."""
+        """Return the state with the measured twist alone."""
         return self._replace(twists=self.twists[:1])
 
 
 class StoppingCheck:
-    """Says of commands whether the robot could still stop after them, and finds the nearest one of which that is true.
+    """Checks whether the robot can still stop after a command, and finds the nearest command for which it can.
 
-    It counts the commands under way itself. The robot can stop if these, and then commands that ramp to zero until it
-    stands, lead to no contact of the outline with a point (`lme.planners.safety.kernels`).
+    It keeps track of the commands under way itself. The robot can stop if these, and then commands that ramp to zero
+    until it stands, lead to no contact of the outline with a point (`lme.planners.safety.kernels`).
     """
 
     def __init__(self, outline: Footprint, dt: float, latency: float = 0.0, lag: float = 0.0) -> None:
@@ -70,9 +71,9 @@ class StoppingCheck:
         self.under_way.append(command)
 
     def clearance(self, command: Twist, now: StoppingState, enough: float = TOUCHING) -> float:
-        """Least distance to a point with this command, until the robot stands [m]; at most `enough`.
+        """Return the least distance to a point until the robot stands after the command [m]; at most `enough`.
 
-        The command is the nearest that is within a ramp: zero brakes.
+        The command is limited to the nearest one within a ramp, so zero brakes.
         """
         self._tested[0] = reachable(*command, now.ramp_start, now.limits, self._times[0])
         return min(float(self._clearances(self._tested, now, twist, enough)[0]) for twist in now.twists)
@@ -82,10 +83,10 @@ class StoppingCheck:
         return self.clearance(command, now) >= TOUCHING
 
     def nearest(self, wanted: Twist, now: StoppingState, enough: float = TOUCHING) -> Twist | None:
-        """The command after which the robot can stop with this clearance [m], nearest to the wanted one; None: none.
+        """Return the nearest command after which the robot can stop with this clearance [m]; None: there is none.
 
-        What counts is how much the velocity of a point of the outline differs. A regular sample of the commands that
-        are within reach in a period is tried.
+        Nearness to the wanted command is measured by the velocity of a point of the outline. A regular sample of the
+        commands within reach in a period is tried.
         """
         tried = self._tried(wanted, now)
         far = np.abs(tried - wanted) @ [1.0, self._r_max]
@@ -101,7 +102,7 @@ class StoppingCheck:
         return None
 
     def _tried(self, wanted: Twist, now: StoppingState) -> Floats:
-        """Commands (N, 2) within reach of the last one; the wanted v and ω are among theirs."""
+        """Return commands (N, 2) within reach of the last one; their v and ω include the wanted ones."""
         limits, dt = now.limits, self._times[0]
         v, omega = now.ramp_start
         low = (

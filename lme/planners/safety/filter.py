@@ -1,4 +1,4 @@
-"""A filter around any planner: after its command the robot can still stop before everything that was seen."""
+"""Filter around any planner, after whose commands the robot can still stop before everything seen."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points ar
 
 @dataclass(slots=True)
 class SafetyFilterConfig:
-    """What the filter keeps free, and how late commands act."""
+    """Margin that the filter keeps free, and the delay of commands."""
 
     margin: float = 0.01  # [m] distance from the outline that the robot keeps until it stands
     latency: float = 0.0  # [s] known delay from a command to its effect
@@ -33,11 +33,11 @@ class SafetyFilterConfig:
 
 
 class SafetyFilter:
-    """A planner that sends another planner's command if the robot can stop after it, else the nearest such command.
+    """Planner that sends another planner's command if the robot can stop after it, else the nearest such command.
 
     If there is none, it brakes. A robot that is nearer to a point than `margin`, or cannot stop farther from it, must
-    not come nearer. The points are those that the guide knows, else those of the scan and of a memory of the lidar's
-    blind arc. The outline is the one that collides.
+    not come any nearer. The points are those that the guide knows, else those of the scan and of a memory of the
+    lidar's blind arc. The outline is the collision footprint.
     """
 
     Config = SafetyFilterConfig
@@ -57,7 +57,7 @@ class SafetyFilter:
         self.planner.reset(rng)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period. Raises InputError if the planner's is no pair of finite numbers."""
+        """Return the command for one control period. Raises InputError if the planner's is not two finite numbers."""
         points = self._blind.points(observation) if guidance.points is None else guidance.points
         v, omega = checked_command(self.planner.plan(observation, guidance), self.planner)
         now = StoppingState.of(observation, points)

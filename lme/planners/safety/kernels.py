@@ -3,7 +3,7 @@
 The motion is that of `sim=fast`: v and ω ramp to each command at their own limits (`lme.geometry.motion.drive`), and a
 drive with a lag approaches it with a time constant. A state is the points, the twist and the commands under way. It
 can be stopped if the commands under way, and then commands that ramp to zero until it stands, lead to no contact.
-After one period of them the rest of the same motion is left, so a state that can be stopped leads to another one.
+After one period of them the rest of the same motion remains, so a state that can be stopped leads to another one.
 """
 
 import math
@@ -21,7 +21,7 @@ _STANDS = 1e-4  # [m] a robot with a lag stands if its outline has no further th
 
 
 class StoppingMotion(NamedTuple):
-    """How a robot answers to commands: limits (v_max, ω_max, α_v, α_ω), control period, late and lag [s].
+    """Response of a robot to commands: limits (v_max, ω_max, α_v, α_ω), control period, late and lag [s].
 
     A command takes effect `late` before a whole number of periods has passed, 0 ≤ late < period. `lag`: time constant
     with which v and ω then approach it.
@@ -59,7 +59,7 @@ def stopping_clearances(
     points (M, 2) in the robot frame [m]; twist (v, ω) now; under_way (L, 2): v and ω of the commands that were sent
     and act before the next one, the oldest first; tried (N, 2): commands [m/s, rad/s]; box: footprint (half_length,
     half_width, rounding) [m]. Returns (N,) distances, at most `enough` > 0 [m], and 0 for contact. Commands after the
-    first one that keeps `enough` are not looked at: they have NaN.
+    first one that keeps `enough` are not examined and have NaN.
     """
     limits, period, late, lag = motion
     named = StoppingMotion(limits, period, late, lag)
@@ -81,7 +81,7 @@ def stopping_clearances(
 
 @njit(cache=True, error_model="numpy")
 def _farthest(twist, under_way, tried, motion):
-    """How far the base drives at most [m]."""
+    """Greatest distance that the base may drive [m]."""
     top = abs(twist[0])
     for commands in (under_way, tried):
         for n in range(len(commands)):
@@ -102,9 +102,10 @@ def _near(points, reach):
 
 @njit(cache=True, error_model="numpy")
 def _follow(near, state, commands, first, motion, box, r_max):
-    """The state after commands (N, 2), each for a period; `first`: what is left of it for the first one.
+    """Return the state after commands (N, 2), each for a period; first: only its rest is left for the first one.
 
-    Commands change `late` before a period ends. Both times divide the motion, so that it is the same one period later.
+    Commands change `late` before a period ends. The motion is divided at both times, so that it is the same when it
+    is computed one period later.
     """
     for n in range(len(commands)):
         command = (commands[n, 0], commands[n, 1])
@@ -116,7 +117,7 @@ def _follow(near, state, commands, first, motion, box, r_max):
 
 @njit(cache=True, error_model="numpy")
 def _brake(near, state, command, motion, box, r_max):
-    """The least distance when the robot stands, after commands that ramp from this one to zero."""
+    """Return the least distance until the robot stands, after commands that ramp from this one to zero."""
     slower = np.array([command])
     while state.least > 0.0 and (slower.any() or _moves(state, motion, r_max)):
         for k in range(2):
@@ -128,14 +129,14 @@ def _brake(near, state, command, motion, box, r_max):
 
 @njit(cache=True, error_model="numpy")
 def _moves(state, motion, r_max):
-    """Return whether the robot has some way to go until it stands."""
+    """Return whether the robot is still moving noticeably."""
     speed = abs(state.v) + r_max * abs(state.omega)
     return speed > 0.0 and (motion.lag == 0.0 or speed * motion.lag > _STANDS)
 
 
 @njit(cache=True, error_model="numpy")
 def _move(near, state, command, duration, motion, box, r_max):
-    """The state after a command has acted for `duration` [s]; as it is after contact."""
+    """Return the state after a command has acted for `duration` [s]; unchanged after contact."""
     # With lag, short steps, in each of which the velocity keeps e^(−dt/τ) of its distance from the command.
     steps = max(math.ceil(duration / _LAG_STEP - 1e-9), 1) if motion.lag > 0.0 else 1
     dt = duration / steps

@@ -1,4 +1,4 @@
-"""The timed elastic band: begun along a path, moved on with the robot, optimised."""
+"""Timed elastic band: started along a path, moved along with the robot, and optimised."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PASSED = 10  # samples, at most, that the robot leaves behind in one period
 
 
 class Way(NamedTuple):
-    """The path ahead in the odometry frame.
+    """Path ahead in the odometry frame.
 
     points (P, 2), P ≥ 1, from the robot to the local goal, via (V, 2): points to pass [m]. yaw: at the goal [rad].
     """
@@ -35,7 +35,7 @@ class TimedBand:
     """
 
     def __init__(self, config: TebConfig, box: tuple[float, float, float]) -> None:
-        """`box`: half length, half width and rounding of the footprint [m]."""
+        """box: half length, half width and rounding of the footprint [m]."""
         self._config = config
         self._box = box
         self.reset()
@@ -46,7 +46,7 @@ class TimedBand:
         self.times: Floats = np.empty(0)
 
     def follow(self, way: Way, robot: Pose, limits: Limits) -> None:
-        """Move the ends to the robot and to the local goal, or begin anew if that one has jumped."""
+        """Move the ends to the robot and to the local goal, or start anew if the local goal has jumped."""
         goal = np.append(way.points[-1], way.yaw)
         if len(self.poses) == 0 or self._jumped(goal):
             v, omega = self._bounds(limits)[1:3]
@@ -58,10 +58,10 @@ class TimedBand:
         self.poses[-1] = goal
 
     def optimize(self, via: Floats, points: Floats, twist: Twist, limits: Limits, turn: float) -> float:
-        """Adjust the band in `no_outer_iterations` rounds; its sum of squared errors, inf if it is lost.
+        """Adjust the band in `no_outer_iterations` rounds; return its sum of squared errors, inf if it is lost.
 
-        Each round adds and removes samples and finds the obstacles (M, 2) near them anew, and the next one weighs these
-        more. turn: wanted direction of turns, 1 left, -1 right, 0 any.
+        Each round adds and removes samples and finds the obstacles (M, 2) near them anew; the next round weights
+        these more. turn: wanted direction of turns, 1 left, -1 right, 0 any.
         """
         config, bounds = self._config, self._bounds(limits)
         always = config.min_obstacle_dist * config.obstacle_association_force_inclusion_factor
@@ -87,21 +87,21 @@ class TimedBand:
         return ahead * math.hypot(dx, dy) / dt, wrap_angle(after[2] - yaw) / dt
 
     def _jumped(self, goal: Floats) -> bool:
-        """Return whether the local goal is another one, or another way round."""
+        """Return whether the local goal has moved or turned too far."""
         config, end = self._config, self.poses[-1]
         away = math.hypot(goal[0] - end[0], goal[1] - end[1])
         turned = abs(wrap_angle(goal[2] - end[2]))
         return away >= config.force_reinit_new_goal_dist or turned >= config.force_reinit_new_goal_angular
 
     def _passed(self, robot: Pose) -> int:
-        """The number of samples that the robot has passed: up to the first one after which they are farther."""
+        """Number of samples that the robot has passed: those before the first one after which they get farther."""
         most = min(len(self.poses) - self._config.min_samples, _PASSED)
         away = np.hypot(*(self.poses[: most + 1, :2] - robot[:2]).T)
         farther = np.flatnonzero(np.diff(away) >= 0.0)
         return int(farther[0]) if len(farther) else max(len(away) - 1, 0)
 
     def _passes(self, via: Floats) -> Floats:
-        """Which pose is to pass each point (V, 2): (K, 3) [index, x, y], without the points near the robot."""
+        """Assign a pose to each point to pass (V, 2): (K, 3) [index, x, y], without points near the robot."""
         if len(via) == 0 or len(self.poses) < 3:
             return np.empty((0, 3))
         away = np.hypot(*(self.poses[:, None, :2] - via).transpose(2, 0, 1))
@@ -110,7 +110,7 @@ class TimedBand:
         return passes
 
     def _bounds(self, robot: Limits) -> Bounds:
-        """The configured limits within those of the robot, in the order of the normal equations."""
+        """Return the configured limits within those of the robot, in the order of the normal equations."""
         config = self._config
         return (
             min(config.max_vel_x_backwards, -robot.lowest),
@@ -124,5 +124,5 @@ class TimedBand:
 
 
 def _equations(*others: Any) -> Equations:
-    """The normal equations of a band with these other arguments."""
+    """Return the normal equations as a function of the band alone, given the other arguments."""
     return lambda poses, times: normal_equations(poses, times, *others)

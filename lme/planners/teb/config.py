@@ -115,7 +115,7 @@ class TebConfig:
             require(f"planner.{key}", getattr(self, key), at_least=1)
 
     def weights(self, factor: float) -> Weights:
-        """The weights in the order of the normal equations, that of the obstacles times `factor`."""
+        """Return the weights in the order of the normal equations, that of the obstacles times `factor`."""
         values = [float(getattr(self, f"weight_{name}")) for name in _WEIGHTS]
         values[_WEIGHTS.index("obstacle")] *= factor
         return cast("Weights", tuple(values))

@@ -20,9 +20,9 @@ _PASSES = 100  # of `resized`, at most, as in teb_local_planner
 def along(
     path: Floats, start: tuple[float, float, float], yaw: float, v_max: float, omega_max: float
 ) -> tuple[Floats, Floats]:
-    """A band from `start` along the path (P, 2), P ≥ 1, to its end with heading `yaw`, as fast as the limits allow.
+    """Band from `start` along the path (P, 2), P ≥ 1, to its end with heading `yaw`, as fast as the limits allow.
 
-    A pose at each point of the path, which heads for the next one, and one half-way if P = 1.
+    It has a pose at each point of the path, heading for the next one, and one half-way if P = 1.
     """
     line = path if len(path) > 1 else np.vstack((0.5 * (path + np.array([[start[0], start[1]]])), path))
     count = len(line) + 1
@@ -47,9 +47,9 @@ def along(
 def resized(
     poses: Floats, times: Floats, wanted: float, hysteresis: float, fewest: int, most: int
 ) -> tuple[Floats, Floats]:
-    """The band with time differences near `wanted` [s]: samples are added and removed where they are off.
+    """Add and remove samples so that the time differences of the band are near `wanted` [s].
 
-    hysteresis [s]: the greatest difference. `fewest` and `most`: limits of the number of time differences.
+    hysteresis [s]: the greatest deviation from it. `fewest` and `most`: limits of the number of time differences.
     """
     size = max(most, len(times)) + 1
     p, t = np.empty((size, 3)), np.empty(size)
@@ -81,7 +81,7 @@ def resized(
 
 @njit(cache=True, error_model="numpy")
 def _split(p, t, count, i):
-    """Add a pose half-way between poses i and i + 1; the new number of time differences."""
+    """Add a pose half-way between poses i and i + 1; return the new number of time differences."""
     for k in range(count, i, -1):
         p[k + 1], t[k] = p[k], t[k - 1]
     p[i + 1, :2] = 0.5 * (p[i, :2] + p[i + 2, :2])
@@ -93,7 +93,7 @@ def _split(p, t, count, i):
 
 @njit(cache=True, error_model="numpy")
 def _merge(p, t, count, i):
-    """Remove the pose after difference i, or before it if that is the last one; the new number of differences."""
+    """Remove the pose after difference i, or before the last one; return the new number of differences."""
     gone = i if i < count - 1 else i - 1
     t[gone + 1] += t[gone]
     for k in range(gone, count - 1):
@@ -107,10 +107,10 @@ def _merge(p, t, count, i):
 def near_obstacles(
     poses: Floats, points: Floats, box: tuple[float, float, float], always: float, never: float
 ) -> Floats:
-    """Which points (M, 2) [m] count at which poses: (K, 3) [index of the pose, x, y].
+    """Select the points (M, 2) [m] that count at each pose: (K, 3) [index of the pose, x, y].
 
-    At each pose but the first and the last: all points nearer than `always` to the footprint `box`, and of the
-    others up to `never` the nearest on its left and on its right [m].
+    At each pose but the first and the last, these are all points nearer than `always` to the footprint `box`, and of
+    the others up to `never` the nearest one on its left and on its right [m].
     """
     out = np.empty((len(poses) * (len(points) + 2), 3))
     reach = never + math.hypot(box[0], box[1]) + box[2]
@@ -141,7 +141,7 @@ def near_obstacles(
 
 @njit(cache=True, error_model="numpy")
 def _list(out, count, i, point):
-    """Write a row; the new number of rows."""
+    """Write a row; return the new number of rows."""
     out[count, 0], out[count, 1], out[count, 2] = i, point[0], point[1]
     return count + 1
 
@@ -150,7 +150,7 @@ def _list(out, count, i, point):
 def clearance(pose: Floats, x: float, y: float, box: tuple[float, float, float]) -> tuple[float, Floats]:
     """Signed distance [m] of a point from the footprint at a pose (3,), and its gradient by the pose (3,).
 
-    box (half_length, half_width, rounding) [m]. Inside it is minus the way out of the box's nearest side.
+    box (half_length, half_width, rounding) [m]. Inside, it is minus the distance to the nearest side of the box.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = x - pose[0], y - pose[1]
@@ -173,7 +173,7 @@ def clearance(pose: Floats, x: float, y: float, box: tuple[float, float, float])
 
 @njit(cache=True, error_model="numpy", inline="always")
 def wrapped(angle):
-    """The angle in [−π, π), which mirrors everywhere but at −π [rad]."""
+    """Wrap an angle to [−π, π), symmetrically everywhere but at −π [rad]."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
@@ -264,7 +264,7 @@ def _motions(poses, times):
 
 @njit(cache=True, error_model="numpy")
 def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, weight):
-    """Accelerations from `before` over the speeds to rest. limits: (the greatest one, epsilon)."""
+    """Add the errors of accelerations from `before` over the speeds to rest. limits: (the greatest one, epsilon)."""
     last = len(times) - 1
     interval = (-limits[0], limits[0], limits[1])
     # From the speed before the band to that of the first motion.
@@ -290,7 +290,7 @@ def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, wei
 
 @njit(cache=True, error_model="numpy")
 def _steering(matrix, descent, i, poses, weights):
-    """Both headings lie on one arc, and the motion is not backwards. weights: of both."""
+    """Add the errors of headings that are not on one arc, and of driving backwards. weights: of both."""
     dx, dy = poses[i + 1, 0] - poses[i, 0], poses[i + 1, 1] - poses[i, 1]
     cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
     cos_after, sin_after = math.cos(poses[i + 1, 2]), math.sin(poses[i + 1, 2])
@@ -312,7 +312,7 @@ def _steering(matrix, descent, i, poses, weights):
 
 @njit(cache=True, error_model="numpy")
 def _turn(matrix, descent, i, poses, turn, weight):
-    """A motion does not turn against the wanted direction."""
+    """Add the error of a motion that turns against the wanted direction."""
     wrong = -turn * wrapped(poses[i + 1, 2] - poses[i, 2])
     if wrong <= 0.0:
         return 0.0
@@ -323,7 +323,7 @@ def _turn(matrix, descent, i, poses, turn, weight):
 
 @njit(cache=True, error_model="numpy")
 def _via(matrix, descent, i, poses, point, weight):
-    """Distance of pose i from a point [index, x, y]."""
+    """Add the error of pose i: its distance from a point [index, x, y]."""
     dx, dy = poses[i, 0] - point[1], poses[i, 1] - point[2]
     away = math.hypot(dx, dy)
     row = np.zeros(2)
@@ -334,7 +334,7 @@ def _via(matrix, descent, i, poses, point, weight):
 
 @njit(cache=True, error_model="numpy")
 def _limit(matrix, descent, first, row, value, interval, weight):
-    """Error of a value with derivatives `row` beyond an interval (low, high, epsilon), tightened by epsilon."""
+    """Add the error of a value, with derivatives `row`, beyond (low, high, epsilon), tightened by epsilon."""
     low, high = value - interval[0] - interval[2], value - interval[1] + interval[2]
     if low < 0.0:
         return _add(matrix, descent, first, -row, -low, weight)
@@ -343,7 +343,7 @@ def _limit(matrix, descent, first, row, value, interval, weight):
 
 @njit(cache=True, error_model="numpy")
 def _add(matrix, descent, first, row, error, weight):
-    """Add an error and its derivatives `row` by the variables from `first` on; the weighted square."""
+    """Add an error and its derivatives `row` by the variables from `first` on; return the weighted square."""
     for a in range(len(row)):
         if row[a] != 0.0:
             scaled = weight * row[a]
@@ -355,7 +355,7 @@ def _add(matrix, descent, first, row, error, weight):
 
 @njit(cache=True, error_model="numpy")
 def _fix(matrix, descent):
-    """Keep the first and the last pose, and the time difference that does not exist."""
+    """Fix the first and the last pose, and the time difference after the last pose, which does not exist."""
     size = len(descent)
     for k in range(size):
         if k < 3 or k >= size - 4:

@@ -21,11 +21,12 @@ Equations = Callable[[Floats, Floats], tuple[float, Floats, Floats]]
 def optimize(
     poses: Floats, times: Floats, equations: Equations, iterations: int
 ) -> tuple[Floats, Floats, float]:
-    """The band after a number of iterations, and its sum of squared errors.
+    """Return the band after a number of iterations, and its sum of squared errors.
 
-    `equations` gives the sum, the banded matrix and the descent at a band (`kernels.equations.normal_equations`). The
-    damping is that of g2o (Kümmerle et al. 2011, DOI 10.1109/ICRA.2011.5979949). A step to a time difference that is
-    not positive is refused. The sum is inf if it is not finite at the given band.
+    equations: gives the sum, the banded matrix and the descent at a band
+    (`lme.planners.teb.kernels.normal_equations`). The damping is that of g2o (Kümmerle et al. 2011, DOI
+    10.1109/ICRA.2011.5979949). A step to a time difference that is not positive is refused. The sum is inf if it is
+    not finite at the given band.
     """
     total, matrix, descent = equations(poses, times)
     if not np.isfinite(total):
@@ -50,7 +51,7 @@ def optimize(
 
 
 def _step(matrix: Floats, descent: Floats, damping: float) -> Floats:
-    """The damped step (N, 4) of all variables; zero if the damped matrix is not positive definite."""
+    """Damped step (N, 4) of all variables; zero if the damped matrix is not positive definite."""
     damped = matrix.copy()
     damped[0] += damping
     _, step, failed = dpbsv(damped, descent, lower=1, overwrite_ab=1)

@@ -25,9 +25,9 @@ class Teb:
     """A timed elastic band (Rösmann et al. 2012, 2013, DOI 10.1109/ECMR.2013.6698833) as in teb_local_planner of ROS 1.
 
     A trajectory of poses and time differences along the path ahead is optimised for time, limits, nonholonomic motion,
-    distance to the obstacles of a local costmap, and distance to points of the path. It begins along the path, and
-    goes on from the last solution. The command is its first motion. If its first poses touch obstacles, or if it is
-    lost, the robot stops, and a new band begins, for some time along a shorter path.
+    distance to the obstacles of a local costmap, and distance to points of the path. It starts along the path and
+    continues from the last solution. The command is its first motion. If its first poses touch obstacles, or if it is
+    lost, the robot stops and a new band starts, for some time along a shorter path.
     """
 
     Config = TebConfig
@@ -49,7 +49,7 @@ class Teb:
         self._oscillation.reset()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Command for one control period."""
+        """Return the command for one control period."""
         self.costmap.update(observation)
         if math.hypot(*observation.target) < self._config.xy_goal_tolerance:
             self.band.reset()
@@ -63,7 +63,7 @@ class Teb:
         return limited(*command, observation, self._dt)
 
     def _optimize(self, observation: Observation, guidance: Guidance) -> bool:
-        """Adjust the band; whether it is feasible."""
+        """Adjust the band; return whether it is feasible."""
         pose, limits = observation.odometry, observation.limits
         way = self._way(observation, guidance)
         self.band.follow(way, pose, limits)
@@ -73,7 +73,7 @@ class Teb:
         return math.isfinite(total) and (most is None or total <= most) and self._free()
 
     def _way(self, observation: Observation, guidance: Guidance) -> Way:
-        """The path ahead, up to the horizon; a straight line to the subgoal if there is no path."""
+        """Return the path ahead up to the horizon; a straight line to the subgoal if there is no path."""
         config, line = self._config, guidance.path
         if line is None or len(line) == 0:
             line = np.vstack([np.zeros(2), guidance.subgoal])
@@ -87,7 +87,7 @@ class Teb:
         return Way(ahead[1:] if len(ahead) > 1 else ahead, ahead[step::step], yaw)
 
     def _obstacles(self, pose: Pose) -> Floats:
-        """Centres (M, 2) of the occupied cells, but those far behind the robot, in the odometry frame [m]."""
+        """Centres (M, 2) of the occupied cells, without those far behind the robot, in the odometry frame [m]."""
         low_i, low_j, cell = self.costmap.grid
         i, j = np.nonzero(self.costmap.costs == TOUCHING)
         points = np.column_stack([(i + low_i) * cell, (j + low_j) * cell])
@@ -113,7 +113,7 @@ class Teb:
         return self.costmap.outline_cost(Pose(*pose.tolist())) < 0
 
     def _saturated(self, v: float, omega: float) -> tuple[float, float]:
-        """The motion within the configured limits, which the optimisation may exceed."""
+        """Limit the motion to the configured limits, which the optimisation may exceed."""
         config = self._config
         v = min(max(v, -config.max_vel_x_backwards), config.max_vel_x)
         return v, min(max(omega, -config.max_vel_theta), config.max_vel_theta)

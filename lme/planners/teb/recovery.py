@@ -13,13 +13,13 @@ _MANY = 10  # failures in a row
 
 
 class Horizon:
-    """How much of the horizon is used: half of it for some time after a failure, a quarter after ten in a row.
+    """Share of the horizon in use: half of it for some time after a failure, a quarter after ten in a row.
 
-    teb_local_planner says so too, but its code then uses three quarters.
+    teb_local_planner says the same, but its code then uses three quarters.
     """
 
     def __init__(self, config: TebConfig, dt: float) -> None:
-        """`dt`: control period [s]."""
+        """dt: control period [s]."""
         self._periods = round(config.shrink_horizon_min_duration / dt)
         self.reset()
 
@@ -29,13 +29,13 @@ class Horizon:
 
     @property
     def share(self) -> float:
-        """The share of the horizon to use."""
+        """Share of the horizon to use."""
         if self._left == 0:
             return 1.0
         return 0.25 if self._in_a_row >= _MANY else 0.5
 
     def record(self, *, failed: bool) -> None:
-        """Note whether this period gave no feasible band."""
+        """Record whether this period failed to give a feasible band."""
         if failed:
             self._in_a_row, self._left = self._in_a_row + 1, self._periods
         else:
@@ -43,10 +43,10 @@ class Horizon:
 
 
 class Oscillation:
-    """Finds that commands waver on the spot, and then keeps to the present direction of turns for some time."""
+    """Detects commands that waver on the spot, and then keeps the current direction of turns for some time."""
 
     def __init__(self, config: TebConfig, dt: float, v_max: float, omega_max: float) -> None:
-        """`dt`: control period [s]; v_max [m/s] and omega_max [rad/s]: the limits that commands are measured by."""
+        """dt: control period [s]; v_max [m/s] and omega_max [rad/s]: the limits that commands are measured by."""
         self._config = config
         self._scale = (v_max, omega_max)
         self._size = max(round(config.oscillation_filter_duration / dt), 2)
@@ -59,7 +59,7 @@ class Oscillation:
         self._left, self.turn = 0, 0.0  # periods to keep to the direction; 1 left, -1 right, 0 any
 
     def record(self, command: Twist, omega: float) -> None:
-        """Note a command, and the turn rate [rad/s] at which the robot is turning."""
+        """Record a command, and the turn rate [rad/s] at which the robot is turning."""
         self._commands.append((command.v / self._scale[0], command.omega / self._scale[1]))
         self._left = max(self._left - 1, 0)
         if self._wavers():

@@ -1,1 +1,1 @@
-"""Compiled functions of MPPI: sampled trajectories and their average, and what the critics think of them."""
+"""Compiled functions of MPPI: sampled trajectories, their average, and the costs that critics assign to them."""

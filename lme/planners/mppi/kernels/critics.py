@@ -1,7 +1,7 @@
-"""The critics of nav2_mppi_controller: each adds to the costs (N,) of N sampled trajectories, in place.
+"""Critics of nav2_mppi_controller: each adds to the costs (N,) of N sampled trajectories, in place.
 
 Poses (N, T, 3) [m, m, rad] and paths (P, 2) [m] are in the frame of the map, and a path begins at the robot. Speeds
-(N, T) [m/s] are those that the poses were driven with. Lattice, `Grid` and `Costs` are those of
+(N, T) [m/s] are those with which the poses were driven. Lattice, `Grid` and `Costs` are those of
 `lme.grids.obstacle_grid`, outlines those of `lme.grids.outline`.
 """
 
@@ -20,7 +20,7 @@ _FEW = 2  # blocked points of a path that never silence a critic
 
 @njit(cache=True, error_model="numpy")
 def constraint(costs: Floats, speeds: Singles, bounds: tuple[float, float], dt: float, weight: float) -> None:
-    """ConstraintCritic: way driven beyond the bounds (v_min, v_max) of the velocity."""
+    """ConstraintCritic: distance driven beyond the bounds (v_min, v_max) of the velocity."""
     for n in range(len(costs)):
         beyond = 0.0
         for v in speeds[n]:
@@ -30,7 +30,7 @@ def constraint(costs: Floats, speeds: Singles, bounds: tuple[float, float], dt: 
 
 @njit(cache=True, error_model="numpy")
 def prefer_forward(costs: Floats, speeds: Singles, dt: float, weight: float) -> None:
-    """PreferForwardCritic: way driven backwards."""
+    """PreferForwardCritic: distance driven backwards."""
     for n in range(len(costs)):
         back = 0.0
         for v in speeds[n]:
@@ -50,11 +50,11 @@ def obstacles(
     prices: tuple[float, float, float],
     near_goal: bool,
 ) -> bool:
-    """CostCritic: costs of the cells under the robot's middle at every `step`-th pose; whether all collide.
+    """CostCritic: cost of the cell under the centre at every `step`-th pose. Returns whether all collide.
 
-    The outline is looked at where the cost is at least `possible`. prices: of a collision, of a pose within the
-    inscribed radius of an obstacle, and the weight of all. Beyond the map is a collision. `near_goal`: other poses
-    cost nothing.
+    The outline is checked where the cost is at least `possible`. prices: of a collision, of a pose within the
+    inscribed radius of an obstacle, and the weight of all. Leaving the map is a collision. near_goal: other
+    poses cost nothing.
     """
     looked_at = poses.shape[1] // step
     room = np.empty(outline_capacity(outline, grid[2]), np.int64)
@@ -95,7 +95,7 @@ def goal(costs: Floats, poses: Singles, target: tuple[float, float], weight: flo
 def furthest_reached(poses: Singles, path: Floats) -> int:
     """Index of the farthest point of the path that is the nearest one to the end of some trajectory.
 
-    Each trajectory looks only beyond the farthest point so far, as in Nav2.
+    As in Nav2, each trajectory considers only points from the farthest one so far.
     """
     furthest = 0
     for n in range(len(poses)):
@@ -130,14 +130,14 @@ def path_align(
     most_blocked: float,
     weight: float,
 ) -> None:
-    """PathAlignCritic: mean distance of every `step`-th pose to the point of the path at the same length of way.
+    """PathAlignCritic: mean distance of every `step`-th pose to the point of the path at the same path length.
 
-    Only free points before the furthest reached count. Silent if that is no farther than `offset` points, or if more
-    than a share `most_blocked` of the way there is blocked.
+    Only free points before the furthest reached count. Adds nothing if that is fewer than `offset` points away, or if
+    more than a share `most_blocked` of the path up to it is blocked.
     """
     if furthest == 0 or furthest < offset:
         return
-    # Silent if too much of the path up to there is blocked.
+    # Add nothing if too much of the path up to there is blocked.
     blocked = 0
     for j in range(furthest):
         blocked += not free[j]
@@ -186,7 +186,7 @@ def path_angle(
 ) -> None:
     """PathAngleCritic: angle at the end of a trajectory between its heading and point `at` of the path.
 
-    Silent if the robot, at `pose`, faces that point within `most` [rad].
+    Adds nothing if the robot, at `pose`, faces that point within `most` [rad].
     """
     x, y = path[at, 0], path[at, 1]
     # The robot faces the point already.
@@ -200,14 +200,14 @@ def path_angle(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _cost_at(x, y, cells, grid):
-    """Cost of the cell at a point; -1 off the map."""
+    """Cost of the cell at a point; −1 off the map."""
     i, j = lattice(x / grid[2]) - grid[0], lattice(y / grid[2]) - grid[1]
     return int(cells[i, j]) if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1] else -1
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _at_length(ways, way, at):
-    """Index of the entry of `ways` (P,) that is nearest to a length of way, from `at` on."""
+    """Index of the entry of `ways` (P,) that is nearest to a path length, from `at` on."""
     for j in range(at + 1, len(ways)):
         if ways[j] > way:
             return j - 1 if way - ways[j - 1] < ways[j] - way else j
@@ -216,5 +216,5 @@ def _at_length(ways, way, at):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _wrapped(angle):
-    """The angle in [−π, π)."""
+    """Wrap an angle to [−π, π)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

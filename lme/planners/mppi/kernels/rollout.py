@@ -1,4 +1,4 @@
-"""Sampled controls, the trajectories that they lead to, and their average.
+"""Sampled controls, the trajectories to which they lead, and their average.
 
 A sequence (T, 2) holds the velocity [m/s] and the turn rate [rad/s] of every model step. Element 0 is the present one.
 Limits are (v_min, v_max, omega_max, brake, speed_up, alpha_omega): the least and greatest velocity [m/s], the greatest
@@ -32,10 +32,11 @@ def rollout(
     limits: VelocityLimits,
     dt: float,
 ) -> tuple[Singles, Singles, Singles]:
-    """Controls (N, T, 2) around the sequence, and the speeds (N, T) and poses (N, T, 3) that they lead to.
+    """Sample controls (N, T, 2) around the sequence; return them, their speeds (N, T) and poses (N, T, 3).
 
     noise (N, T, 2): standard normal, scaled by `stds`. Controls change by no more than the acceleration allows; the
-    last one leads nowhere and is as it is. Poses are those after each of T steps of `dt` [s], which drive the speeds.
+    last one, which moves nothing, is not limited. Poses are those after each of T steps of `dt` [s], which drive the
+    speeds.
     """
     samples, steps = noise.shape[:2]
     controls = np.empty((samples, steps, 2), np.float32)
@@ -64,7 +65,7 @@ def rollout(
 def charge_controls(
     costs: Floats, sequence: Floats, controls: Singles, stds: tuple[float, float], gamma: float
 ) -> None:
-    """Add to the costs (N,) what it costs to leave the sequence: γ Σ u · (u_n − u) / σ²."""
+    """Add to the costs (N,) the cost of leaving the sequence: γ Σ u · (u_n − u) / σ²."""
     for n in range(len(costs)):
         for axis in range(2):
             total = 0.0
@@ -75,7 +76,7 @@ def charge_controls(
 
 @njit(cache=True, error_model="numpy")
 def average(controls: Singles, costs: Floats, temperature: float) -> Floats:
-    """The mean (T, 2) of the controls (N, T, 2), weighted by exp(−cost / temperature)."""
+    """Mean (T, 2) of the controls (N, T, 2), weighted by exp(−cost / temperature)."""
     least, total = costs.min(), 0.0
     sequence = np.zeros(controls.shape[1:])
     for n in range(len(costs)):
@@ -103,7 +104,7 @@ def constrain(sequence: Floats, limits: VelocityLimits, dt: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def smooth(sequence: Floats, before: Floats) -> Floats:
-    """The sequence (T, 2) after a Savitzky–Golay filter; before (4, 2): the controls before it. Its last stays."""
+    """Apply a Savitzky–Golay filter to the sequence (T, 2), but its last. before (4, 2): the controls before it."""
     last = len(sequence) - 1
     if last < _SHORTEST - 1:
         return sequence.copy()
@@ -122,7 +123,7 @@ def smooth(sequence: Floats, before: Floats) -> Floats:
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _within_reach(v, omega, v_now, omega_now, limits, dt):
-    """The nearest velocity and turn rate that the accelerations allow one step after the present ones."""
+    """Nearest velocity and turn rate that the accelerations allow one step after the present ones."""
     fall, rise, turn = limits[3] * dt, limits[4] * dt, limits[5] * dt
     if v_now <= 0.0:
         fall, rise = -rise, -fall
