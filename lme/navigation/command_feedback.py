@@ -13,9 +13,9 @@ from lme.types import Feedback, Observation, Twist
 
 _STILL = Twist(0.0, 0.0)
 _HELD_FOR = 2.0  # [s]
-_ASKED_M, _ASKED_RAD = 0.1, 0.2  # less, commanded over that time, tells nothing
+_ASKED_M, _ASKED_RAD = 0.1, 0.2  # less commanded motion over that time is inconclusive
 _FOLLOWED = 0.2  # share of the commanded motion
-_MOVED_M = 0.02  # in a control period: no noise of the odometry
+_MOVED_M = 0.02  # in a control period: more than the noise of the odometry
 
 
 class CommandFeedback:

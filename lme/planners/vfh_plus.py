@@ -100,10 +100,12 @@ class VfhPlus:
         yaw = observation.odometry.yaw
         points = self._blind.points(observation)
         config, distance = self._config, math.hypot(x, y)
+        # Primary histogram, then the binary one with hysteresis.
         cells = active_cells(points, config.cell_size, min(config.window, distance + self._radius))
         density = polar_density(cells, yaw, self._radius, config.window, config.peak, self._num_sectors)
         self._blocked = self._binary(density)
         target = yaw + math.atan2(y, x)
+        # Masked histogram and choice of a direction.
         direction, stop = self._direction(cells, target, observation)
         wanted = self._drive(direction, stop, density, distance, observation)
         return self._guard.guard(wanted, observation, points)
@@ -148,11 +150,13 @@ class VfhPlus:
         if direction is None:
             return Twist(0.0, 0.0)
         limits, now, config = observation.limits, observation.ramp_start, self._config
+        # Turn rate: proportional to the direction, and slow enough to stop at it.
         fastest = approach(direction, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
         gentle = config.turn_gain * direction
         omega = min(fastest, gentle) if direction > 0.0 else max(fastest, gentle)
         if stop:
             return Twist(0.0, omega)
+        # Speed: lower where the histogram is dense ahead, and in turns.
         ahead = density[round(observation.odometry.yaw / self._alpha) % self._num_sectors]
         calm = 1.0 - min(ahead / config.density_stop, 1.0)
         v_max = limits.v_max * calm * max(1.0 - abs(gentle) / limits.omega_max, 0.0)

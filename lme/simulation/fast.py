@@ -114,7 +114,7 @@ class FastSimulator:
         return self._observe()
 
     def _enter(self, task: Task) -> None:
-        """Take the obstacles and the goal of a task."""
+        """Take over the obstacles and the goal of a task."""
         self._circles = np.ascontiguousarray(task.world.circles, dtype=np.float64)
         self._edges = task.world.edges
         self._task = task

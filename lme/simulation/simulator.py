@@ -129,9 +129,11 @@ class Sensors:
         scan_pose = scan_pose or state.pose
         config, walking = self._config, is_walking(twist)
         scan = self._scan(scan_pose, circles, edges, config.tilt if walking else 0.0)
+        # Twist and odometry as measured: with the ripple of the gait, and the errors of the encoders.
         if walking and (config.ripple_v or config.ripple_omega):
             twist = rippled(twist, config.ripple_v, config.ripple_omega, self._ripple_rng)
         now = Measured(state.pose, *self._odometry.measured(twist, odometry))
+        # Odometry and localisation report the motion some time ago, the scan its own pose.
         then = self._past.at(state.time, now)
         target = self._target.seen_from(then.pose, then.odometry, state.time)
         scanned_at = compose(now.odometry, relative(scan_pose, now.pose))
@@ -144,6 +146,7 @@ class Sensors:
             scan_pose=scanned_at,
             last_command=self.last_command,
         )
+        # People come from the tracker, whose view is that of the scan.
         if crowd is None or not len(crowd):
             return seen
         lidar = compose(scan_pose, self._mount)
@@ -160,6 +163,7 @@ class Sensors:
         """
         lidar, fired, config = self._robot.lidar, self._fired, self._config
         others = edges[self._in_grid :]
+        # Exact ranges: the projection of a cloud, or the beams of a planar lidar, which may meet the floor.
         if self._mid360:
             ranges, own_noise = self._mid360.scan(lidar, pose, circles, others, self._grid), 0.0
         else:
@@ -172,6 +176,7 @@ class Sensors:
                 floor = floor_ranges(bearings, lidar.height, tilt, self._tilt_rng)
                 ranges = np.minimum(ranges, floor, dtype=np.float32)
             own_noise = lidar.noise_std
+        # Noise of the lidar itself, noise that was configured, and lost beams.
         for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
             if std > 0.0:
                 noise = rng.standard_normal(fired.num_beams, dtype=np.float32)

@@ -115,12 +115,14 @@ def closing_speeds(
     cos, sin = math.cos(yaw), math.sin(yaw)
     dx, dy = circle[0] - x, circle[1] - y
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    # Nearest point of the box without its rounding, and the direction from it to the person.
     touch = min(max(ahead, -box[0]), box[0]), min(max(left, -box[1]), box[1])
     normal = np.array([ahead - touch[0], left - touch[1]])
     length = float(np.hypot(*normal))
     if length == 0.0:  # the person's middle is inside the outline
         normal, length = np.array([ahead, left]), max(math.hypot(ahead, left), 1e-9)
     normal /= length
+    # Velocity of the outline where it touches, v + ω × r, and of the person, both along the normal.
     at = np.array(touch) + box[2] * normal
     v, omega = state.twist
     ours = (v - omega * at[1]) * normal[0] + omega * at[0] * normal[1]

@@ -132,9 +132,11 @@ class Substepper:
         self._delay.send(command, self._time)
         previous: Twist | None = None
         for k in range(substeps):
+            # The command that is active in the middle of the substep, and its limits from when it took effect.
             active = self._delay.at(self._time + (k + 0.5) * dt)
             if active is not previous:
                 previous, allowed = active, limits(active, self.wheels.ramped)
+            # Movers first, then the robot, whose wheels may slip.
             self.crowd.advance(self._body.pose, dt)
             self._body.move(slipped(self.wheels.turn(active, allowed, dt), factors, self._track), dt)
             travel[k] = self._body.pose

@@ -45,6 +45,7 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
     prefix = checkpoint_prefix(path)
     entries, names = read_entries(prefix), tensor_names()
     for name, tensor in names.items():
+        # Kernels of convolutions have an axis of length 1 in the checkpoint.
         wanted = (
             SHAPES[name]
             if not name.startswith("convolution") or name.endswith("bias")
@@ -56,6 +57,7 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
             raise InputError(
                 f"{prefix}{INDEX}: {tensor} {what}: a DCLP network has one of {wanted}; is this its checkpoint?"
             )
+    # Read and verify everything, but keep only the arrays of the policy.
     tensors = read_tensors(prefix, entries)
     check_finite({tensor: tensors[tensor] for tensor in names.values()}, f"{prefix}{SHARD}")
     weights = {name: tensors[tensor].reshape(SHAPES[name]) for name, tensor in names.items()}

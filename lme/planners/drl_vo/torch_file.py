@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-DAMAGE = (  # what zipfile and `TorchFile` raise on a damaged file, besides OSError
+DAMAGE = (  # errors of zipfile and `TorchFile` for a damaged file, besides OSError
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
     OverflowError, NotImplementedError, MemoryError,
 )  # fmt: skip

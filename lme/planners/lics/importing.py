@@ -26,6 +26,7 @@ def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
         with zipfile.ZipFile(path) as archive:
             saved = TorchFile(archive)
             found = {name: tensor.shape for name, tensor in saved.tensors.items()}
+            # Compare all shapes before any array is read.
             for name, shape in SHAPES.items():
                 if found.get(name) != shape:
                     raise InputError(

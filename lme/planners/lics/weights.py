@@ -30,6 +30,7 @@ def _shapes() -> dict[str, tuple[int, ...]]:
         "prediction_head.weight": (2, GOAL * WIDTH),
         "prediction_head.bias": (2,),
     }
+    # Layers of the encoder and of the decoder: attention, two norms and two dense layers each.
     for stack, attention in (ENCODER, DECODER):
         for k in range(LAYERS):
             layer, norms = f"{stack}.{k}", (f"{attention}_layer_norm", "final_layer_norm")

@@ -21,12 +21,12 @@ _CLOSE = 0.4  # share of the margin that is kept
 _ROOM = 2.0  # times the margin that the circle around the robot needs to turn on the spot
 _SPEED, _MOST_SPEED = 0.25, 0.2  # share of v_max, at most [m/s]
 _RATE, _MOST_RATE = 0.5, 0.5  # share of omega_max, at most [rad/s]
-_LEAST_BACK = 0.05  # [m/s] who can only drive back slower is taken not to drive back
+_LEAST_BACK = 0.05  # [m/s] a robot that can only back up more slowly counts as unable to back up
 _DONE = 0.01  # [m, rad] with less than this left, a stroke is over
-_RESTS = 0.05  # [m/s, rad/s] slower than this the robot stands, as far as its odometry tells
-_BRAKING = 1.0  # [s] after which it is taken to stand, whatever its odometry tells
-_LATE, _LATER = 5.0, 2.0  # a stroke is given up after this times its duration, and [s] more
-_PLACE = 1  # which place on the fastest way it goes to where there is no room
+_RESTS = 0.05  # [m/s, rad/s] below this measured motion the robot counts as standing
+_BRAKING = 1.0  # [s] after which it counts as standing, whatever its odometry says
+_LATE, _LATER = 5.0, 2.0  # a stroke is given up after this many times its duration, plus [s]
+_PLACE = 1  # index of the place on the fastest way that it drives to if there is no room
 _NOWHERE = np.full(2, np.inf)
 
 
@@ -68,11 +68,13 @@ class MultiPointTurn:
         is zero.
         """
         self._count(now, limits)
+        # Count the time without a free way; a turn begins after enough of it.
         if not self._strokes:
             self._blocked_for = max(self._blocked_for + (self._dt if blocked else -self._dt), 0.0)
             begins = self._blocked_for > _AFTER
             if not begins and not self._goes_on:
                 return None
+        # Stop, and search from standstill, at the beginning and where a stroke is no longer free.
         if not self._strokes or not self._is_free(points):
             if not self._stands(now):
                 return STILL
@@ -118,10 +120,12 @@ class MultiPointTurn:
         place = way[min(_PLACE, len(way) - 1)] if len(way) else _NOWHERE
         backwards = limits.lowest <= -_LEAST_BACK
         steps, room = way_out(points, self._box, self._close, self._room, place, backwards)
+        # Join equal steps to strokes.
         for (ahead, turn), same in itertools.groupby(map(tuple, steps.tolist())):
             self._strokes.append((ahead, turn))
             self._left.append(len(list(same)) * (STROKE if ahead else TURN))
         self._goes_on = len(steps) > 0 and not room
+        # Where there is room at the end, turn to the fastest way as a last stroke.
         if len(steps) and room and len(way):
             angle = _turn_to(way, poses_after(steps)[-1])
             self._strokes.append((0, 1 if angle > 0.0 else -1))

@@ -84,10 +84,10 @@ class MinTime:
         self._robot = robot
         self._lag = Lag(config.lag, robot.dt)
         shares = turn_shares(_RATES)
-        slow_ones = np.linspace(0.0, 1.0, _SPEEDS) ** 2  # more of them at low speed
-        self._shares = slow_ones, shares * np.abs(shares)  # and near the present turn rate
+        slow_ones = np.linspace(0.0, 1.0, _SPEEDS) ** 2  # denser at low speed
+        self._shares = slow_ones, shares * np.abs(shares)  # and near the current turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
-        self._late = max(config.lag, robot.settling_time)  # [s] by which it takes longer to stop
+        self._late = max(config.lag, robot.settling_time)  # [s] by which the drive stops later
         self._turn = (
             MultiPointTurn(robot.footprint, robot.dt, config.margin) if config.parts.multi_point else None
         )
@@ -95,7 +95,7 @@ class MinTime:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
-        self._asked = 0.0  # [rad/s] the turn rate last asked for
+        self._asked = 0.0  # [rad/s] last commanded turn rate, before the lag is compensated
         self._left_to_back_up = 0.0  # [m] still to back up
         self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
         self._backed_up = math.inf  # [s] since it last began to
@@ -108,11 +108,13 @@ class MinTime:
         here, limits = self._here(observation, guidance), observation.limits
         now = self._ahead(here, limits)
         sees_back = guidance.points is not None or is_full_circle(observation.scan)
+        # Choose a command: a multi-point turn, backing up, or the best arc.
         turn = self._multi_point_turn(guidance, now, limits)
         wanted = turn or self._wanted(guidance, now, limits, self._config.parts.back and sees_back)
         reached = reachable(*wanted, now.twist, limits, self._robot.dt)
         self._asked = float(reached.omega)
         dt = self._robot.dt
+        # Compensate the lag, then replace the command if the robot could not stop after it.
         command = limited(*self._lag.command_for(reached, now.twist, limits), observation, dt)
         command = self._stoppable(command, StoppingState.of(observation, here.points))
         command = limited(*command, observation, dt)
@@ -149,6 +151,7 @@ class MinTime:
         blocked = guidance.blocked and wanted.v < self._backward(limits)
         waits = len(now.movers) > 0 or math.hypot(*now.subgoal.tolist()) <= _BACK
         slow = blocked or (stands and not waits)
+        # Time with no good command ahead, and since the robot last began to back up.
         self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
         self._backed_up += self._robot.dt
         long_ago, waited = self._backed_up > _LATELY, self._slow_for > _PATIENCE
@@ -262,6 +265,7 @@ class MinTime:
         if not len(safe):
             self._left_to_back_up = 0.0
             return None
+        # Count down the distance to back up, or start it.
         left = self._left_to_back_up if self._left_to_back_up > 0.0 else _BACK
         self._left_to_back_up = left - speed * self._robot.dt
         return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))

@@ -172,6 +172,7 @@ class MotionTubes:
             return self._brake(scene)
         limits = scene.observation.limits
         speed, braking = min(chosen.speed, limits.v_max), min(config.stop_deceleration, limits.alpha_v)
+        # Ramp to the speed of the tube, in time to stop at the end of the path and within reach of the turn rate.
         v = min(max(speed, now.v - config.deceleration * dt), now.v + config.acceleration * dt)
         v = min(v, approach(scene.route.left, now.v, speed, braking, dt))
         v = self._limited_by_turn_rate(v, chosen.curvature, scene.observation)
@@ -235,6 +236,7 @@ class MotionTubes:
         """Return the command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
         here, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
+        # A robot that is nearer to a point than the gap need only keep its distance.
         for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
             command = limited(v_share * wanted.v, omega_share * wanted.omega, scene.observation, self._dt)
             if self._clearance(command, scene.observation, circles) >= min(_GAP, here - 1e-6):
@@ -288,6 +290,7 @@ class MotionTubes:
         away = np.hypot(tubes.ends[:, 0] - goal.x, tubes.ends[:, 1] - goal.y)
         bins = np.floor(away / self._config.back_bin)
         good = np.flatnonzero(free & (bins == bins[free].min()))
+        # Runs of neighbouring tubes; of an even number in the widest, the flatter of both middle ones.
         fans = np.split(good, np.flatnonzero(np.diff(good) > 1) + 1)
         widest = max(fans, key=len)
         middle = widest[[(len(widest) - 1) // 2, len(widest) // 2]]

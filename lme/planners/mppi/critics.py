@@ -45,6 +45,7 @@ class Critics:
         config, map_, dt = self._config, self._costmap, self._config.model_dt
         left = math.hypot(*observation.target)
         costs = np.zeros(len(poses))
+        # Critics of velocity and obstacles, for every distance to the target.
         critics.constraint(costs, speeds, bounds, dt, config.constraint.cost_weight)
         cost = config.cost
         collide = critics.obstacles(
@@ -58,6 +59,7 @@ class Critics:
             (cost.collision_cost, cost.critical_cost, cost.cost_weight),
             left < cost.near_goal_distance,
         )
+        # Critics that count only near the target, or only away from it.
         if left < config.goal.threshold_to_consider:
             x, y = to_world(observation.target, observation.odometry)
             critics.goal(costs, poses, (float(x), float(y)), config.goal.cost_weight)
@@ -71,6 +73,7 @@ class Critics:
     ) -> None:
         """Apply the critics of the path. left: distance to the target [m]."""
         config, map_ = self._config, self._costmap
+        # Points of the path that are free, and the furthest one that some trajectory reaches.
         free = critics.free_points(path, map_.costs, map_.grid)
         furthest = critics.furthest_reached(poses, path)
         align, follow, angle = config.path_align, config.path_follow, config.path_angle

@@ -15,11 +15,11 @@ from lme.planners.onnx.features import Part
 from lme.requirements import install
 from lme.types import Floats
 
-_ONNX_BYTES = 2**31  # a file of protobuf has no more
+_ONNX_BYTES = 2**31  # greatest size of a protobuf file
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 _NUMBERS = re.compile(r"tensor\((u?int\d+|float\d*|double)\)")
-_SILENT = 4  # onnxruntime's level of messages: what it logs, its errors say too
-# What onnxruntime says of a file that it cannot load, and what to do.
+_SILENT = 4  # log level of onnxruntime, whose errors contain what it logs
+# Messages of onnxruntime about files that it cannot load, and what to do about them.
 _REASONS = (
     (
         r"Unsupported model IR version: (\d+), max supported IR version: (\d+)",
@@ -106,11 +106,13 @@ class Network:
                     "a recurrent network, which takes its own state, cannot be used"
                 )
             size = sum(sizes.values()) if self._joined else sizes[each.name]
+            # All axes but the last must be 1 or free.
             if not each.shape or any(isinstance(axis, int) and axis != 1 for axis in each.shape[:-1]):
                 raise InputError(
                     f"planner.path is {self._path}: its input {each.name} has the shape {each.shape}; must be "
                     f"[1, {size}]: export it for a batch of 1, or with a free batch axis"
                 )
+            # The last axis must have the size of the parts, or be free.
             takes = each.shape[-1]
             if isinstance(takes, int) and takes != size:
                 parts = sizes if self._joined else {each.name: size}

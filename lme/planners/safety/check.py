@@ -59,7 +59,7 @@ class StoppingCheck:
         late = periods * dt - latency
         self._times = dt, late if late > _ROUNDING else 0.0, lag
         self.under_way: deque[Twist] = deque(maxlen=periods)
-        self._tested = np.empty((1, 2))  # the command that `clearance` is asked for
+        self._tested = np.empty((1, 2))  # command whose clearance is computed, reused as a buffer
         self.reset()
 
     def reset(self) -> None:
@@ -88,10 +88,12 @@ class StoppingCheck:
         Nearness to the wanted command is measured by the velocity of a point of the outline. A regular sample of the
         commands within reach in a period is tried.
         """
+        # Candidates in the order of their difference |Δv| + r_max |Δω| from the wanted command.
         tried = self._tried(wanted, now)
         far = np.abs(tried - wanted) @ [1.0, self._r_max]
         tried = tried[np.argsort(far, kind="stable")]
         while len(tried):
+            # The first that is safe with the measured twist is checked with the other twists too.
             first = np.flatnonzero(self._clearances(tried, now, now.twists[0], enough) >= enough)
             if not len(first):
                 return None
@@ -128,7 +130,7 @@ class StoppingCheck:
         return np.array(self.under_way, dtype=np.float64)
 
     def _motion(self, limits: Limits) -> tuple[tuple[float, float, float, float], float, float, float]:
-        """A plain tuple: Numba takes a named one for another type."""
+        """Return the motion as a plain tuple, since a named one is a different type to Numba."""
         return (*StoppingMotion(limits.bounds, *self._times),)
 
 

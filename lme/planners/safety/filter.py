@@ -15,7 +15,7 @@ from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingSt
 from lme.robots import Robot
 from lme.types import Guidance, Observation, Planner, Twist
 
-_REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points are half a cell off or less
+_REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points are at most half a cell off
 
 
 @dataclass(slots=True)
@@ -61,6 +61,7 @@ class SafetyFilter:
         points = self._blind.points(observation) if guidance.points is None else guidance.points
         v, omega = checked_command(self.planner.plan(observation, guidance), self.planner)
         now = StoppingState.of(observation, points)
+        # Replace the command if the robot could not stop after it, and keep to the limits again.
         command = limited(
             *self._filtered(limited(v, omega, observation, self._dt), now), observation, self._dt
         )
@@ -71,5 +72,5 @@ class SafetyFilter:
         check, margin = self._check, self._margin
         if check.clearance(wanted, now, margin) >= margin:
             return wanted
-        kept = check.clearance(STILL, now, margin) - TOUCHING  # what braking keeps
+        kept = check.clearance(STILL, now, margin) - TOUCHING  # distance that braking keeps
         return check.nearest(wanted, now, max(kept, TOUCHING)) or STILL

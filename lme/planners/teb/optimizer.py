@@ -34,16 +34,20 @@ def optimize(
     damping, growth = _FIRST_DAMPING * float(matrix[0].max()), 2.0
     for _ in range(iterations):
         for _ in range(_TRIALS):
+            # Try a step; it must keep all time differences positive.
             step = _step(matrix, descent, damping)
             moved = poses + step[:, :3], times + step[:-1, 3]
             after = equations(*moved) if moved[1].min() > 0.0 else (np.inf, matrix, descent)
+            # Ratio of the actual to the expected decrease of the sum.
             flat = step.ravel()
             gain = (total - after[0]) / float(flat @ (damping * flat + descent) + _LEAST_GAIN)
             if gain > 0.0 and np.isfinite(after[0]):
                 (poses, times), (total, matrix, descent) = moved, after
+                # Accepted: less damping the better the prediction was.
                 damping *= min(max(1.0 - (2.0 * gain - 1.0) ** 3, _LEAST_SCALE), _GREATEST_SCALE)
                 growth = 2.0
                 break
+            # Refused: more damping, ever faster.
             damping, growth = damping * growth, growth * 2.0
         else:
             break

@@ -50,7 +50,7 @@ def cast_rays(
                 i -= len(circles)
                 ends = (edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y)
                 best = min(best, to_edge(ray, ends, edges[i, 4] - z, edges[i, 5] - z))
-        # The lids of polygons are not among the edges.
+        # The lids of polygons are not among the edges, so they are tested separately.
         out[k] = _to_lids(origin, ray, edges, solids, best)
         if out[k] > range_max:
             out[k] = np.inf

@@ -114,6 +114,7 @@ class Mid360:
         sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
         circles, edges, solids = extruded.obstacles()
         planes = (float(extruded.ground), float(extruded.ceiling))
+        # Exact distances of the beams, rotated into the world.
         distances = cast_rays(
             np.ascontiguousarray(sensor[:3, 3]),
             np.ascontiguousarray(beams @ sensor[:3, :3].T),
@@ -123,6 +124,7 @@ class Mid360:
             planes,
             config.range_max,
         )
+        # Noise, and the limits of the range.
         distances += config.noise_std * beam_noise(first, number, self._seed)
         seen = (distances >= config.range_min) & (distances < math.inf)
         return (beams[seen] * distances[seen, None]).astype(np.float32)

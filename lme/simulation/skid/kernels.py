@@ -22,7 +22,7 @@ from lme.types import Floats
 MAX_STEP = 1e-3  # [s] as in Gazebo
 SWEEPS = 2  # over the contacts per step
 GRAVITY = 9.81  # [m/s²]
-AXES = ("wheel", "world", "body")  # what the friction directions are fixed to
+AXES = ("wheel", "world", "body")  # frames to which the friction directions may be fixed
 
 _WHEEL, _WORLD = AXES.index("wheel"), AXES.index("world")
 _CONTACTS = 8

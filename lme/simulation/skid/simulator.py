@@ -94,6 +94,7 @@ class SkidSimulator:
             states.append(self._drive(begin + k * duration, duration, factors))
             if states[-1].contact or states[-1].arrived:
                 break
+        # The state at the end, with the poses and the least clearance of all pieces.
         travel = np.vstack([state.travel for state in states])
         self.state = states[-1]._replace(travel=travel, clearance=min(state.clearance for state in states))
         return self._observe()
@@ -121,6 +122,7 @@ class SkidSimulator:
         config, base = self._config, self._base
         count = math.ceil(duration / config.check_time - 1e-9)
         errors = self._yaw_rng.normal(0.0, config.yaw_noise, math.ceil(duration * ODOMETRY_RATE - 1e-9))
+        # Movers first, then the base, as in `Substepper`.
         self._crowd.advance(base.pose, duration)
         poses = base.drive(self._delay.at(time + duration / 2), duration, count, factors, errors)
         self._yaw_error = float(errors[-1])

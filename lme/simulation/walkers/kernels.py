@@ -25,15 +25,15 @@ _BACK_AND_FORTH, _CYCLE = REPEATS.index("back_and_forth"), REPEATS.index("cycle"
 
 _REACHED = 0.3  # [m] from a waypoint
 _ARRIVAL = 1.0  # [s] within which a person comes to rest at the last waypoint
-_PATIENCE = 5.0  # [s] ASSUMED: who cannot go on for so long turns round
-_CRAWL = 0.1  # [m/s] slower is no progress
+_PATIENCE = 5.0  # [s] ASSUMED: a person without progress for this long turns round
+_CRAWL = 0.1  # [m/s] slower motion is no progress
 
-_HORIZON = 3.0  # [s] ASSUMED: people foresee so far whom they would meet
-_APART = 0.1  # [m] ASSUMED: people leave this between bodies; without it ORCA lets them pass in contact
+_HORIZON = 3.0  # [s] ASSUMED: how far ahead people foresee encounters
+_APART = 0.1  # [m] ASSUMED: gap that people leave between bodies; without it ORCA lets them pass in contact
 _WALL_HORIZON = 0.5  # [s] ASSUMED: they come near walls at most by their clearance in this time
-_NEIGHBOURS = 10.0  # [m] further people do not count
+_NEIGHBOURS = 10.0  # [m] people farther away do not count
 
-_RELAXATION = 0.54  # [s] Moussaïd et al. 2009, as all that follow
+_RELAXATION = 0.54  # [s] this and the next constants: Moussaïd et al. 2009
 _STRENGTH, _GAMMA, _N, _N_TURN, _LAMBDA = 4.5, 0.35, 2.0, 3.0, 2.0  # A [m/s²], γ, n, n′, λ
 _WALL_STRENGTH, _WALL_REACH = 3.0, 0.1  # a [m/s²], b [m]
 

@@ -72,6 +72,7 @@ class Walkers:
         before, self._robot = self._robot, robot
         if self._time - self._decided < PERIOD - 1e-9:
             return
+        # Wanted velocities, from the waypoints of each person.
         elapsed = min(self._time - self._decided, self._time)
         self._decided = self._time
         here = crowd.poses[self._chosen, :2]
@@ -87,6 +88,7 @@ class Walkers:
             self._time,
             elapsed,
         )
+        # New velocities by the model of each person; both models run only if both are in use.
         others = self._moving(crowd, robot, before or robot, dt)
         edges = np.vstack([self._edges, crowd.edges]) if len(crowd.edges) else self._edges
         given = (*state, wanted, self._traits, others, self._circles, edges, PERIOD)
