@@ -36,8 +36,8 @@ class SimpleConfig:
 class Simple:
     """Two independent acceleration-limited controllers (paper §III.E).
 
-    Their accelerations are those of the config, but at most the robot's. Out of the heading tolerance the command is
-    0 (Algorithm 3), so there the robot brakes as hard as it can.
+    Their accelerations are the config's, at most the robot's. Out of the heading tolerance the command is 0
+    (Algorithm 3), so there the robot brakes as hard as it can.
     """
 
     Config = SimpleConfig

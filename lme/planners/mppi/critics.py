@@ -19,8 +19,7 @@ from lme.types import Floats, Observation
 class Critics:
     """Adds up the costs that the critics assign to each trajectory.
 
-    Nav2's GoalAngleCritic is missing, since goals here have no heading, and so are the critics that the challenge
-    does not use.
+    Nav2's GoalAngleCritic is missing: goals here have no heading. The critics that the challenge does not use are, too.
     """
 
     def __init__(self, config: MppiConfig, costmap: LocalCostmap, robot: Robot) -> None:

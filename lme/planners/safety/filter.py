@@ -36,8 +36,8 @@ class SafetyFilter:
     """Planner that sends another planner's command if the robot can stop after it, else the nearest such command.
 
     If there is none, it brakes. A robot that is nearer to a point than `margin`, or cannot stop farther from it, must
-    not come any nearer. The points are those that the guide knows, else those of the scan and of a memory of the
-    lidar's blind arc. The outline is the collision footprint.
+    not come nearer. The points are those that the guide knows, else those of the scan and of a memory of the lidar's
+    blind arc. The outline is the collision footprint.
     """
 
     Config = SafetyFilterConfig

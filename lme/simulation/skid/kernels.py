@@ -4,9 +4,8 @@ Each wheel follows its controller exactly and touches the floor at both edges of
 sliding of a contact along two directions, each bounded by μ N on its own, as in Open Dynamics Engine (ODE). A sweep
 over the contacts (projected Gauss–Seidel) finds the impulses of each millisecond.
 
-The first direction may be fixed to the wheel's material, like `fdir1` of a Gazebo model. It then rotates with the
-wheel, up and down through the floor: its share cos φ is horizontal, and the rest of the force loads or lifts the
-wheel.
+The first direction may be fixed to the wheel's material, as `fdir1` of a Gazebo model is. It then turns with the
+wheel, up and down through the floor: cos φ of it is horizontal, and the rest of the force loads or lifts the wheel.
 """
 
 from __future__ import annotations
