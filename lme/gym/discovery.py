@@ -1,4 +1,4 @@
-"""Registration of the environments with Gymnasium, which is never imported here, in either order of import."""
+"""Registration of the environments with Gymnasium, without importing it, whichever of the two comes first."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Many robots, each in its own world and episode, moved by one compiled call: `sim=fast` in bulk.
 
-It takes and returns arrays and does not need Gymnasium. Each robot sees and does exactly, to the last bit, what it
-would alone.
+It takes and returns arrays and does not need Gymnasium. To the last bit, each robot sees and does what
+it would if it drove alone.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def arrays(ranges: NDArray[np.float32], target: Any, twist: Any, limits: Any, ra
 
 
 def people_rows(pedestrians: Floats) -> NDArray[np.float32]:
-    """Rows (MOST_PEOPLE, 5) of the nearest people of (P, 4) in the robot frame [m, m/s], and 1; then rows of 0."""
+    """Rows (MOST_PEOPLE, 5): the nearest of the people (P, 4) in the robot frame [m, m/s], and 1; then zeros."""
     rows = np.zeros((MOST_PEOPLE, 5), np.float32)
     nearest = np.argsort(np.hypot(pedestrians[:, 0], pedestrians[:, 1]), kind="stable")[:MOST_PEOPLE]
     rows[: len(nearest), :4] = pedestrians[nearest]

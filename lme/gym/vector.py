@@ -24,7 +24,7 @@ from lme.worlds.world import MapSet
 class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
     """Many robots in `sim=fast`, moved by one compiled call.
 
-    Each robot does exactly, to the last bit, what it would do in `NavigationEnv`. A robot whose episode ends is put
+    To the last bit, each robot does what it would do in `NavigationEnv`. A robot whose episode ends is put
     at the start of the next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
     """
 

@@ -32,7 +32,7 @@ class Crowd:
     def __init__(
         self, movers: Sequence[Mover], world: World | None = None, robot_radius: float = 0.0
     ) -> None:
-        """world: its walls stand in people's way. robot_radius: of the disc that stands for the robot [m]."""
+        """world: people walk around its walls. robot_radius: of the disc that represents the robot [m]."""
         self._movers = tuple(movers)
         self._discs = np.array(
             [i for i, mover in enumerate(movers) if mover.radius is not None], dtype=np.int64

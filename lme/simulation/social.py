@@ -89,7 +89,7 @@ class Company:
     def _fault(self, state: State) -> tuple[float, float]:
         """Attribute a contact: (1, 0) if the robot closed the gap at least as fast as the person, else (0, 1).
 
-        Returns (0, 0) for a contact with a wall. A robot that stands or drives away is never to blame.
+        Returns (0, 0) for a contact with a wall. A robot that stands still or drives away is never to blame.
         """
         circles, velocities = self._simulator.people
         here = np.array([state.pose])

@@ -38,7 +38,7 @@ class BundleEntry(NamedTuple):
 
 
 def read_entries(prefix: Path) -> dict[str, BundleEntry]:
-    """Return the entries of PREFIX.index by tensor name. Raises InputError, naming the file, if it is damaged."""
+    """Return the entries of PREFIX.index by tensor name. Raises InputError, naming the file, if wrong or damaged."""
     path = Path(f"{prefix}{INDEX}")
     found: dict[str, BundleEntry] = {}
     try:

@@ -98,7 +98,7 @@ class MultiPointTurn:
             self.reset()
 
     def _stands(self, now: Twist) -> bool:
-        """Return whether the robot, which has to stop, stands."""
+        """Return whether the robot, which has to stop, is at rest."""
         self._braking += self._dt
         return max(abs(now.v), abs(now.omega)) < _RESTS or self._braking > _BRAKING
 
@@ -133,7 +133,7 @@ class MultiPointTurn:
         self._begin(limits)
 
     def _on_stroke(self, now: Twist, limits: Limits) -> Twist:
-        """Return the command on the stroke, so that the robot stands at its end."""
+        """Return the command on the stroke, so that the robot is at rest at its end."""
         (ahead, turn), (speed, rate) = self._strokes[0], _rates(limits)
         left = self._left[0] if self._left[0] > _DONE else 0.0  # an overshoot is not driven back
         v = approach(ahead * left, now.v, speed, limits.alpha_v, self._dt)

@@ -72,7 +72,7 @@ class Mppi:
         return limited(0.0, 0.0, observation, self._dt)
 
     def _forget(self) -> None:
-        """Start anew from rest."""
+        """Start again from rest."""
         self.sequence = np.zeros((self._config.time_steps, 2))  # of controls [m/s, rad/s]
         self._before = np.zeros((_REMEMBERED, 2))
 

@@ -170,7 +170,7 @@ def _bounds(poses, counts, grid, to_path, to_goal, scales):
 def _total(bound, scale, poses, outline, costs, grid, least, cells):
     """`bound` plus the scaled highest cost at the poses (K, 3), or `HITS` or `LOST`; inf once it is above `least`.
 
-    It looks at every eighth pose first, since most trajectories that touch an obstacle do so for several poses.
+    Every eighth pose is checked first, since most trajectories that touch an obstacle do so at several poses.
     """
     highest = 0
     # Every eighth pose, then the poses before those, and so on.

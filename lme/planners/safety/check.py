@@ -63,7 +63,7 @@ class StoppingCheck:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the commands: before the first one, the robot stands."""
+        """Forget the commands: before the first one, the robot is at rest."""
         self.under_way.extend([STILL] * (self.under_way.maxlen or 0))
 
     def sent(self, command: Twist) -> None:
@@ -71,7 +71,7 @@ class StoppingCheck:
         self.under_way.append(command)
 
     def clearance(self, command: Twist, now: StoppingState, enough: float = TOUCHING) -> float:
-        """Return the least distance to a point until the robot stands after the command [m]; at most `enough`.
+        """Return the least distance to a point from the command until rest [m]; at most `enough`.
 
         The command is limited to the nearest one within a ramp, so zero brakes.
         """

@@ -1,4 +1,4 @@
-"""Least distance between the outline and obstacle points until a robot that brakes stands.
+"""Least distance between the outline and obstacle points until a braking robot is at rest.
 
 The motion is that of `sim=fast`: v and ω ramp to each command at their own limits (`lme.geometry.motion.drive`), and a
 drive with a lag approaches it with a time constant. A state is the points, the twist and the commands under way. It
@@ -54,7 +54,7 @@ def stopping_clearances(
     box: tuple[float, float, float],
     enough: float,
 ) -> Floats:
-    """Least distance from outline to points with each command for a period, and then braking until it stands [m].
+    """Least distance from outline to points with each command for a period and then braking to rest [m].
 
     points (M, 2) in the robot frame [m]; twist (v, ω) now; under_way (L, 2): v and ω of the commands that were sent
     and act before the next one, the oldest first; tried (N, 2): commands [m/s, rad/s]; box: footprint (half_length,
@@ -117,7 +117,7 @@ def _follow(near, state, commands, first, motion, box, r_max):
 
 @njit(cache=True, error_model="numpy")
 def _brake(near, state, command, motion, box, r_max):
-    """Return the least distance until the robot stands, after commands that ramp from this one to zero."""
+    """Return the least distance until the robot is at rest, with commands that ramp from this one to zero."""
     slower = np.array([command])
     while state.least > 0.0 and (slower.any() or _moves(state, motion, r_max)):
         for k in range(2):

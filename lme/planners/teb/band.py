@@ -31,7 +31,7 @@ class TimedBand:
     """Poses (N, 3), N ≥ 3, in the odometry frame and the time differences (N − 1,) [s] between them.
 
     Rösmann et al. 2012, "Trajectory modification considering dynamic constraints of autonomous robots" (ROBOTIK), as in
-    teb_local_planner. Both ends are fixed: the robot's pose and the local goal, where it stands.
+    teb_local_planner. Both ends are fixed: the robot's pose and the local goal, where it is at rest.
     """
 
     def __init__(self, config: TebConfig, box: tuple[float, float, float]) -> None:

@@ -24,12 +24,12 @@ HASTE = 1.3  # greatest speed of a person, relative to the wanted one (Helbing &
 
 
 class Walkers:
-    """The people among the movers of a world. Each stands at the start of its path until `walk` is called."""
+    """The people among the movers of a world. Each waits at the start of its path until `walk` is called."""
 
     def __init__(
         self, movers: Sequence[Mover], chosen: Sequence[int], world: World, robot_radius: float
     ) -> None:
-        """chosen: indices of the people. robot_radius: of the disc that stands for the robot [m]."""
+        """chosen: indices of the people. robot_radius: of the disc that represents the robot [m]."""
         self._chosen = np.array(chosen, dtype=np.int64)
         people = [movers[i] for i in chosen]
         self._others = np.array(
