@@ -12,11 +12,12 @@ Any system of `lme eval` as one object, for another simulator or a robot:
     navigator = lme.load_system("lme_plus", robot)
     command = navigator.act(observation)  # an lme.Twist
 
-To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`; or `evaluate`, which is
-`lme eval` as a function. docs/python.md describes every name, `examples/` uses them. Frames follow REP-103: x ahead,
-y left, angles counter-clockwise. Units are metres, seconds and radians. Invalid input raises `InputError`.
+To drive in simulation, combine a task of `Barn`, a `Navigator` and a `FastSimulator` in `run_episode`; or call
+`evaluate`, which is `lme eval` as a function. docs/python.md describes every name, and `examples/` uses them. Frames
+follow REP-103: x ahead, y left, angles counter-clockwise. Units are metres, seconds and radians. Invalid input raises
+`InputError`.
 
-Names are imported on first use: Numba alone takes a second.
+Names are imported on first use, since importing Numba alone takes a second.
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ discovery.register_with_gymnasium()
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from the module that defines it."""
+    """Return a public name, imported from the module that defines it."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(_MODULES[name]), name)

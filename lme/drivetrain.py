@@ -1,4 +1,4 @@
-"""What moves a robot's body: wheels on a floor, or the measured response of a real robot."""
+"""Drivetrain models of a robot: wheels on a floor, or the measured response of a real robot."""
 
 from __future__ import annotations
 

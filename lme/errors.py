@@ -44,6 +44,6 @@ def require(
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A hint for a message: "did you mean NAME? ", or "" if no known name is similar."""
+    """Return a hint for an error message: "did you mean NAME? ", or "" if no known name is similar."""
     close = difflib.get_close_matches(name, sorted(known), n=1)
     return f"did you mean {close[0]}? " if close else ""

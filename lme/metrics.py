@@ -11,11 +11,11 @@ from lme.errors import InputError
 from lme.types import Outcome
 
 Z_95 = 1.959963984540054  # two-sided 95 % quantile of the standard normal
-REVERSE_MPS = 0.05  # faster than this a robot backs up, slower it only settles
+REVERSE_MPS = 0.05  # [m/s] a robot that moves backwards faster than this backs up; slower, it only settles
 
 
 def barn_metric(success: bool, time_s: float, optimal_time_s: float) -> float:
-    """I(success) · OT / clip(AT, 2 OT, 8 OT): 0 on failure, else from 1/8 (slow) to 1/2 (fast).
+    """BARN metric, I(success) · OT / clip(AT, 2 OT, 8 OT): 0 on failure, else from 1/8 (slow) to 1/2 (fast).
 
     time_s: actual traversal time AT [s]. optimal_time_s: OT [s]; if it is NaN, the metric of a success is NaN.
     Raises InputError if OT is not positive. Paper §IV.B.
@@ -61,7 +61,10 @@ def last_extent(time: ArrayLike, positions: ArrayLike, seconds: float = 60.0) ->
 
 
 def reverse_starts(v: ArrayLike) -> int:
-    """How often the robot begins to back up: its speed falls below −`REVERSE_MPS`. v: (T,) speed ahead [m/s]."""
+    """Number of times that the robot begins to back up: its speed falls below −`REVERSE_MPS`.
+
+    v: (T,) forward speed [m/s].
+    """
     backing = np.asarray(v, dtype=np.float64) < -REVERSE_MPS
     return int(np.count_nonzero(backing[1:] & ~backing[:-1]))
 
@@ -104,13 +107,13 @@ def wilson_interval(successes: float, n: float, z: float = Z_95) -> tuple[float,
 
 
 def interval_over_worlds(successes: ArrayLike, worlds: ArrayLike) -> tuple[float, float]:
-    """95 % interval of the success rate with worlds as independent, since runs of one world are not: (low, high).
+    """95 % interval (low, high) of the success rate; worlds count as independent, runs of one world do not.
 
-    successes: (N,) booleans. worlds: (N,) world of each episode. Wilson's interval with the effective number of
-    episodes: that of independent ones whose rate would vary as much as this one does between worlds. It lies between
-    the number of worlds, for runs that always agree, and N. One run of each world gives Wilson's interval itself.
-    Unlike a bootstrap over worlds it does not shrink to nothing where all succeed or all fail: the effective number is
-    then that of runs that always agree. Raises InputError if the shapes differ.
+    successes: (N,) booleans. worlds: (N,) world of each episode. This is Wilson's interval with an effective number
+    of episodes: the number of independent episodes whose rate would vary as much as this one does between worlds. It
+    lies between the number of worlds, if runs always agree, and N; one run of each world gives Wilson's interval
+    itself. Unlike a bootstrap over worlds, the interval does not shrink to nothing where all episodes succeed or all
+    fail: the effective number is then that of runs that always agree. Raises InputError if the shapes differ.
     Recommended for clustered data by Franco, Little, Louis and Slud 2019, PMC6690503.
     """
     successes, worlds = np.asarray(successes, dtype=np.float64), np.asarray(worlds)
@@ -138,8 +141,8 @@ def mean_std_over_runs(
 
     values: (N,), one for each episode. runs: (N,) run number of each. chosen: (N,) booleans, the values that count;
     None for all. (NaN, NaN) if none does. Where runs have unequal numbers of episodes, as when one is not finished,
-    the mean is that over episodes: else a run of one episode would weigh as much as one of a hundred. Table II's ± are
-    population standard deviations over 3 runs of 100 worlds (over 2 in the rows LME-DWA and LME-DRL).
+    the mean is taken over episodes: otherwise a run of one episode would weigh as much as one of a hundred. The ± of
+    Table II are population standard deviations over 3 runs of 100 worlds (over 2 in the rows LME-DWA and LME-DRL).
     """
     values, runs = np.asarray(values, dtype=np.float64), np.asarray(runs)
     counts = np.ones(values.shape, dtype=bool) if chosen is None else np.asarray(chosen, dtype=bool)

@@ -1,10 +1,10 @@
-"""Where Numba keeps compiled kernels: in a folder for each version of their sources.
+"""Location of Numba's compiled kernels: a folder for each version of their sources.
 
 Numba compiles what a kernel calls into it, but notices only changes of the file that holds the kernel itself. After
-an update it would keep running old code, or crash. So a change of any source starts a new folder.
+an update it would therefore keep running old code, or crash. So a change of any source starts a new folder.
 
-Numba also crashes on a file of its cache that is damaged, as when the disk was full or the machine went down while it
-was written. Here such a kernel is compiled and kept anew.
+Numba also crashes on a damaged file of its cache, such as one that was being written when the disk filled up or the
+machine went down. This module has such a kernel compiled and stored anew.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
 _PREFIX = "kernels-"
 _NUMBAS = "numba.core.caching"  # its module that reads and writes the cache
-_KEPT = 3  # versions: a checkout may switch back and forth between some
+_KEPT = 3  # versions that are kept, since a checkout may switch back and forth between some
 
 
 def choose(package: Path = _PACKAGE) -> None:
-    """Set NUMBA_CACHE_DIR to a folder for the current sources: in the one it names, in `package`, or the user's.
+    """Set NUMBA_CACHE_DIR to a folder for the current sources.
 
-    Numba reads the variable when it is imported, so this comes first. Worker processes inherit it.
+    The folder lies in the one that the variable names, else in `package`, else in the user's cache. Numba reads the
+    variable when it is imported, so call this first. Worker processes inherit it.
     """
     _survive_damage()
     for base in _candidates(package):
@@ -53,7 +54,7 @@ def choose(package: Path = _PACKAGE) -> None:
 
 
 def folder(source: Path) -> Path:
-    """Where Numba keeps the kernels of a source file: in NUMBA_CACHE_DIR under the name of its folder."""
+    """Return Numba's folder for the kernels of a source file: in NUMBA_CACHE_DIR, named after the file's folder."""
     chosen = os.environ.get(_VARIABLE)
     if not chosen:
         return source.parent / "__pycache__"
@@ -106,7 +107,7 @@ def _remove_old(base: Path) -> None:
 
 
 def _survive_damage() -> None:
-    """Make Numba compile a kernel anew whose file is damaged, and do without a file that cannot be written."""
+    """Make Numba recompile a kernel whose cache file is damaged, and carry on if a file cannot be written."""
     if _NUMBAS in sys.modules:
         _mend(sys.modules[_NUMBAS].IndexDataCacheFile)
     elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
@@ -114,10 +115,10 @@ def _survive_damage() -> None:
 
 
 class _Finder(MetaPathFinder):
-    """Mends Numba's module when it is imported: to import it now would take a second."""
+    """Import finder that patches Numba's caching module once it is imported; importing it now would take a second."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """The spec of Numba's module, which mends what it defines; None for any other module."""
+        """Return the spec of Numba's caching module, whose loader also patches it; None for any other module."""
         if name != _NUMBAS:
             return None
         sys.meta_path.remove(self)
@@ -134,7 +135,10 @@ class _Finder(MetaPathFinder):
 
 
 def _mend(files: Any) -> None:
-    """files: Numba's class of the two files of a kernel, an index by signature and the compiled code."""
+    """Make Numba's cache files survive damage.
+
+    files: Numba's class of the two files of a kernel, an index by signature and the compiled code.
+    """
     if hasattr(files, "lme_mended"):
         return
     load_index, load_data, save = files._load_index, files._load_data, files.save
@@ -152,7 +156,7 @@ def _mend(files: Any) -> None:
             code = load_data(self, name)
             if isinstance(code, tuple):
                 return code
-        except OSError:  # to Numba: the file is not there, so it compiles
+        except OSError:  # Numba takes this for a missing file, and compiles
             raise
         except Exception:
             pass
@@ -169,7 +173,7 @@ def _mend(files: Any) -> None:
     files.lme_mended = True
 
 
-@cache  # once, though it holds many kernels
+@cache  # warn once of a folder, though it holds many kernels
 def _note_damaged(folder: str) -> None:
     warnings.warn(f"compiled kernels in {folder} are damaged: they are compiled anew", stacklevel=4)
 

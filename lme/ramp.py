@@ -1,4 +1,4 @@
-"""How a velocity command may follow the last one: within the limits of velocity and acceleration."""
+"""Ramps of velocity commands: each follows the last one within the limits of velocity and acceleration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from lme.types import Limits, Twist
 
 
 def reachable(v: float, omega: float, now: Twist, limits: Limits, dt: float) -> Twist:
-    """The twist nearest to (v, ω) within the limits of velocity, and of acceleration `dt` [s] after `now`."""
+    """Return the twist nearest to (v, ω) within the limits of velocity that can be reached from `now` in `dt` [s]."""
     v = min(max(v, limits.lowest), limits.v_max)
     omega = min(max(omega, -limits.omega_max), limits.omega_max)
     return Twist(
@@ -16,5 +16,5 @@ def reachable(v: float, omega: float, now: Twist, limits: Limits, dt: float) -> 
 
 
 def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
-    """The rate nearest to `wanted` that is reachable from `rate` in one period at `alpha`."""
+    """Return the rate nearest to `wanted` that is reachable from `rate` in a period `dt` at acceleration `alpha`."""
     return min(max(wanted, rate - alpha * dt), rate + alpha * dt)

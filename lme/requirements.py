@@ -9,10 +9,10 @@ DISTRIBUTION = "lme-nav"  # `lme` on a package index is another project
 
 
 def install(*packages: str) -> str:
-    """The command that installs `packages`, which are optional requirements, in suitable versions.
+    """Return the command that installs `packages`, which are optional requirements, in suitable versions.
 
-    It names the packages, not an extra of lme, which is on no package index: so the command works in any folder,
-    for a checkout and for a wheel.
+    It names the packages rather than an extra of lme, which is on no package index, so the command works in any
+    folder, for a checkout and for a wheel.
     """
     return " ".join(["pip install", *(f"'{_bounded(package)}'" for package in packages)])
 

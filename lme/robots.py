@@ -71,7 +71,7 @@ class Footprint:
 
 @dataclass(slots=True)
 class Cloud:
-    """A level 3D lidar, in simulation a Livox Mid-360. The points at some heights make the scan.
+    """A level 3D lidar, in simulation a Livox Mid-360. The scan consists of the points within a range of heights.
 
     All heights are above the ground.
     """
@@ -100,9 +100,9 @@ class Contact(Footprint):
 class Lidar:
     """The source of planar scans, mounted on the base at (x, y, yaw).
 
-    native_beams: beams that the scanner fires over its field of view, if the scan is interpolated from them. height: of
-    a planar scanner over the floor, which it sees when the robot tilts (`sim.tilt`); None: not known.
-    cloud: how a 3D lidar makes the scan; None: a planar scanner.
+    native_beams: beams that the scanner fires over its field of view, if the scan is interpolated from them. height:
+    height of a planar scanner above the floor, which it sees when the robot tilts (`sim.tilt`); None if not known.
+    cloud: the 3D lidar that makes the scan; None for a planar scanner.
     """
 
     num_beams: int
@@ -145,7 +145,7 @@ class Lidar:
 
     @property
     def full_circle(self) -> bool:
-        """Whether there is no blind arc, so that the first beam follows the last."""
+        """Return whether there is no blind arc, so that the first beam follows the last."""
         return self.fov >= 2 * math.pi - 1e-6
 
     @property
@@ -224,7 +224,7 @@ class Robot:
 
     @property
     def radius_note(self) -> str:
-        """What a collision radius below r_max means (paper §III.G); empty if it is none."""
+        """Consequence of a collision radius below r_max (paper §III.G), in words; empty if it is not below."""
         radius, r_max = self.collision_radius, self.footprint.r_max
         if radius is None or radius >= r_max:
             return ""

@@ -38,7 +38,7 @@ class Twist(NamedTuple):
 class Limits(NamedTuple):
     """The robot's limits: v_max [m/s], omega_max [rad/s], alpha_v [m/s²], alpha_omega [rad/s²], v_min [m/s].
 
-    The robot backs up at −v_max at most, and at v_min if that is less. v_min=0: it cannot back up.
+    The robot backs up no faster than −v_max, or than v_min if that is slower. With v_min=0 it cannot back up.
     """
 
     v_max: float
@@ -49,7 +49,7 @@ class Limits(NamedTuple):
 
     @property
     def lowest(self) -> float:
-        """The fastest way back: −v_max, or v_min if that is nearer to 0 [m/s]."""
+        """Lowest velocity, which is that of backing up: −v_max, or v_min if that is nearer to 0 [m/s]."""
         return max(-self.v_max, self.v_min)
 
     @property
@@ -58,7 +58,7 @@ class Limits(NamedTuple):
         return self[:4]
 
     def clamped(self, twist: Twist) -> Twist:
-        """The nearest twist within the limits of velocity. Differences of rounding stay as they are."""
+        """Return the nearest twist within the limits of velocity. An excess within rounding error stays as it is."""
         v, omega = twist
         if not self.lowest - _ROUNDING <= v <= self.v_max + _ROUNDING:
             v = min(max(v, self.lowest), self.v_max)
@@ -90,14 +90,14 @@ class Observation(NamedTuple):
 
     target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame, the base
     frame at the start of the episode, for guides and planners that keep a map or a band; LME reads it where the twist
-    does not explain it (`lme.perception.dead_reckoning`). pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground,
-    all in the robot frame, of those in sight, as a tracker of people would give them; empty without a tracker. Their
-    returns are in the scan, too: planners take the radius of a person from these. LME does not read it. scan_pose:
-    pose of the base in the odometry frame when the scan was taken; None: `odometry`. Only maps with an `update_rate`
-    read it.
+    does not explain it (`lme.perception.dead_reckoning`). pedestrians: (P, 4) x, y [m] and vx, vy [m/s] over ground
+    of the people in sight, all in the robot frame, as a tracker of people would give them; empty without a tracker.
+    The scan holds their returns too, from which planners take the radius of a person. LME does not read pedestrians.
+    scan_pose: pose of the base in the odometry frame when the scan was taken; None: `odometry`. Only maps with an
+    `update_rate` read it.
 
-    twist: as measured. last_command: the command that the robot follows; None: the navigator fills in its own last one.
-    closed_loop: the next command ramps from the measured twist instead of the last command.
+    twist: the measured twist. last_command: the command that the robot follows; None: the navigator fills in its own
+    last one. closed_loop: the next command ramps from the measured twist instead of the last command.
     """
 
     scan: LaserScan
@@ -138,7 +138,7 @@ class Guidance(NamedTuple):
     subgoal: (2,) in the robot frame [m]. path: (K, 2) in the robot frame [m] if the guide plans one.
     switched: the guide has switched to another subgoal. blocked: the guide found no free path. points: (M, 2) all
     obstacle points that the guide knows, in the robot frame [m], if it remembers some that are not in the scan. way:
-    (K, 2) places on the way that it expects to be the fastest, in the robot frame [m], if it plans no path.
+    (K, 2) points of the route that it expects to be the fastest, in the robot frame [m], if it plans no path.
     """
 
     subgoal: Floats
@@ -150,7 +150,7 @@ class Guidance(NamedTuple):
 
 
 class Feedback(StrEnum):
-    """From where a command ramps, in the words of Nav2's velocity smoother.
+    """The twist from which a command ramps, in the terms of Nav2's velocity smoother.
 
     OPEN_LOOP: from the last command. CLOSED_LOOP: from the measured twist, as in the paper. Both are kept within the
     limits. They are the same where the robot moves exactly as commanded, as in `sim=fast` without disturbances.
@@ -161,7 +161,7 @@ class Feedback(StrEnum):
 
 
 class Outcome(StrEnum):
-    """How an episode ended."""
+    """Outcome of an episode."""
 
     SUCCESS = "success"
     COLLISION = "collision"
@@ -169,20 +169,20 @@ class Outcome(StrEnum):
 
 
 class Guide(Protocol):
-    """Decides where to go next. Keeps its own state."""
+    """A component that decides where to go next, and keeps its own state."""
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` is the only source of randomness."""
 
     def guide(self, observation: Observation) -> Guidance:
-        """Subgoal for this step."""
+        """Return the subgoal for this step."""
 
 
 class Planner(Protocol):
-    """Decides how to reach a subgoal. Keeps its own state."""
+    """A component that decides how to reach a subgoal, and keeps its own state."""
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` is the only source of randomness."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
-        """Velocity command for this step, within `observation.limits`."""
+        """Return the velocity command for this step, within `observation.limits`."""

@@ -1,8 +1,8 @@
-"""Composing of `conf/` without Hydra, for the library, help and everything but the command line.
+"""Compose `conf/` without Hydra, for the library, help and everything but the command line.
 
-`compose` merges a file with what its defaults list names, which takes nothing but YAML. `resolved` then replaces the
-interpolations. OmegaConf does this, as it does for Hydra, so a user's file means the same to a robot's own program as
-to `lme eval`; a parser of our own would be simpler only for the few forms that our own files use.
+`compose` merges a file with those that its defaults list names, which takes nothing but YAML. `resolved` then
+replaces the interpolations. OmegaConf does this, as it does for Hydra, so a user's file means the same to a robot's
+own program as to `lme eval`; a parser of our own would be simpler only for the few forms that our own files use.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _SELF, _HERE = "_self_", "_here_"
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A file of a config group over those that it inherits.
+    """A file of a config group, merged over those that it inherits.
 
     package: the dotted key under which the whole config holds it; empty for a file with `# @package _global_`.
-    settings: its keys within the whole config. choices: the options of other groups that it chooses. files: those
-    that were merged, in this order.
+    settings: its keys within the whole config. choices: the options of other groups that it chooses. files: the
+    files that were merged, in this order.
     """
 
     package: str
@@ -46,7 +46,7 @@ class Option:
 
 
 def find(name: str, folders: Sequence[Path] = SHIPPED) -> Path | None:
-    """The YAML `name` ("robot/jackal") in the first folder that has it; None if there is none."""
+    """Return the YAML `name` ("robot/jackal") in the first folder that has it; None if there is none."""
     files = (folder / f"{name}.yaml" for folder in folders)
     return next(filter(os.path.isfile, files), None)  # Path.is_file raises for long names
 
@@ -65,7 +65,8 @@ def compose(
 def resolved(group: str, values: Mapping[str, Any], config: Mapping[str, Any], place: str) -> dict[str, Any]:
     """Replace the interpolations in the values of a group.
 
-    config: the other keys of the whole config. place: for messages. Raises InputError for one that leads nowhere.
+    config: the other keys of the whole config. place: the source of the values, for messages. Raises InputError for
+    an interpolation that leads nowhere.
     """
     if "${" not in str(values):
         return dict(values)
@@ -124,9 +125,13 @@ def _composed(
     choices: Mapping[str, str],
     heirs: tuple[Path, ...],
 ) -> Option:
-    """package: None for the file's own. heirs: the files that inherit this one."""
+    """Merge a file with those that it inherits; see `compose`.
+
+    package: the dotted key that holds it; None for the file's own. heirs: the files that inherit this one.
+    """
     if file in heirs:
         raise InputError(f"{file}: inherits itself; its defaults must name other files")
+    # Read the file's own keys, and place them under its package.
     content = read_yaml(file) or {}
     entries = content.get("defaults", []) if isinstance(content, dict) else None
     if not isinstance(content, dict) or not isinstance(entries, list):
@@ -136,6 +141,7 @@ def _composed(
     for name in reversed(list(filter(None, package.split(".")))):
         own = {name: own}
 
+    # Merge in the order of the defaults list; without `_self_`, the file's own keys come last.
     settings: dict[str, Any] = {}
     chosen: dict[str, Any] = {}
     files: list[Path] = []
@@ -144,7 +150,8 @@ def _composed(
             settings, files = overlaid(settings, own), [*files, file]
             continue
         slot, option = next(iter(entry.items())) if isinstance(entry, dict) and entry else ("", entry)
-        *keywords, slot = str(slot).split(" ")  # optional, override
+        *keywords, slot = str(slot).split(" ")  # keywords: optional, override
+        # An entry for another group, or any in the config of a command, only chooses an option.
         if slot and (not group or slot.startswith("/")):
             chosen[slot.removeprefix("/")] = option
             continue

@@ -40,7 +40,7 @@ _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
 
 
 def load_robot(robot: str | Path) -> Robot:
-    """The robot of `conf/robot/NAME.yaml` by its name, or of your own YAML file by its path.
+    """Return the robot of `conf/robot/NAME.yaml` by its name, or of your own YAML file by its path.
 
     Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
     """
@@ -52,7 +52,7 @@ def load_robot(robot: str | Path) -> Robot:
 
 
 def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
-    """The map set of `conf/map/NAME.yaml`, with other values for some of its keys.
+    """Return the map set of `conf/map/NAME.yaml`, with other values for some of its keys.
 
     A `radius` and a `v_max` of null become those of the robot; without a robot v_max is 0.5 m/s. Raises InputError for
     an unknown name or key, a wrong value, or a key that the map set would not use.
@@ -75,7 +75,7 @@ def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Ro
 
 
 def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
-    """The class of the simulator of `conf/sim/NAME.yaml` and its Config, with other values for some keys.
+    """Return the class of the simulator of `conf/sim/NAME.yaml` and its Config, with other values for some keys.
 
     Raises InputError for an unknown name or key, or a wrong value.
     """
@@ -83,7 +83,7 @@ def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tupl
 
 
 def load_parameters(weights: str | Path = "published") -> dict[str, float]:
-    """The parameters of a weight set: a weight for each criterion, d1 [m] and d2.
+    """Return the parameters of a weight set: a weight for each criterion, d1 [m] and d2.
 
     weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of a file.
     The criteria are LME+'s if the file has just these, else the paper's six. Raises
@@ -113,9 +113,9 @@ def option(
 
 
 def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
-    """The class that `_target_` names, and its Config with the other values. place: for messages.
+    """Return the class that `_target_` names, and its Config with the other values.
 
-    Raises InputError for an unknown key or a wrong value.
+    place: the source of the values, for messages. Raises InputError for an unknown key or a wrong value.
     """
     module, _, target = str(values["_target_"]).rpartition(".")
     made = getattr(importlib.import_module(module), target)
@@ -125,7 +125,7 @@ def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
 
 
 def find_option(group: str, given: str | Path) -> Path:
-    """The file of an option by its name, or by its path. Raises InputError."""
+    """Return the file of an option, given its name or its path. Raises InputError if there is none."""
     shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
     if given in shipped:
         return shipped[str(given)]
@@ -138,7 +138,7 @@ def find_option(group: str, given: str | Path) -> Path:
 
 
 def _build(part: type[_Part], place: str, value: object) -> _Part:
-    """A dataclass from a mapping with a key for each of its fields that has no default, and perhaps the others."""
+    """Build a dataclass from a mapping with a key for each field without a default, and perhaps for the others."""
     known = fields(part)  # type: ignore[arg-type]
     required = [each.name for each in known if each.default is each.default_factory is MISSING]
     optional = [each.name for each in known if each.name not in required]
@@ -167,7 +167,7 @@ def _value(entry: Entry, key: str, kind: Any) -> Any:
 
 
 def _is_list_of(given: object, types: tuple[type, ...]) -> bool:
-    """Whether `given` is a list of values of exactly these types."""
+    """Return whether `given` is a list of values of exactly these types."""
     return isinstance(given, list) and all(type(item) in types for item in given)
 
 

@@ -83,7 +83,7 @@ def load_system(
 
 
 def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """{"guide.travel.comfort": 0.5} as {"guide": {"travel": {"comfort": 0.5}}}."""
+    """Nest dotted keys: {"guide.travel.comfort": 0.5} becomes {"guide": {"travel": {"comfort": 0.5}}}."""
     nested: dict[str, Any] = {}
     for key, value in changes.items():
         part, *rest = key.split(".")

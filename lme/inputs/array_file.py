@@ -1,4 +1,4 @@
-"""Files of named float32 arrays, .npz, which are not trusted."""
+"""Untrusted .npz files of named float32 arrays."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def check_finite(arrays: Arrays, source: str) -> None:
 
 @contextmanager
 def _opened(path: Path, what: str) -> Iterator[zipfile.ZipFile]:
-    """The archive; any damage found while it is read raises InputError."""
+    """Open the archive; any damage found while it is read raises InputError."""
     try:
         check_regular(path)
         with zipfile.ZipFile(path) as archive:
@@ -86,7 +86,7 @@ def _shape(archive: zipfile.ZipFile, name: str) -> Shape:
 
 
 def _header(member: IO[bytes]) -> tuple[Shape, bool, np.dtype[Any]]:
-    """Shape, whether the array is stored by columns, and type."""
+    """Read an array's shape, whether it is stored by columns, and its type."""
     np.lib.format.read_magic(member)
     return np.lib.format.read_array_header_1_0(member, max_header_size=_HEADER_MAX)
 

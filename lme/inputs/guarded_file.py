@@ -26,7 +26,7 @@ _MOST_REPEATED = 100_000  # values that the aliases of a YAML file repeat
 
 
 def expanded(path: str | Path) -> Path:
-    """The path with the home folder in place of a ~ at its beginning. Raises InputError if that folder is not known."""
+    """Replace a ~ at the beginning of a path by the home folder. Raises InputError if that folder is not known."""
     try:
         return Path(path).expanduser()
     except RuntimeError:
@@ -37,8 +37,8 @@ def expanded(path: str | Path) -> Path:
 def check_regular(path: Path, most: int | None = None) -> None:
     """Raise InputError unless `path` is a regular file, or a link to one, of at most `most` bytes.
 
-    For libraries that open the file themselves. A pipe would be waited for, and a device may never end. Raises OSError
-    if there is no such file.
+    For libraries that open the file themselves: reading a pipe would block, and reading a device may never end.
+    Raises OSError if there is no such file.
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
@@ -61,7 +61,7 @@ def read_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
 
 
 def read_text(path: Path, most: int = TEXT_BYTES) -> str:
-    """The content of a text file in UTF-8, with or without a byte order mark. Raises also UnicodeDecodeError."""
+    """The content of a text file in UTF-8, with or without a byte order mark. Also raises UnicodeDecodeError."""
     text = read_bytes(path, most).decode("utf-8-sig")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
@@ -110,14 +110,14 @@ def read_yaml(path: Path) -> object:
 
 
 class UnfoldingError(yaml.MarkedYAMLError):
-    """YAML is nested too deeply, or its aliases contain themselves or repeat very many values.
+    """YAML that is nested too deeply, or whose aliases contain themselves or repeat very many values.
 
-    Whoever walks through such values would not come to an end.
+    Code that walks through such values would not come to an end.
     """
 
 
 def _events(text: str) -> Iterator[Any]:
-    """The events of a YAML text. libyaml has a limit of its own for nesting, which it may reach before the first."""
+    """The events of a YAML text. libyaml has a nesting limit of its own, which may stop it before the first event."""
     try:
         yield from yaml.parse(text, SafeLoader)
     except yaml.MarkedYAMLError as error:
@@ -128,7 +128,7 @@ def _events(text: str) -> Iterator[Any]:
 
 
 def check_structure(text: str) -> None:
-    """Raise UnfoldingError for such a YAML text, and another yaml.YAMLError for one that is not YAML."""
+    """Raise UnfoldingError for a YAML text that is described there, and another yaml.YAMLError if it is not YAML."""
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0
@@ -161,7 +161,7 @@ def check_structure(text: str) -> None:
 
 
 class _UniqueKeys(SafeLoader):  # type: ignore[misc]
-    """Refuses a repeated key. PyYAML silently keeps the last one, which would lose a part of a drawing."""
+    """Loader that refuses a repeated key. PyYAML silently keeps the last one, which would lose part of a drawing."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()

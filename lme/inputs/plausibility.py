@@ -1,7 +1,7 @@
-"""What values of robots, maps, people and simulators usually are, in one place: another is probably in another unit.
+"""Usual values of robots, maps, people and simulators, in one place: any other is probably in another unit.
 
-Outside the usual range a value gets a warning; where no robot can be so, it is an error. Both name the value, its unit
-and the usual range. Whether a value makes sense at all, such as a negative length, is checked where it is read.
+A value outside the usual range gets a warning, and one that no robot can have is an error. Both name the value, its
+unit and the usual range. A value that makes no sense at all, such as a negative length, is refused where it is read.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lme.errors import InputError
 
 
 class Usual(NamedTuple):
-    """The usual range of a quantity, ends included, and the possible one. hint: the mistake that is likely."""
+    """The usual range of a quantity, ends included, and the possible one. hint: the likely mistake."""
 
     unit: str
     low: float
@@ -124,7 +124,7 @@ def check(key: str, value: float) -> None:
 
 
 def check_fields(prefix: str, values: Any) -> None:
-    """Check every number of a dataclass whose name is a key of `USUAL`. prefix: of the fields, dotted."""
+    """Check every number of a dataclass whose name is a key of `USUAL`. prefix: dotted, before the fields' names."""
     for field in fields(values):
         value = getattr(values, field.name)
         if field.name in USUAL and isinstance(value, int | float):

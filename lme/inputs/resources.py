@@ -14,7 +14,7 @@ def resource_dir(name: str) -> Path:
 
 
 def overlaid(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """The mapping of a YAML, `own`, over that of the one it inherits, mapping by mapping."""
+    """Merge the mapping of a YAML, `own`, over that of the one it inherits, mapping by mapping."""
     merged = dict(base)
     for key, value in own.items():
         inherited = merged.get(key)

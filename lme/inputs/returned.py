@@ -1,7 +1,7 @@
 """Check what a guide, planner, filter, criterion, simulator or source of people returns, once, where lme takes it.
 
 Each of them may be a user's own. The message names its class or function by the dotted path, what is wrong, and how
-many values are.
+many values are wrong.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def dotted_name(thing: Any) -> str:
 
 
 def checked_command(command: object, planner: object) -> Twist:
-    """The command of a planner or filter. Raises ReturnedError unless it is a pair of finite numbers."""
+    """Return the command of a planner or filter. Raises ReturnedError unless it is a pair of finite numbers."""
     v = omega = math.nan
     if isinstance(command, tuple) or not isinstance(command, str | bytes | Mapping | Set):
         try:
@@ -50,7 +50,7 @@ def checked_command(command: object, planner: object) -> Twist:
 
 
 def checked_guidance(guidance: object, guide: object) -> Guidance:
-    """The guidance of a guide, with arrays of floats. Raises ReturnedError unless planners can follow it."""
+    """Return the guidance of a guide, with arrays of floats. Raises ReturnedError unless planners can follow it."""
     try:
         return _guidance(guidance)
     except ReturnedError as error:
@@ -58,7 +58,7 @@ def checked_guidance(guidance: object, guide: object) -> Guidance:
 
 
 def checked_values(values: object, number: int, criterion: object) -> Floats:
-    """The values of a criterion for `number` candidates. Raises ReturnedError unless each is a finite number."""
+    """Return a criterion's values for `number` candidates. Raises ReturnedError unless each is a finite number."""
     try:
         return checked_array(values, (number,), "values", "a number for each candidate")
     except ReturnedError as error:
@@ -66,7 +66,10 @@ def checked_values(values: object, number: int, criterion: object) -> Floats:
 
 
 def checked_people(observation: object, source: object) -> Observation:
-    """The observation of a source of people. Raises ReturnedError unless its pedestrians are (P, 4) finite numbers."""
+    """Return the observation of a source of people.
+
+    Raises ReturnedError unless its pedestrians are (P, 4) finite numbers.
+    """
     try:
         if not isinstance(observation, Observation):
             raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
@@ -78,9 +81,10 @@ def checked_people(observation: object, source: object) -> Observation:
 
 
 def checked_observation(observation: object, state: Any, simulator: object) -> Observation:
-    """The observation of a simulator. Raises ReturnedError unless a navigator can use it and its state is finite.
+    """Return the observation of a simulator.
 
-    state: the `lme.simulation.simulator.State` after it.
+    state: the `lme.simulation.simulator.State` after it. Raises ReturnedError unless a navigator can use the
+    observation and the state is finite.
     """
     try:
         where = (*state.pose, state.time)
@@ -91,9 +95,9 @@ def checked_observation(observation: object, state: Any, simulator: object) -> O
 
 
 def checked_array(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
-    """The value as an array of finite floats: itself if it is one.
+    """Return the value as an array of finite floats: the value itself if it is one.
 
-    shape: None for any number. what, wanted: what it is and what it must be, for the message of a ReturnedError.
+    shape: with None for any number. what, wanted: what the value is and must be, for the message of a ReturnedError.
     """
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.flags.c_contiguous:
         array: Floats = value
@@ -117,7 +121,7 @@ def checked_array(value: object, shape: tuple[int | None, ...], what: str, wante
 
 
 def _guidance(guidance: object) -> Guidance:
-    """Guidance with arrays of floats. Raises ReturnedError without its source."""
+    """Return guidance with arrays of floats. Raises a ReturnedError that does not name the guide."""
     if not isinstance(guidance, Guidance):
         raise ReturnedError(f"{_shown(guidance)}: must be an lme.Guidance")
     subgoal, path, switched, blocked, points, way = guidance
@@ -138,7 +142,7 @@ def _guidance(guidance: object) -> Guidance:
 
 
 def _observation(observation: object) -> Observation:
-    """An observation with a target of floats. Raises ReturnedError without its source."""
+    """Return an observation with a target of floats. Raises a ReturnedError that does not name the simulator."""
     if not isinstance(observation, Observation):
         raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
     scan = observation.scan
@@ -155,7 +159,7 @@ def _observation(observation: object) -> Observation:
 
 
 def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
-    """Real numbers of any other kind as floats. Strings that spell numbers are none."""
+    """Convert real numbers of any other kind to floats. Strings that spell numbers do not count as numbers."""
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):  # rows of different lengths
@@ -176,7 +180,7 @@ def _kind(array: Any) -> str:
 
 
 def _shown(value: object) -> str:
-    """A value for a message: what it is, and no more of it than fits into a line."""
+    """Describe a value for a message, with no more of it than fits into a line."""
     if isinstance(value, np.ndarray) and value.size > 4:
         return f"an array {_kind(value)}"
     text = repr(value)

@@ -20,9 +20,10 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 
 def user_error(error: BaseException) -> str:
-    """`my_module.py:12: ZeroDivisionError: division by zero` if a user's own code raised the error, else empty.
+    """Return `my_module.py:12: ZeroDivisionError: division by zero` if a user's own code raised the error, else "".
 
-    It did if lme called it, as the traceback shows from where the error is caught. An InputError has its own message.
+    It did if the traceback, which begins where the error is caught, leads through it: then lme called it. An
+    InputError has its own message.
     """
     if isinstance(error, InputError):
         return ""
@@ -40,7 +41,7 @@ def user_error(error: BaseException) -> str:
 
 
 def explained(error: BaseException) -> str:
-    """`user_error` and how to see the traceback."""
+    """Return the line of `user_error`, with how to see the traceback; empty if that is."""
     line = user_error(error)
     return f"{line} ({TRACEBACK}=1 shows the traceback)" if line else ""
 
@@ -58,7 +59,7 @@ def show_traceback(error: BaseException) -> None:
 def import_module(name: str) -> ModuleType:
     """Import a module that a config names.
 
-    Raises InputError if it is not there, or where the user's own code fails meanwhile, also by ending the program.
+    Raises InputError if there is no such module, or if the user's own code fails or ends the program meanwhile.
     """
     try:
         return importlib.import_module(name)
@@ -77,7 +78,7 @@ def _library_folders() -> tuple[Path, ...]:
 
 @functools.cache
 def _is_users(filename: str) -> bool:
-    """Whether a file is neither lme's, nor Python's, nor of an installed package."""
+    """Return whether a file belongs neither to lme, nor to Python, nor to an installed package."""
     if filename.startswith("<"):
         return False
     path = Path(filename).resolve()
@@ -93,6 +94,6 @@ def _is_ours(filename: str) -> bool:
 
 
 def _short(filename: str) -> str:
-    """The path from the working folder, if the file lies in it."""
+    """The path relative to the working folder, if the file lies in it."""
     path = Path(filename).resolve()
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)

@@ -56,14 +56,17 @@ class Entry:
         return [(f"{self.place}, {key}[{i}]", item) for i, item in enumerate(items)]
 
     def number(self, key: str, default: float | None = None, above: float | None = None) -> float:
-        """One finite number, greater than `above` if that is given."""
+        """Return one finite number, greater than `above` if that is given."""
         number = _number(self._value.get(key, default))
         if number is None or (above is not None and number <= above):
             raise self.mistake(key, "a finite number" + ("" if above is None else f" greater than {above:g}"))
         return number
 
     def numbers(self, key: str, right: str, count: int, above: float | None = None) -> list[float]:
-        """`count` finite numbers, each greater than `above` if that is given. right: their names."""
+        """Return `count` finite numbers, each greater than `above` if that is given.
+
+        right: their names, for messages.
+        """
         numbers = _numbers(self._value.get(key), count)
         if numbers is None or (above is not None and min(numbers) <= above):
             suffix = "" if above is None else f", each greater than {above:g}"
@@ -105,7 +108,10 @@ def _numbers(value: object, count: int) -> list[float] | None:
 
 
 def _as_number(value: object) -> str:
-    """How to write the first text of a value that looks like a number, such as 1e9: YAML 1.1 wants point and sign."""
+    """Hint how to write a text that looks like a number, such as 1e9: YAML 1.1 wants point and sign.
+
+    value: if it is a list, its first such text counts. Empty if there is none.
+    """
     if isinstance(value, list):
         return next(filter(None, map(_as_number, value)), "")
     match = _EXPONENT.fullmatch(value) if isinstance(value, str) else None
