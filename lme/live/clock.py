@@ -1,4 +1,4 @@
-"""Watches the node's clock: the robot stops if it jumps or stands still."""
+"""Watch over the node's clock: the robot stops if it jumps or stands still."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Clock:
         self._advanced_at = wall()
 
     def read(self, now: int) -> str:
-        """Note the time `now` [ns]; return how it has jumped, "" if it has not."""
+        """Note the time `now` [ns], and describe how the clock has jumped; "" if it has not."""
         latest, self._latest = self._latest, now
         if latest is None or now > latest:
             self._advanced_at = self._wall()
@@ -33,5 +33,5 @@ class Clock:
 
     @property
     def stalled_for(self) -> int:
-        """Wall time since it last advanced [ns]."""
+        """Wall time since the clock last advanced [ns]."""
         return self._wall() - self._advanced_at

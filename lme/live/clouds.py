@@ -1,4 +1,4 @@
-"""Makes scans of point clouds: of the points between two heights above the floor, as a level robot would see them."""
+"""Scans from point clouds: the points between two heights above the floor, as a level robot would see them."""
 
 from __future__ import annotations
 
@@ -21,29 +21,30 @@ from lme.robots import Robot
 from lme.types import Floats, LaserScan, Pose
 
 _HEIGHTS = (0.05, 0.5)  # [m] ASSUMED: above the floor's noise; the robot passes under higher points
-_SAME_HEIGHT = 0.1  # [m] to which tf and the robot agree on the height of the lidar
+_SAME_HEIGHT = 0.1  # [m] difference up to which tf and the robot agree on the height of the lidar
 _ON_THE_FLOOR = "base_footprint"  # by REP-120
 _BASES = (_ON_THE_FLOOR, "base_link")  # the frames of clouds that are already in the base frame
-_SELDOM_S = 0.03  # between two orientations; a robot that walks turns by a degree in that time
-_ROCKS = math.radians(1.0)  # by which the tilt of a robot that walks changes within half a second
+_SELDOM_S = 0.03  # [s] between two orientations; a walking robot turns by a degree in that time
+_ROCKS = math.radians(1.0)  # [rad] by which the tilt of a walking robot changes within half a second
 _ASK = "set scan.mount=[x, y, z, roll, pitch, yaw] [m, rad], with z above the floor"
 
 
 class CloudReader:
-    """Turns the clouds of one frame into scans.
+    """A reader that turns the clouds of one frame into scans.
 
     The mount moves a point into the base frame; then roll and pitch of the base, at the time of the point, turn it
     upright about the origin of that frame. A cloud in the odometry frame is moved by the pose instead.
 
-    mounted_by: what says where the lidar is. carrier: of the frame of the clouds.
+    mounted_by: the source of the mount. carrier: what the frame of the clouds moves with.
     """
 
     def __init__(
         self, config: ScanConfig, by_tf: Floats | None, robot: Robot, frame_id: str, carrier: Carrier
     ) -> None:
-        """by_tf: (4, 4) from the frame of the clouds, frame_id, to the base frame; None if tf does not know.
+        """Find the mount of the clouds, and the heights that count.
 
-        Raises InputError if nobody knows how high the clouds are above the floor.
+        by_tf: (4, 4) from the frame of the clouds, frame_id, to the base frame; None if tf does not know it.
+        Raises InputError if the height of the clouds above the floor is not known.
         """
         cloud, lidar = config.cloud, robot.lidar
         self.carrier, self._levels = carrier, cloud.level and carrier is Carrier.BASE
@@ -58,20 +59,21 @@ class CloudReader:
         )
 
     def scan(self, message: Any, posture: Posture | None) -> LaserScan:
-        """The scan of a cloud, in the base frame. posture: of the base at its stamp; None if not known."""
+        """Return the scan of a cloud, in the base frame. posture: the base's at its stamp; None if not known."""
         points, upright = self._upright(message, posture)
         scan = to_scan(points, self._projection, upright)
         middle = scan.angle_min + scan.angle_increment / 2.0  # of the first bin, which begins at angle_min
         return scan._replace(ranges=np.asarray(scan.ranges, np.float32), angle_min=middle)
 
     def faults(self, message: Any, raw: LaserScan, posture: Posture | None) -> list[ScanFault]:
-        """What is wrong with a cloud; its scan is `raw`."""
+        """Faults of a cloud whose scan is `raw`."""
         faults = self._tilt_faults(message, posture) if self._levels and posture is not None else []
         return faults if np.isfinite(raw.ranges).any() else faults + self._height_faults(message, posture)
 
     def _upright(self, message: Any, posture: Posture | None) -> tuple[Floats, Floats]:
         """The points (N, 3), and the transform (4, 4) to the base frame of a level robot, with z above the floor."""
         points = cloud_points(message)
+        # A cloud in the odometry frame is level: Rz(−yaw) (p − beneath) moves it to the floor below the base.
         if posture is not None and self.carrier is Carrier.ODOMETRY:
             x, y, yaw = posture.pose
             beneath = (x, y, posture.height - self._base_height)
@@ -80,6 +82,8 @@ class CloudReader:
             return points, upright
         if posture is None or not self._levels or not len(posture.tilts):
             return points, self._mount
+        # Otherwise turn the points upright about the origin o of the base frame, R (p − o) + o: each by the tilt at
+        # its own time, or all by that at the stamp if they have no times.
         times = point_times(message, stamp_of(message.header))
         after, rolls, pitches = posture.tilts.T
         roll, pitch = (
@@ -94,13 +98,14 @@ class CloudReader:
         return _turned(on_base, roll, pitch) + origin, np.eye(4)
 
     def _tilt_faults(self, message: Any, posture: Posture) -> list[ScanFault]:
-        """Whether the cloud cannot be levelled, or not well."""
+        """Faults of a cloud that cannot be levelled, or not well."""
         if posture.problem:
             text = (
                 f"a cloud is read as if the robot never tilted: {posture.problem}; choose an IMU that measures its "
                 "orientation with topics.imu, or set scan.cloud.level=false for a robot that stays level"
             )
             return [ScanFault("tilt", text, False)]
+        # Orientations that come seldom only matter if the robot rocks while the points are measured.
         tilts = posture.tilts
         if (
             len(tilts) < 2
@@ -119,13 +124,14 @@ class CloudReader:
         return [ScanFault("seldom", text, False)]
 
     def _height_faults(self, message: Any, posture: Posture | None) -> list[ScanFault]:
-        """Whether there are points, but none that counts: they would be taken for free space."""
+        """Faults of a cloud that has points, but none that counts: they would be taken for free space."""
         points, upright = self._upright(message, posture)
         points = points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
         x, y, z = (points @ upright[:3, :3].T + upright[:3, 3]).T
         distance, projection = np.hypot(x, y), self._projection
         near = (distance >= projection.range_min) & (distance <= projection.range_max)
         z = z[(distance > self._outline) & near]
+        # Without points in range, either the cloud shows free space or its unit is wrong.
         if not len(z):
             if not len(distance) or np.median(distance) < FAR:
                 return []
@@ -153,7 +159,8 @@ def _place(
 ) -> tuple[str, Floats, float]:
     """The source of the mount, the mount with z above the floor, and the height of the base frame above the floor.
 
-    The mount is (4, 4), from the lidar's frame to the base frame.
+    The mount is (4, 4), from the lidar's frame to the base frame. Raises InputError for a cloud in a frame above the
+    odometry frame, or if its height is not known.
     """
     in_base_frame = config.cloud.min_height is not None and config.cloud.min_height < 0.0
     if carrier is Carrier.MAP:
@@ -164,6 +171,7 @@ def _place(
     if carrier is Carrier.ODOMETRY:
         height = 0.0 if in_base_frame else _base_height(config, robot, frame_id)
         return "the pose", rigid_transform((0.0, 0.0, height, 0.0, 0.0, 0.0)), height
+    # A level frame does not share the tilt of the base: keep x, y, yaw and the height of its transform only.
     if carrier is Carrier.LEVEL and by_tf is not None:
         flat = relative(Pose(0.0, 0.0, 0.0), planar_matrix(np.asarray(np.linalg.inv(by_tf)))[0])
         height = 0.0 if frame_id == _ON_THE_FLOOR else float(by_tf[2, 3])
@@ -175,7 +183,10 @@ def _place(
 
 
 def _base_height(config: ScanConfig, robot: Robot, frame_id: str) -> float:
-    """How high the base frame is above the floor, for clouds in the odometry frame [m]."""
+    """Height of the base frame above the floor, for clouds in the odometry frame [m].
+
+    Warns if it is that of the robot's lidar. Raises InputError if nothing gives it.
+    """
     if config.mount is not None:
         return config.mount[2]
     if robot.lidar.cloud is None:
@@ -199,7 +210,7 @@ def _cloud_mount(
     """The source of the mount and the mount of a cloud, whose heights must be above the floor.
 
     The robot knows the height of its lidar above the floor, tf only that above the base frame. If tf's is less, the
-    base frame is above the floor, e.g. at the lidar, as FAST-LIO has it. Raises InputError if nobody knows the height.
+    base frame is above the floor, e.g. at the lidar, as FAST-LIO has it. Raises InputError if neither knows it.
     """
     cloud = None if in_base_frame else robot.lidar.cloud
     source, matrix = mount_of(config, by_tf, robot, 0.0 if cloud is None else cloud.height)
@@ -218,6 +229,7 @@ def _cloud_mount(
                 stacklevel=5,
             )
         return source, matrix
+    # Compare the heights by tf and by the robot: where they differ, the greater one is taken to be above the floor.
     above_base, height = float(matrix[2, 3]), robot.lidar.cloud.height
     if abs(above_base - height) <= _SAME_HEIGHT or frame_id == _ON_THE_FLOOR:
         return source, matrix
@@ -234,7 +246,7 @@ def _cloud_mount(
 
 
 def _heights(config: CloudConfig, robot: Robot) -> tuple[float, float]:
-    """The lowest and the highest points that count [m]. Raises InputError unless they rise."""
+    """Heights of the lowest and the highest points that count [m]. Raises InputError unless they rise."""
     own = robot.lidar.cloud
     low, high = _HEIGHTS if own is None else (own.min_height, own.max_height)
     low = low if config.min_height is None else config.min_height

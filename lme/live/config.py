@@ -16,7 +16,7 @@ CLOCKS = ("header", "received")
 
 @dataclass(slots=True)
 class LiveConfig:
-    """When the robot must stand, and when it has arrived."""
+    """Conditions in which the robot must stand, and in which it has arrived."""
 
     stale: float = 0.5  # [s] older scans, poses and transforms stop the robot
     time_jump: float = (
@@ -40,11 +40,11 @@ LIDARS = ("recorded", "robot")
 
 @dataclass(slots=True)
 class CloudConfig:
-    """How a point cloud becomes a scan.
+    """Settings for making a scan of a point cloud.
 
     Heights are above the floor; None: those of robot.lidar.cloud, else 0.05 and 0.5 m. With a negative min_height,
     which only a base frame above the floor can need, they are in the base frame. Angle and range: None for those of
-    the robot's lidar. level: whether roll and pitch of the base are taken out of a cloud that tilts with it.
+    the robot's lidar. level: take roll and pitch of the base out of a cloud that tilts with it.
     """
 
     min_height: float | None = None  # [m]
@@ -56,7 +56,7 @@ class CloudConfig:
 
 @dataclass(slots=True)
 class ScanConfig:
-    """How scans are read. mount: [x, y, z [m], roll, pitch, yaw [rad]] of the lidar on the base."""
+    """Settings for reading scans. mount: [x, y, z [m], roll, pitch, yaw [rad]] of the lidar on the base."""
 
     lidar: str = "recorded"
     mount: list[float] | None = None
@@ -89,7 +89,7 @@ class ScanConfig:
 def mount_of(config: ScanConfig, by_tf: Floats | None, robot: Robot, height: float) -> tuple[str, Floats]:
     """The source of the lidar's mount, and the mount: (4, 4) from the lidar's frame to the base frame.
 
-    height: of the lidar if neither scan.mount nor tf knows it [m].
+    height: height of the lidar if neither scan.mount nor tf gives it [m].
     """
     if config.mount is not None:
         return "scan.mount", _matrix(config.mount)

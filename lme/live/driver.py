@@ -1,4 +1,4 @@
-"""Drives a robot: takes its sensors' messages as they arrive, and gives a safe command once a control period."""
+"""Driver of a robot: it takes the sensors' messages as they arrive, and gives a safe command every control period."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ class _Ready(NamedTuple):
 
 
 class _First(NamedTuple):
-    """A scan for whose lidar guide and planner are built; mount: (4, 4) by tf, carrier: of its frame."""
+    """A scan for whose lidar guide and planner are built.
+
+    mount: (4, 4) from its frame to the base frame, by tf; None if tf has none. carrier: what its frame moves with.
+    """
 
     scan: Any
     mount: Floats | None
@@ -52,8 +55,8 @@ class LiveDriver:
 
     make_navigator builds them for the robot with the lidar in use, which the first scan shows (`ScanConfig.lidar`).
     Messages are duck-typed. `now` is the time on the node's clock [ns], the one that stamps messages; `wall` a
-    monotonic time [ns]. Methods may be called from several threads, `tick` from one. measured_twists: whether
-    velocities are the twists of the odometry, until these contradict the poses; else they are the slope of the poses.
+    monotonic time [ns]. Methods may be called from several threads, `tick` from one. measured_twists: velocities are
+    the twists of the odometry, until these contradict the poses; otherwise they are the slope of the poses.
 
     The robot stands in these cases, checked in this order: after shutdown; after a jump of the clock, which also
     discards the sensor data, and while the clock stands still; without a goal; without a fresh scan that measures
@@ -95,7 +98,7 @@ class LiveDriver:
 
     @property
     def mounted_by(self) -> str:
-        """What says where the lidar is: scan.mount, tf or the robot; "" before the first scan."""
+        """Source of the lidar's mount: scan.mount, tf or the robot; "" before the first scan."""
         return "" if self._pilot is None else self._pilot.source.mounted_by
 
     @property
@@ -127,9 +130,10 @@ class LiveDriver:
         self._take("tf", now, lambda: self._sensors.take_transforms(message, now, static))
 
     def set_goal(self, position: Sequence[float], frame_id: str, now: int) -> None:
-        """Drive to a position (x, y) [m]; an older goal is dropped. frame_id: any that tf connects; "": odometry.
+        """Drive to a position (x, y) [m]; an older goal is dropped.
 
-        Raises InputError unless the position is finite.
+        frame_id: any frame that tf connects; "" for the odometry frame. Raises InputError unless the position is
+        finite.
         """
         point = np.array(position, dtype=np.float64)[:2]
         if point.shape != (2,) or not np.isfinite(point).all():
@@ -145,7 +149,7 @@ class LiveDriver:
                 self._end_goal(LiveState.CANCELLED, "cancelled")
 
     def tick(self, now: int) -> LiveStep:
-        """The step of one control period. Never raises.
+        """Return the step of one control period. Never raises.
 
         Call it once a control period on the node's clock. While that clock stands still, keep calling it by wall
         time: it returns the last step again, and after `stale` the robot stands.
@@ -189,7 +193,7 @@ class LiveDriver:
                 return self._last
             first = self._scan_to_prepare_for()
         if first is not None:
-            if self._last.command != STILL:  # it takes seconds
+            if self._last.command != STILL:  # stop first, since preparing takes seconds
                 raise NotReadyError("guide and planner must be prepared for another lidar")
             self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
@@ -209,12 +213,12 @@ class LiveDriver:
             raise NotReadyError("the clock stands still")
 
     def _already_decided(self, now: int) -> bool:
-        """Whether the last step is already the decision for this time."""
+        """Return whether the last step is already the decision for this time and goal."""
         decided = self._last.observation is not None and now <= self._last.stamp
         return decided and self._goal is not None and self._number == self._last.goal
 
     def _scan_to_prepare_for(self) -> _First | None:
-        """A scan, if guide and planner must still be built for its lidar."""
+        """The latest scan if guide and planner must still be built for its lidar, else None."""
         sensors, scan, mount = self._sensors, self._sensors.scan, self._sensors.mount
         if scan is None:
             return None
@@ -226,24 +230,26 @@ class LiveDriver:
         return _First(scan, mount, sensors.carrier, sensors.posture)
 
     def _prepare(self, first: _First) -> None:
-        """Build guide and planner."""
+        """Build guide and planner for the lidar of a scan, and warm them up. Raises NotReadyError if it is faulty."""
         source = ScanSource(self._scan_config, first.scan, first.mount, self._configured, first.carrier)
         fault = source.blinding_fault(first.scan, first.posture)
-        if fault is not None:  # nor are guide and planner built for a lidar that it shows wrongly
+        if fault is not None:  # such a scan shows its lidar wrongly, so build nothing for it
             raise NotReadyError(fault)
         pilot = Pilot(source, self._make_navigator(source.robot), self.config.seed, self._wall)
         pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
     def _ready(self, now: int) -> _Ready:
-        """Everything for a decision. Raises NotReadyError if the robot must stand."""
+        """Collect everything for a decision. Raises NotReadyError if the robot must stand."""
         if self._goal is None:
             raise NotReadyError(*self._idle_reason)
+        # The sensor data must be fresh, and the scan plausible.
         sensors, goal = self._sensors, self._goal
         sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
         fault = None if self._pilot is None else self._pilot.source.blinding_fault(sight.scan, sight.posture)
         if fault is not None:
             raise NotReadyError(fault)
+        # The goal is a target at the stamp of the scan; at the latest pose, it tells whether the robot has arrived.
         sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
         goal.place(frames, tree, sensors.track, _ANY_TIME)
         target, left = (goal.target(at, frames, tree) for at in (sight.motion, sight.newest))

@@ -79,7 +79,7 @@ class Frames(NamedTuple):
 
 
 class Carrier(Enum):
-    """What a frame moves with, and so whether a cloud in it must be levelled."""
+    """The thing that a frame moves with, which decides whether a cloud in it must be levelled."""
 
     BASE = auto()  # it tilts as the base does
     LEVEL = (
@@ -90,7 +90,7 @@ class Carrier(Enum):
 
 
 def carrier_of(name: str, frames: Frames, tree: TransformTree) -> Carrier:
-    """What carries a frame, as far as tf knows it."""
+    """The carrier of a frame, as far as tf knows it."""
     if name == frames.odom:
         return Carrier.ODOMETRY
     if tree.chain(name, frames.odom):
@@ -107,7 +107,7 @@ def tf_frames(config: FramesConfig, tree: TransformTree) -> Frames | None:
 
 
 def message_frames(config: FramesConfig, message: Any | None, tree: TransformTree) -> Frames:
-    """The frames that a message with a pose names, or the usual ones. message: None if none came yet.
+    """The frames that a message with a pose names, or the usual ones. message: None if none has come yet.
 
     Motion capture may name the base anything: a name that tf does not know is replaced by a usual one that it knows.
     """
@@ -121,7 +121,7 @@ def message_frames(config: FramesConfig, message: Any | None, tree: TransformTre
 
 
 def _in_order(odom: str, base: str) -> tuple[str, str]:
-    """The names of the odometry frame and the base frame as they must be meant; "" for one that is missing."""
+    """The odometry frame and the base frame, with names that a message confuses put right; "" for a missing one."""
     if odom == base:
         meant = ("", base) if _is_base(base) else (odom, "")
     elif _is_odom(base) and _is_base(odom):

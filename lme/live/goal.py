@@ -10,32 +10,37 @@ from lme.live.messages import planar_matrix
 from lme.live.track import StampedMotion, Track
 from lme.types import Floats
 
-FARTHEST = 1e4  # [m] a goal farther away is a fault; some planners sample the way
+FARTHEST = 1e4  # [m] a goal farther away is a fault; some planners sample the way to it
 
 
 class Goal:
-    """A fixed point.
+    """A goal at a fixed point.
 
     Localisation moves a frame above the odometry frame, such as map, and a goal in it moves with it. A goal in any
     other frame is placed in the odometry frame once, at the robot's pose at the goal's stamp.
     """
 
     def __init__(self, point: Floats, frame: str, stamp: int) -> None:
-        """point (2,) [m] in `frame`; "" is the odometry frame. stamp [ns]."""
+        """Take a point (2,) [m] in `frame`, "" for the odometry frame, as it is at a stamp [ns]."""
         self._point, self.frame, self._stamp = point, frame, stamp
         self._placed: Floats | None = None  # in the odometry frame
 
     def place(self, frames: Frames, tree: TransformTree, track: Track, tolerance: int) -> bool:
-        """Find the goal in the odometry frame; return whether tf and the poses allow it. tolerance [ns] of the pose."""
+        """Find the goal in the odometry frame, and return whether tf and the poses allow it.
+
+        tolerance: greatest time between the goal's stamp and a pose [ns].
+        """
         if self._placed is not None:
             return True
         if self.frame in ("", frames.odom):
             self._placed = self._point
         elif self.frame != frames.base and (matrix := tree.lookup(frames.odom, self.frame)) is not None:
+            # A goal in a frame above the odometry frame moves with it, so it is not placed once and for all.
             place = to_world(self._point, planar_matrix(matrix)[0])
             self._placed = None if self._is_above_odometry(frames, tree) else place
             return True
         elif (matrix := tree.lookup(frames.base, self.frame)) is not None:
+            # A goal in a frame of the robot: the pose at its stamp fixes it.
             motion = track.at(self._stamp, tolerance)
             on_base = to_world(self._point, planar_matrix(matrix)[0])
             self._placed = None if motion is None else to_world(on_base, motion.pose)

@@ -1,4 +1,4 @@
-"""Converts ROS messages of common_interfaces and geometry2 to the types of `lme.types`.
+"""Conversion of ROS messages of common_interfaces and geometry2 to the types of `lme.types`.
 
 A message is any object with the fields of its type: of rclpy, of rospy, or of a recording.
 """
@@ -21,7 +21,7 @@ IMU = "sensor_msgs/msg/Imu"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 SECOND = 1_000_000_000  # [ns]
-_UNIT = 1e-3  # how far the square of the norm of a unit quaternion may be from 1
+_UNIT = 1e-3  # greatest difference of the squared norm of a unit quaternion from 1
 
 
 class Tilt(NamedTuple):
@@ -37,19 +37,19 @@ def stamp_of(header: Any) -> int:
 
 
 def nanoseconds(stamp: Any) -> int:
-    """A time [ns]. rospy names its parts secs and nsecs."""
+    """Return a ROS time as [ns]. rospy names its parts secs and nsecs."""
     if hasattr(stamp, "secs"):
         return int(stamp.secs) * SECOND + int(stamp.nsecs)
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def is_cloud(message: Any) -> bool:
-    """Whether a message with a scan is a PointCloud2, not a LaserScan."""
+    """Return whether a message with a scan is a PointCloud2, not a LaserScan."""
     return hasattr(message, "point_step")
 
 
 def is_empty(message: Any) -> bool:
-    """Whether a scan measures nothing at all. A beam that meets nothing within range has measured that."""
+    """Return whether a scan measures nothing at all. A beam that meets nothing within range has measured that."""
     if is_cloud(message):
         points = cloud_points(message)
         return not (np.isfinite(points).all(axis=1) & points.any(axis=1)).any()
@@ -88,7 +88,7 @@ def pose_of(message: Any, kind: str) -> Pose:
 
 
 def has_orientation(message: Any, kind: str) -> bool:
-    """Whether the quaternion of a message with a pose is set, not left at zero."""
+    """Return whether the quaternion of a message with a pose is set, not left at zero."""
     return _is_set(_position_and_orientation(message, kind)[1])
 
 
@@ -100,7 +100,7 @@ def pose_matrix(message: Any, kind: str) -> Floats:
 def imu_rotation(message: Any) -> Floats | None:
     """The orientation of an Imu: rotation (3, 3) to a frame whose z axis points up; None if it measures none.
 
-    Then the first covariance is −1 (sensor_msgs/Imu), or the quaternion is zero or not finite.
+    In an Imu without one, the first covariance is −1 (sensor_msgs/Imu), or the quaternion is zero or not finite.
     """
     if message.orientation_covariance[0] == -1.0 or not _is_set(message.orientation):
         return None
@@ -142,7 +142,7 @@ def matrix_of(translation: Any, rotation: Any) -> Floats:
 
 
 def _rotation(quaternion: Any) -> Floats:
-    """The rotation (3, 3) of a quaternion, which need not be normalised; none if it is unset."""
+    """The rotation (3, 3) of a quaternion, which need not be normalised; the identity if it is unset."""
     x, y, z, w = (float(getattr(quaternion, key)) for key in "xyzw")
     norm = x * x + y * y + z * z + w * w
     s = 2.0 / norm if norm > 0.0 else 0.0
@@ -161,7 +161,7 @@ def tilt_of(matrix: Floats) -> Tilt:
 
 
 def planar_matrix(matrix: Floats) -> tuple[Pose, bool]:
-    """The planar pose of a transform (4, 4), and whether its z axis points down."""
+    """Return the planar pose of a transform (4, 4), and whether its z axis points down."""
     upside_down = bool(matrix[2, 2] < 0.0)
     return Pose(float(matrix[0, 3]), float(matrix[1, 3]), math.atan2(matrix[1, 0], matrix[0, 0])), upside_down
 

@@ -1,4 +1,4 @@
-"""Asks guide and planner, built for the lidar in use, and keeps the command within the limits."""
+"""Decisions of guide and planner, which are built for the lidar in use, with commands kept within the limits."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot)
 
 
 def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Robot) -> bool:
-    """Whether the robot would touch a point if it followed the command for a control period and then braked.
+    """Return whether the robot would touch a point if it followed the command for a control period and then braked.
 
-    points (M, 2) [m], in the frame in which `pose` is given. twist: of the robot now.
+    points: (M, 2) in the frame in which `pose` is given [m]. twist: the robot's present one.
     """
     now = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
     return not StoppingCheck(robot.hull, robot.dt).stops(command, now)
 
 
 _WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
-_WARM_UP_PERIOD = SECOND // 2  # [ns] after which all of a tracker has run
+_WARM_UP_PERIOD = SECOND // 2  # [ns] between two of them, after which every part of a tracker has run
 _AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
 
 
 class Pilot:
-    """A navigator for the robot of a scan source. seed: of its random numbers. wall: monotonic time [ns]."""
+    """A navigator for the robot of a scan source. seed: seed of its random numbers. wall: monotonic time [ns]."""
 
     def __init__(self, source: ScanSource, navigator: Navigator, seed: int, wall: Callable[[], int]) -> None:
         self.source, self.robot = source, source.robot
@@ -55,9 +55,9 @@ class Pilot:
         self._explanations = Explanations(navigator)
 
     def warm_up(self, scan: Any, posture: Posture | None = None) -> None:
-        """Make a few decisions on a scan, and discard them. posture: of the base at the stamp of a cloud.
+        """Make a few decisions on a scan, and discard them. posture: the base's at the stamp of a cloud.
 
-        Time goes on from one to the next, since a tracker of people does nothing with a scan that is not newer.
+        Each has a later stamp than the last, since a tracker of people does nothing with a scan that is not newer.
         """
         self._navigator.reset(np.random.default_rng(self._seed))
         for k in range(_WARM_UPS):
@@ -66,9 +66,9 @@ class Pilot:
             self.leads_into_contact(step, STILL)
 
     def decide(self, sight: LiveSight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
-        """A step that drives. Raises whatever guide or planner raise.
+        """Decide on a step that drives. Raises whatever guide or planner raise.
 
-        target: (2,) at the stamp of the scan [m]; it is goal `number`. last: the command before.
+        target: (2,) in the robot frame at the stamp of the scan [m]; it is goal `number`. last: the command before.
         """
         navigator, robot = self._navigator, self.robot
         if self._number != number:
@@ -96,15 +96,16 @@ class Pilot:
         )
 
     def leads_into_contact(self, step: LiveStep, last: Twist) -> bool:
-        """Whether the robot would touch what it sees if it got the command of a driving step.
+        """Return whether the robot would touch what it sees if it followed the command of a driving step.
 
-        It has moved since the scan and since its latest pose, with the command `last`.
+        Since the scan and since its latest pose, it has moved on with the command `last`.
         """
         assert step.observation is not None
         assert step.motion is not None
         seen, newest = step.observation, step.motion
         points = obstacle_points(seen.scan, self.robot.lidar.mount)
         age = max(step.stamp - newest.stamp, 0) / SECOND
+        # Predict from the latest pose, in the robot frame of the scan, to the time of the tick.
         then = relative(newest.pose, seen.odometry)
         return any(
             touches(points, *predict(then, twist, last, age, self.robot), step.command, self.robot)

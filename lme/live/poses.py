@@ -24,7 +24,7 @@ from lme.live.messages import (
 from lme.types import Floats, Pose, Twist
 
 FARTHEST = 1e9  # [m], [rad] larger numbers come from a fault
-FASTEST = 50.0  # [m/s], [rad/s] the same
+FASTEST = 50.0  # [m/s], [rad/s] likewise
 TWISTS = (
     "measured",
     "poses",
@@ -45,7 +45,7 @@ class Sample(NamedTuple):
 
 
 def is_sound(pose: Pose, twist: Twist | None) -> bool:
-    """Whether all numbers are finite and of a size that a robot can have."""
+    """Return whether all numbers are finite and of a size that a robot can have."""
     near = all(abs(number) <= FARTHEST for number in pose)
     return near and all(abs(number) <= FASTEST for number in twist or ())
 
@@ -94,7 +94,7 @@ _KEPT = 5 * SECOND
 _TRIMMED_AT = 4096  # samples
 _PLANAR = 1e-6  # [rad] below this, roll and pitch are rounding
 _UPRIGHT = math.radians(45.0)  # a robot that drives is tilted by less, an IMU that hangs upside down by more
-_PATIENCE = SECOND  # for which poses may be planar until it is said: an IMU may begin later
+_PATIENCE = SECOND  # [ns] for which poses may be planar before that is reported: an IMU may begin later
 _NO_IMU = "its poses hold no roll and pitch, and no IMU is heard"
 _NO_ORIENTATION = (
     "its poses hold no roll and pitch, and its IMU measures no orientation, as that of a Livox lidar"
@@ -102,10 +102,11 @@ _NO_ORIENTATION = (
 
 
 class Posture(NamedTuple):
-    """How the base stands at the stamp of a cloud.
+    """Pose, height and tilts of the base at the stamp of a cloud.
 
     pose, height [m]: in the odometry frame. tilts (K, 3): time after the stamp [s], roll and pitch [rad] of the base,
-    around the stamp and in order; K is 0 if they are not known. problem: why not; "" while it need not be said.
+    around the stamp and in order; K is 0 if they are not known. problem: the reason for that; "" if there is none to
+    report.
     """
 
     pose: Pose
@@ -115,7 +116,7 @@ class Posture(NamedTuple):
 
 
 class Postures:
-    """Heights of the base by its poses, and its tilts: by the poses, or by an IMU while these are planar."""
+    """Heights of the base, by its poses, and its tilts, by the poses or by an IMU while the poses are planar."""
 
     def __init__(self) -> None:
         self._poses, self._imu = _Samples(), _Samples()
@@ -137,8 +138,10 @@ class Postures:
         """The posture at `stamp` [ns], where the planar pose is `pose`. tolerance [ns]: to the nearest sample."""
         poses = self._poses.around(stamp, tolerance)
         height = float(np.interp(0.0, poses[:, 0], poses[:, 1])) if len(poses) else 0.0
+        # The IMU counts until a pose has been tilted: planar poses say nothing about roll and pitch.
         by_imu = not self._poses.tilted
         tilts = (self._imu.around(stamp, tolerance) if by_imu else poses)[:, [0, 2, 3]]
+        # Tilts that are not measured, not near in time or impossible are dropped, with the reason.
         problem = ""
         if by_imu and not self._imu.tilted:
             tilts = tilts[:0]

@@ -1,4 +1,4 @@
-"""Converts scans and point clouds of any lidar to scans of the robot's lidar."""
+"""Conversion of scans and point clouds of any lidar to scans of the robot's lidar."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from lme.perception.scan_check import ScanFault, check_unit_of_angles, scan_faul
 from lme.robots import Lidar, Robot
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 
-_FINER = 2.5  # times as many beams per angle as in the first message are a finer lidar
-_NARROWER = 0.9  # share of the widest field of view so far that a whole scan covers
+_FINER = 2.5  # a lidar with this many times as many beams per angle as in the first message is a finer one
+_NARROWER = 0.9  # share of the widest field of view so far that a whole scan covers at least
 _TILT_WARNED, _TILT_REFUSED = math.radians(10.0), math.radians(45.0)  # of a planar lidar
 
 
 class ScanSource:
-    """Turns messages into scans of the lidar of `robot`.
+    """A converter of messages to scans of the lidar of `robot`.
 
-    first: the first message. mount: (4, 4) from its frame to the base frame, by tf; None if tf has none. carrier: of
-    its frame. posture, in all methods: of the base at the stamp of a cloud; None if not known, and for a LaserScan.
-    With lidar "recorded", the robot gets the lidar of the first message; with "robot", it keeps its own, and scans
-    are resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to the last bit.
+    first: the first message. mount: (4, 4) from its frame to the base frame, by tf; None if tf has none. carrier:
+    what its frame moves with. posture, in all methods: the base's at the stamp of a cloud; None if not known, and for
+    a LaserScan. With lidar "recorded", the robot gets the lidar of the first message; with "robot", it keeps its own,
+    and scans are resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to the last bit.
     """
 
     def __init__(
@@ -45,7 +45,10 @@ class ScanSource:
         robot: Robot,
         carrier: Carrier = Carrier.BASE,
     ) -> None:
-        """Raises InputError if the first message is not valid, or if its mount is not known well enough."""
+        """Read mount and lidar from the first message.
+
+        Raises InputError if the message is not valid, or if its mount is not known well enough.
+        """
         self._config = config
         self.carrier = carrier
         self._spare_range, self._outline = robot.lidar.range_max, robot.footprint.r_max
@@ -72,16 +75,17 @@ class ScanSource:
 
     @property
     def mount(self) -> Pose:
-        """The pose, in the base frame, of the frame of `raw` scans; of a point cloud's, the base itself."""
+        """The pose, in the base frame, of the frame of `raw` scans; for point clouds that is the base itself."""
         return self._pose
 
     def read(self, message: Any, posture: Posture | None = None) -> LaserScan:
-        """The scan of a LaserScan or PointCloud2 message, as a scan of the robot's lidar.
+        """Return the scan of a LaserScan or PointCloud2 message, as a scan of the robot's lidar.
 
         Warns of each kind of fault once.
         """
         raw, lidar = self.raw(message, posture), self.robot.lidar
         self.warn_of_faults(message, raw, posture)
+        # Compare the geometry with the lidar's only if it is not that of the last message.
         geometry = (len(raw.ranges), *raw[1:])
         if geometry != self._geometry:
             self._geometry = geometry
@@ -102,13 +106,13 @@ class ScanSource:
     ) -> Observation:
         """The input of guide and planner: the scan of a message, and pose, twist and target (2,) [m] at its stamp.
 
-        last_command: what the robot follows now. posture: of the body, which levels a cloud.
+        last_command: the command that the robot follows now. posture: the base's, by which a cloud is levelled.
         """
         limits, scan = self.robot.limits, self.read(message, posture)
         return Observation(scan, target, motion.twist, limits, motion.pose, last_command=last_command)
 
     def exceeded_by(self, message: Any) -> bool:
-        """Whether a message shows a wider or much finer lidar than the first, which then was not a whole scan."""
+        """Return whether a message shows a wider or much finer lidar than the first, which then was no whole scan."""
         if self._clouds is not None or self._config.lidar == "robot":
             return False
         lidar, increment, fov = self.robot.lidar, abs(float(message.angle_increment)), _fov(message)
@@ -116,7 +120,7 @@ class ScanSource:
         return wider or (fov >= lidar.fov and _FINER * increment < lidar.angle_increment)
 
     def blinding_fault(self, message: Any, posture: Posture | None = None) -> str | None:
-        """Why a robot must not drive on a message, although it measures something; None if it may.
+        """Return the reason not to drive on a message, although it measures something; None if there is none.
 
         Raises InputError if the angles are in degrees.
         """
@@ -160,7 +164,7 @@ class ScanSource:
         return faults + self._size_faults(message)
 
     def _size_faults(self, message: Any) -> list[ScanFault]:
-        """Whether the message covers much less than the widest so far, or more than the lidar."""
+        """Faults of a message that covers much less than the widest so far, or more than the lidar."""
         lidar, fov = self.robot.lidar, _fov(message)
         size = f"a scan of {len(message.ranges)} beams covers {math.degrees(fov):.3g}°"
         if self._config.lidar == "recorded" and fov > lidar.fov + 2.0 * lidar.angle_increment:
@@ -174,7 +178,7 @@ class ScanSource:
         return []
 
     def _needs_no_conversion(self, raw: LaserScan) -> bool:
-        """Whether the ranges need no conversion: same beams in the same order, and 0 is not a valid range."""
+        """Return whether the ranges need no conversion: same beams in the same order, and 0 is not a valid range."""
         lidar = self.robot.lidar
         first = math.isclose(raw.angle_min, lidar.angle_min, abs_tol=1e-5)
         upright = raw.angle_increment > 0.0 and not self.upside_down

@@ -37,9 +37,9 @@ _NAMES = {"scan": "scan", "pose": "odometry"}
 
 
 class LiveSight(NamedTuple):
-    """What the robot senses. scan: the latest message. motion: at its stamp. newest: the latest motion.
+    """The sensor data for a decision. scan: the latest message. motion: that at its stamp. newest: the latest motion.
 
-    posture: of the base at the stamp of a cloud; None for a LaserScan.
+    posture: the base's at the stamp of a cloud; None for a LaserScan.
     """
 
     scan: Any
@@ -49,7 +49,7 @@ class LiveSight(NamedTuple):
 
 
 class LiveSensors:
-    """Keeps the latest messages, and checks that they are fresh enough to drive on.
+    """The latest messages, with checks that they are fresh enough to drive on.
 
     A message counts if its stamp is within `stale` of its arrival, and later than those before it.
     Poses come from tf until the first message that holds one; from then on, only from such messages.
@@ -98,7 +98,7 @@ class LiveSensors:
             self.note_problem("pose", "its quaternion is zero")
             return
         if self._pose_message is None:
-            self.track = Track()  # until now by tf
+            self.track = Track()  # until now, poses came from tf
         self._pose_message = message
         self._add(sample, now)
 
@@ -139,18 +139,18 @@ class LiveSensors:
 
     @property
     def carrier(self) -> Carrier:
-        """What carries the frame of the scan, if that is a cloud; nothing depends on it for a LaserScan."""
+        """The carrier of the frame of the scan, if that is a cloud; nothing depends on it for a LaserScan."""
         if not is_cloud(self.scan):
             return Carrier.BASE
         return carrier_of(frame(self.scan.header.frame_id), self.frames, self.tree)
 
     @property
     def posture(self) -> Posture | None:
-        """How the base stands at the stamp of the scan, if that is a cloud; None without a pose close in time."""
+        """The base's posture at the stamp of the scan, if that is a cloud; None without a pose close in time."""
         return self.track.posture(self._scan_stamp, self._stale) if is_cloud(self.scan) else None
 
     def look(self, now: int) -> LiveSight:
-        """What the robot senses at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
+        """Return the sensor data at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
         self._check("scan", now)
         if is_empty(self.scan):
             raise NotReadyError("the scan is empty: no beam measures anything")

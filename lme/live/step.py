@@ -14,7 +14,7 @@ STILL = Twist(0.0, 0.0)
 
 
 class LiveState(StrEnum):
-    """What the robot does. STOPPED: it stands for safety, and continues once the reason is gone."""
+    """The robot's activity. STOPPED: it stands for safety, and continues once the reason is gone."""
 
     IDLE = "idle"
     DRIVING = "driving"
@@ -53,7 +53,7 @@ class LiveStep(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What the robot does and why, for display."""
+        """Description of what the robot does and why, for display."""
         return str(self.state) if self.reason in ("", self.state) else f"{self.state}: {self.reason}"
 
 

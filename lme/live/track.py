@@ -25,7 +25,7 @@ class StampedMotion(NamedTuple):
 
 
 class Track:
-    """Collects poses and interpolates between them. postures: their heights and tilts."""
+    """A record of poses that interpolates between them. postures: their heights and tilts."""
 
     def __init__(self) -> None:
         self._stamps: list[int] = []
@@ -80,7 +80,7 @@ class Track:
         return StampedMotion(stamp, self._poses[end], self._twist(end))
 
     def posture(self, stamp: int, tolerance: int) -> Posture | None:
-        """How the base stands at `stamp` [ns]; None if no pose is within `tolerance` [ns]."""
+        """The base's posture at `stamp` [ns]; None if no pose is within `tolerance` [ns]."""
         motion = self.at(stamp, tolerance)
         return None if motion is None else self.postures.at(stamp, motion.pose, tolerance)
 

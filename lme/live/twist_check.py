@@ -1,4 +1,4 @@
-"""Compares the twists of odometry messages with the slope of their poses: a driver may mean another frame or unit."""
+"""Check twists of odometry messages against the slope of their poses: a driver may mean another frame or unit."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _WINDOW_S = 1.0  # time over which motion is compared: it averages a walking rob
 _MOVING_S = 0.5  # time over which the poses move, twice in a row, if they do not only jump
 _LONGEST_GAP_S = 0.5  # between poses; over a longer one a twist says little about the motion
 _SLOWEST = (0.15, 0.2)  # [m/s], [rad/s] below both the robot counts as standing
-_NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences that are never wrong
-_SHARE = 0.25  # nor are those below this share of the motion
+_NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences up to these never count as wrong
+_SHARE = 0.25  # nor do differences up to this share of the motion
 _COMPARED, _WRONG = 5, 4  # windows with motion that are compared, and how many of them must be wrong
 
 
 class TwistCheck:
-    """Takes the poses and twists of one source, in order.
+    """A comparison of the poses and twists of one source, taken in order.
 
     One wrong window is no contradiction: the pose may jump at a loop closure or a reset. Twists that have all been
     zero, as of a driver that never sets them, are found within about a second of motion, others in four to five.
@@ -40,15 +40,18 @@ class TwistCheck:
         before, self._before = self._before, (stamp, pose, twist)
         self._all_zero = self._all_zero and twist == (0.0, 0.0)
         seconds = (stamp - before[0]) / SECOND if before else 0.0
+        # After a gap, or a stamp that is not later, both windows begin anew.
         if before is None or not 0.0 < seconds <= _LONGEST_GAP_S:
             self._sums[:] = self._moved[:] = 0.0
             self._velocities.clear()
             return
+        # The velocity of the poses alone shows whether twists that are always zero are wrong.
         moved = relative(pose, before[1])
         self._moved += (seconds, moved.x, moved.yaw)
         if self._moved[0] >= _MOVING_S:
             self._velocities.append(self._moved[1:] / self._moved[0])
             self._moved[:] = 0.0
+        # Sum the motion by the poses, and by the twists (trapezoidal rule), until the window is full.
         means = [(one + other) / 2 for one, other in zip(before[2], twist, strict=True)]
         self._sums += np.array((seconds, moved.x, moved.yaw, *(seconds * mean for mean in means)))
         if self._sums[0] < _WINDOW_S:
@@ -61,11 +64,14 @@ class TwistCheck:
 
     @property
     def full(self) -> bool:
-        """Whether as much motion as can be compared has been."""
+        """Return whether as many windows with motion have been compared as are kept."""
         return len(self._windows) == _COMPARED
 
     def contradiction(self, at_end: bool = False) -> str | None:
-        """What contradicts, if it does. at_end: nothing more comes, so fewer windows decide, if all are wrong."""
+        """Describe the contradiction between twists and poses; None if there is none.
+
+        at_end: nothing more comes, so fewer windows decide, if all are wrong.
+        """
         if self._all_zero and len(self._velocities) == 2:
             one, other = self._velocities
             onward = one * other > 0.0  # not out and back, as one wrong pose
