@@ -27,7 +27,7 @@ DARK = 0.5  # of white; darker pixels of a plain bitmap are obstacles. JPEG arte
 _PICTURE_BYTES = 2**30
 _OPAQUE = 128  # alpha from which a pixel of a ROS map has its colour; one below is unknown
 _EIGHT_BIT = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "YCbCr")
-# What Pillow raises for a damaged picture.
+# Errors that Pillow raises for a damaged picture.
 _DAMAGED = (OSError, SyntaxError, ValueError, EOFError, IndexError, TypeError, OverflowError, MemoryError)
 _ROS_KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
@@ -78,7 +78,7 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
 
 
 def is_picture(path: Path) -> bool:
-    """Whether a file begins like a picture of a known format; it may still be damaged."""
+    """Return whether a file begins like a picture of a known format; it may still be damaged."""
     try:
         with warnings.catch_warnings(), open_bytes(path) as file:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -102,8 +102,11 @@ def brightness(path: Path) -> Floats:
 
 
 def _levels(path: Path) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int, Bools | None]:
-    """Sums of the colours (rows, columns) as map_server takes them, row 0 at the bottom; that of white; and where the
-    picture is transparent, if it can be."""
+    """Read a picture as sums of its colours, as map_server takes them.
+
+    Returns the sums (rows, columns), with row 0 at the bottom; the sum of white; and which pixels (rows, columns) are
+    transparent, None if the picture has no transparency.
+    """
     with _opened(path) as image:
         if _may_be_transparent(image):
             pixels = np.asarray(image.convert("RGBA"))[::-1]
@@ -115,7 +118,7 @@ def _levels(path: Path) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int, Bo
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Image.Image]:
-    """A picture with a right size and type of pixels; any damage found while it is decoded raises InputError."""
+    """Open a picture of a valid size and type of pixels; any damage found while it is decoded raises InputError."""
     try:
         with warnings.catch_warnings(), open_bytes(path, _PICTURE_BYTES) as file:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_PIXELS is the limit
@@ -158,7 +161,7 @@ def _may_be_transparent(image: Image.Image) -> bool:
 
 
 def _ros_entry(path: Path) -> Entry:
-    """The keys of map_server in a ROS map. Warns of others."""
+    """Read the keys of map_server in a ROS map. Warns of others."""
     content = read_yaml(path)
     if isinstance(content, dict):
         foreign = [key for key in content if key not in (*_ROS_KEYS, "mode")]

@@ -44,7 +44,10 @@ class Buildings:
     Config = BuildingsConfig
 
     def __init__(self, config: BuildingsConfig) -> None:
-        """Raises InputError if there are no paths or one does not exist, and for a number that no building has."""
+        """Find the buildings.
+
+        Raises InputError if there are no paths or one does not exist, and for a number that no building has.
+        """
         self.config = config
         self._paths = _maps(config.paths)
         single = self._paths[0].stem if len(self._paths) == 1 else "building"
@@ -60,7 +63,7 @@ class Buildings:
 
     @property
     def name(self) -> str:
-        """What the records call this map."""
+        """Name of this map in the records."""
         return self._name
 
     @property
@@ -69,7 +72,7 @@ class Buildings:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """Configuration `number`; its shortest path is computed once.
+        """Build configuration `number`; its shortest path is computed once.
 
         Raises InputError for a number that was not chosen, and as `Room` does for the building's map.
         """
@@ -80,7 +83,7 @@ class Buildings:
         return replace(task, map_name=self._name, number=number, measures=measures)
 
     def way(self, number: int) -> Floats:
-        """As `Room.way`."""
+        """Return the turns of the shortest path of configuration `number`, as `Room.way` does."""
         check_chosen(number, self._numbers, "configuration", self._name)
         building, configuration = divmod(number, self.config.configurations)
         return self._room(building).way(configuration)
@@ -97,7 +100,7 @@ class Buildings:
 
 
 class _MeasuredRoom(Room):
-    """A room whose tasks also measure how wide the way is."""
+    """A room whose tasks also measure the width of the way."""
 
     def task(self, number: int) -> Task:
         task = super().task(number)
@@ -108,7 +111,7 @@ class _MeasuredRoom(Room):
 
 
 def _maps(paths: Sequence[str] | None) -> list[Path]:
-    """The map files, with those of a folder in its place. Raises InputError for a path that is not right."""
+    """Return the map files, with a folder replaced by those in it. Raises InputError for a path that is not right."""
     if not paths:
         raise InputError(
             f"map.paths is {'null' if paths is None else '[]'}: must be a list of ROS maps (.yaml) or folders of them, "
@@ -142,9 +145,10 @@ def _passage(space: FreeSpace, step: float, start: tuple[int, int], goal: tuple[
 
 @lru_cache(maxsize=4)
 def _clearance(space: FreeSpace, step: float) -> Floats:
-    """(Y, X) distance of each lattice point to the nearest obstacle [m], also where the space itself stops counting.
+    """(Y, X) distance of each lattice point to the nearest obstacle [m], also beyond the limit of the space's own.
 
-    There it is that of the nearest point that counts and the way to it, which is a little too much.
+    Beyond it, the distance is that of the nearest point within the limit plus the distance to that point, which is a
+    little too much.
     """
     known = space.clearance
     limit = known.max()
@@ -154,11 +158,12 @@ def _clearance(space: FreeSpace, step: float) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _widest_way(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]) -> float:
-    """The greatest clearance that a way between two lattice points can keep everywhere; ways go in eight directions.
+    """Return the greatest clearance that a way between two lattice points can keep everywhere; 0 if there is no way.
 
-    The points are taken up in the order of their clearance from those next to the ones taken before, as in Prim's
-    algorithm.
+    Ways go in eight directions. Of the points next to those reached before, the one with the greatest clearance is
+    taken next, as in Prim's algorithm.
     """
+    # A heap of the points next to those taken, by −clearance, so that the widest comes first.
     rows, columns = clearance.shape
     keys, items = np.empty(clearance.size), np.empty(clearance.size, np.int64)
     seen = np.zeros(clearance.shape, np.bool_)
@@ -166,11 +171,13 @@ def _widest_way(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]
     size = push(keys, items, 0, -clearance[start], start[0] * columns + start[1])
     least = np.inf
     while size > 0:
+        # The least clearance of the points taken so far is the greatest that a way to this one can keep.
         least = min(least, -keys[0])
         row, column = items[0] // columns, items[0] % columns
         if row == goal[0] and column == goal[1]:
             return float(least)
         size = pop(keys, items, size)
+        # Put its neighbours that are new on the heap.
         for down in range(-1, 2):
             for right in range(-1, 2):
                 r, c = row + down, column + right

@@ -43,7 +43,10 @@ def check_task(task: Task, robot: Robot) -> None:
 
 
 def _check_numbers(task: Task) -> str:
-    """Raise InputError for a task of a user's own map set that is none, or whose numbers are not; its map and world."""
+    """Check type and numbers of a task, which a user's own map set may give, and name its map and world for messages.
+
+    Raises InputError.
+    """
     if not isinstance(task, Task):
         raise InputError(f"the map set gives {task!r:.80} for a world: must be a lme.worlds.world.Task")
     where, world = f"map {task.map_name}, world {task.number}", task.world
@@ -92,7 +95,7 @@ def _point_segments(point: Floats, segments: Floats) -> Floats:
 
 
 def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
-    """Whether a point (2,) lies in a polygon; only those whose box contains it are looked at."""
+    """Return whether a point (2,) lies in a polygon; only those whose box contains it are examined."""
     if not polygons:
         return False
     corners = np.vstack(polygons)
@@ -103,7 +106,7 @@ def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
 
 
 def _inside_polygon(polygon: Floats, point: Floats) -> bool:
-    """Whether a point (2,) lies in a polygon (V, 2), by the even–odd rule."""
+    """Return whether a point (2,) lies in a polygon (V, 2), by the even–odd rule."""
     (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     rise = np.where(crosses, y1 - y0, 1.0)

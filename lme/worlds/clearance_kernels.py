@@ -17,6 +17,7 @@ def shorten_to_circles(field, x, y, reach, circles):
         rows, columns = _window(x, y, centre_x, centre_y, centre_x, centre_y, span)
         for r in range(rows[0], rows[1]):
             for c in range(columns[0], columns[1]):
+                # Distance of p to the disc: max(|p − centre| − radius, 0).
                 away = math.hypot(x[c] - centre_x, y[r] - centre_y) - radius
                 field[r, c] = min(field[r, c], max(away, 0.0))
 
@@ -31,18 +32,24 @@ def shorten_to_edges(field, x, y, reach, edges):
         rows, columns = _window(x, y, min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1), reach)
         for r in range(rows[0], rows[1]):
             for c in range(columns[0], columns[1]):
+                # Nearest point of the edge: p0 + t e, with t = (p − p0) · e / |e|² clipped to [0, 1].
                 dx, dy = x[c] - x0, y[r] - y0
                 share = min(max((dx * ex + dy * ey) / square, 0.0), 1.0) if square > 0.0 else 0.0
                 dx, dy = dx - share * ex, dy - share * ey
+                # Compare squares first, and take the root only where the edge may be nearer.
                 if dx * dx + dy * dy < field[r, c] * field[r, c] * (1.0 + _ROUNDING):
                     field[r, c] = min(field[r, c], math.hypot(dx, dy))
 
 
 @njit(cache=True, error_model="numpy")
 def clear_inside(field, x, y, corners, ends):
-    """Set the distances (Y, X) to 0 in polygons; corners (V, 2) of all, ends (P,): where those of each end."""
+    """Set the distances (Y, X) to 0 in polygons.
+
+    corners: (V, 2) of all polygons, one after the other. ends: (P,) index after the last corner of each.
+    """
     first = 0
     for last in ends:
+        # Test only the lattice points in the box around the polygon.
         low_x, high_x = corners[first:last, 0].min(), corners[first:last, 0].max()
         low_y, high_y = corners[first:last, 1].min(), corners[first:last, 1].max()
         rows, columns = _window(x, y, low_x, low_y, high_x, high_y, 0.0)
@@ -56,15 +63,18 @@ def clear_inside(field, x, y, corners, ends):
 
 @njit(cache=True, error_model="numpy")
 def inside(corners, first, last, x, y):
-    """(Y, X) whether each lattice point lies in the polygon of corners first…last − 1."""
+    """Return (Y, X) whether each lattice point lies in the polygon of corners first…last − 1 (even–odd rule)."""
     odd = np.zeros((len(y), len(x)), np.bool_)
     for i in range(first, last):
         j = i + 1 if i + 1 < last else first
         x0, y0, x1, y1 = corners[i, 0], corners[i, 1], corners[j, 0], corners[j, 1]
+        # In each row that the side crosses, flip the first point that is not left of the crossing,
+        # x0 + (y − y0) (x1 − x0) / (y1 − y0).
         for r in range(np.searchsorted(y, min(y0, y1)), np.searchsorted(y, max(y0, y1))):
             at = np.searchsorted(x, x0 + (y[r] - y0) * ((x1 - x0) / (y1 - y0)))
             if at < len(x):
                 odd[r, at] ^= True
+    # Summed along the row, the flips give the parity of the sides to the left of each point.
     for r in range(len(y)):
         for c in range(1, len(x)):
             odd[r, c] ^= odd[r, c - 1]

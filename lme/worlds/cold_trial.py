@@ -35,10 +35,10 @@ _BARN_OUTLINE = np.array([[-4.5, 0.0], [0.0, 0.0], [0.0, 14.0], [-4.5, 14.0]])
 
 
 class Place(NamedTuple):
-    """What decides a world besides the family.
+    """The inputs that decide a world, together with its family.
 
-    seed: of the world. choice: of a kind or a building. radius: [m] of the disc that must have a path. margin: [m] by
-    which start and goal have more free space around them. paths: ROS maps of buildings.
+    seed: seed of the world. choice: a number that selects a kind or a building. radius: radius of the disc that must
+    have a path [m]. margin: additional free space around start and goal [m]. paths: ROS maps of buildings.
     """
 
     seed: int
@@ -49,7 +49,7 @@ class Place(NamedTuple):
 
 
 def _barn(place: Place) -> Task:
-    """A fresh world; its passages have the width that they have, so a footprint may not fit: then InputError."""
+    """A fresh BARN world. Raises InputError if its passages, whose width is not chosen, are too narrow."""
     number = FIRST_FRESH + place.choice
     task = Barn(BarnConfig(subset="fresh", fresh_seed=place.seed, worlds=[number])).task(number)
     space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, place.radius, place.margin)
@@ -112,14 +112,14 @@ _MAKERS: dict[str, Callable[[Place], Task]] = {
 
 
 def families(subset: str, paths: Sequence[str] | None) -> tuple[str, ...]:
-    """The names of the subset's families. Generated floor plans stand for buildings if there are no maps."""
+    """Return the names of the subset's families. Generated floor plans replace buildings if there are no maps."""
     if subset == DYNABARN:
         return (DYNABARN,)
     return ("barn", "indoor", BUILDINGS if paths else STAND_IN, "traps")
 
 
 def task_in(family: str, place: Place) -> Task:
-    """The task of a family. Raises InputError if the world has no path for a disc of the place's radius."""
+    """Build the task of a family. Raises InputError if the world has no path for a disc of the place's radius."""
     return _MAKERS[family](place)
 
 
@@ -178,12 +178,12 @@ class TrialRanges:
 
 
 def drawn_disturbances(ranges: TrialRanges, rng: np.random.Generator) -> dict[str, float]:
-    """A value for each key of the simulator in DISTURBANCES."""
+    """Draw a value for each key of the simulator in DISTURBANCES."""
     return {key: float(rng.uniform(*getattr(ranges, key))) for key in DISTURBANCES}
 
 
 def drawn_robot(name: str, ranges: TrialRanges, rng: np.random.Generator) -> Robot:
-    """A disc or a rectangle, as often, whose length is not less than its width, with limits and a lidar."""
+    """Draw a robot with limits and a lidar: equally often a disc and a rectangle, which is no wider than long."""
 
     def draw(key: str) -> float:
         return float(rng.uniform(*getattr(ranges, key)))
@@ -211,7 +211,7 @@ def drawn_robot(name: str, ranges: TrialRanges, rng: np.random.Generator) -> Rob
 
 
 def columns_of(robot: Robot, disturbances: dict[str, float]) -> dict[str, float | str]:
-    """What was drawn, by the name that it has in the records after `world_`."""
+    """Return the drawn values by the names that they have in the records after `world_`."""
     shape, lidar = robot.footprint, robot.lidar
     disc = shape.radius is not None
     low, high = shape.outline().min(axis=0), shape.outline().max(axis=0)
@@ -280,7 +280,7 @@ class ColdTrialConfig:
 class ColdTrial:
     """Episodes by number. Number k does not depend on which others are chosen, nor on the system.
 
-    The families take turns, so that any run of numbers has as many of each.
+    The families take turns, so that consecutive numbers have about as many of each.
     """
 
     Config = ColdTrialConfig
@@ -293,7 +293,7 @@ class ColdTrial:
 
     @property
     def name(self) -> str:
-        """What the records call this map."""
+        """Name of this map in the records."""
         return NAME
 
     @property
@@ -302,11 +302,11 @@ class ColdTrial:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """The task of episode `number`, for its own robot. Raises InputError as `drawn` does."""
+        """Build the task of episode `number`, for its own robot. Raises InputError as `drawn` does."""
         return self.drawn(number).task
 
     def drawn(self, number: int) -> DrawnTask:
-        """Robot, disturbances and task of episode `number`.
+        """Draw robot, disturbances and task of episode `number`.
 
         Raises InputError for a number that was not chosen, and if no robot of the ranges fits into the world.
         """
@@ -314,7 +314,7 @@ class ColdTrial:
         return self._kept(number)
 
     def _draw(self, number: int) -> DrawnTask:
-        """First the world and the disturbances, then robots until one fits into the world."""
+        """Draw the world and the disturbances first, then robots until one fits into the world."""
         config = self.config
         rng = np.random.default_rng(np.random.SeedSequence([config.trial_seed, number]))
         family = self._families[number % len(self._families)]

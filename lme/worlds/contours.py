@@ -32,7 +32,7 @@ def outlines(occupied: Bools) -> list[Floats]:
 
 
 def corners(occupied: Bools) -> int:
-    """The number of corners of all outlines, without those at the cuts. It costs far less than the outlines."""
+    """Count the corners of all outlines, without those at the cuts. It costs far less than the outlines."""
     cells = np.pad(occupied, 1)
     left, right = cells[:, :-1], cells[:, 1:]
     edge_left, edge_right = left[1:] ^ left[:-1], right[1:] ^ right[:-1]
@@ -72,6 +72,7 @@ def _outline(piece: Bools) -> Floats:
     if piece.all():  # as most pieces of a noisy map are
         rows, columns = piece.shape
         return np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], dtype=np.float64)
+    # Follow the runs from any vertex until the first run comes again.
     starts = _runs(piece)
     first = next(iter(starts))
     run = starts[first][0]
@@ -94,9 +95,11 @@ def _runs(piece: Bools) -> dict[tuple[int, int], list[_Run]]:
     """All runs of the outline, by the vertex (column, row) that they start from."""
     cells = np.pad(piece, 1).astype(np.int8)
     starts: dict[tuple[int, int], list[_Run]] = defaultdict(list)
+    # Between rows: eastwards if the occupied cells are above the line, westwards if they are below it.
     for line, low, high, sign in _stretches(cells[1:, 1:-1] - cells[:-1, 1:-1]):
         begin, end = ((low, line), (high, line))[:: 1 if sign > 0 else -1]
         starts[begin].append(_Run(_EAST if sign > 0 else _WEST, end))
+    # Between columns: northwards if the occupied cells are to the west of the line, southwards if to the east.
     for line, low, high, sign in _stretches((cells[1:-1, 1:] - cells[1:-1, :-1]).T):
         begin, end = ((line, low), (line, high))[:: 1 if sign < 0 else -1]
         starts[begin].append(_Run(_NORTH if sign < 0 else _SOUTH, end))

@@ -29,7 +29,7 @@ _TASKS_KEPT = 64
 
 @dataclass
 class Walking:
-    """What people who react have in common, wherever they are. Without slots, so that it can be a second base."""
+    """Settings that people who react share, wherever they are. Without slots, so that it can be a second base."""
 
     motion: str = ORCA  # orca | social_force
     sees_robot: float = 1.0  # share of the people who keep out of the robot's way
@@ -52,7 +52,7 @@ class Walking:
     def person(
         self, rng: np.random.Generator, path: Floats, repeat: str, speed: float | None = None
     ) -> Mover:
-        """Someone on a path (P, 2) [m]; speed [m/s]: instead of a drawn one."""
+        """Draw a person on a path (P, 2) [m]. speed: instead of a drawn one [m/s]."""
         drawn = self.walking_speed + self.speed_spread * float(np.clip(rng.standard_normal(), -2.0, 2.0))
         return Mover(
             path=path,
@@ -106,7 +106,7 @@ class Crowded:
         return self._base.numbers
 
     def task(self, number: int) -> Task:
-        """World `number` of the base with people. Raises InputError if they have no room in it."""
+        """Build world `number` of the base with people. Raises InputError if they have no room in it."""
         return self._built(number)
 
     def _task(self, number: int) -> Task:
@@ -124,7 +124,7 @@ class Crowded:
         return replace(task, world=world, measures=measures)
 
     def _places(self, task: Task, space: FreeSpace, count: int, rng: np.random.Generator) -> list[Floats]:
-        """First places (2,) of the people, apart from each other and from the robot's start."""
+        """Draw the first places (2,) of the people [m], apart from each other and from the robot's start."""
         start, config = np.array(task.start[:2]), self.config
         places: list[Floats] = []
         apart = 2 * config.body_radius + _GAP
@@ -152,7 +152,7 @@ class Crowded:
         )
 
     def _round(self, rng: np.random.Generator, space: FreeSpace, place: Floats) -> Floats:
-        """(P, 2) a walk from a place to others and back, as far apart as `walk` where there is room for that [m]."""
+        """Draw a round trip (P, 2) from a place to others [m], at least `walk` apart where there is room for that."""
         places = [place]
         for _ in range(PLACES - 1):
             others = [space.draw_partner(rng, places[-1], 0.0) for _ in range(PLACES_TRIED // 10)]
@@ -163,7 +163,7 @@ class Crowded:
 
 
 def _floor(task: Task) -> FloorPlan:
-    """The world as the floor of the box around it, its start and its goal."""
+    """Floor plan of the world: the box around its static obstacles, its start and its goal."""
     circles, ends = task.world.circles, task.world.edges.reshape(-1, 2)
     centres, radii = circles[:, :2], circles[:, 2:]
     around = np.array([task.start[:2], task.goal])

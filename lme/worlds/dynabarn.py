@@ -86,7 +86,7 @@ class Dynabarn:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """World `number`. Raises InputError for one that was not chosen."""
+        """Build world `number`. Raises InputError for one that was not chosen."""
         check_chosen(number, self._numbers, "world", "dynabarn")
         config = self.config
         motion = DIFFICULTIES[config.difficulty]
@@ -109,7 +109,7 @@ class Dynabarn:
 
 
 def movers(rng: np.random.Generator, motion: Motion) -> tuple[Mover, ...]:
-    """The cylinders of one world."""
+    """Draw the cylinders of one world."""
     count = rng.integers(*motion.cylinders, endpoint=True)
     return tuple(
         Mover(
@@ -149,7 +149,7 @@ def _border_place(rng: np.random.Generator) -> Floats:
 
 
 def _there_and_back(rng: np.random.Generator, curve: Floats) -> Floats:
-    """The waypoints of a round trip on a curve (P, 2), which begins at a random one."""
+    """Draw a round trip on a curve (P, 2), which begins at a random waypoint."""
     ring = np.vstack([curve, curve[-2:0:-1]])
     return np.roll(ring, int(rng.integers(len(ring))), axis=0)
 

@@ -12,7 +12,7 @@ from lme.worlds.world import World
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """What a map file holds.
+    """Content of a map file.
 
     world: the obstacles, including the closed outer wall. outline: (4, 2) corners in order [m]. start, goal: as
     `map.start` and `map.goal` of `map=file`, if the file has them.
@@ -25,7 +25,7 @@ class FloorPlan:
 
     @property
     def region(self) -> str:
-        """Where the map is, in words: ranges of x and y, or its corners if its sides are not parallel to the axes."""
+        """Region of the map in words: ranges of x and y, or its corners if its sides are not parallel to the axes."""
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
         if (np.isclose(self.outline, low) | np.isclose(self.outline, high)).all():
             return f"in x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"
@@ -34,6 +34,6 @@ class FloorPlan:
 
 
 def enclosed(outline: Floats, circles: Floats, segments: Floats, polygons: tuple[Floats, ...]) -> FloorPlan:
-    """The plan with these obstacles and a thin wall along its outline (4, 2) [m]."""
+    """Return the plan with these obstacles and a thin wall along its outline (4, 2) [m]."""
     wall = np.hstack([outline, np.roll(outline, -1, axis=0)])
     return FloorPlan(World(circles, np.vstack([wall, segments]), polygons), outline)

@@ -48,7 +48,11 @@ def shortest_way(free: Bools, step: float, start: Ints, goal: Ints) -> Ints:
 def _searched(
     free: Bools, step: float, start: Ints, goal: Ints
 ) -> tuple[tuple[Bools, int, Ints, Floats], Floats, tuple[int, int]]:
-    """The lattice with a border, its width and moves; lengths [m] of the paths found to its points; both ends."""
+    """Search for a shortest path from start to goal.
+
+    Returns the lattice with a border, its width and its moves; the lengths [m] of the paths found to its points; and
+    both ends.
+    """
     bordered = np.pad(free, _REACH)
     width = bordered.shape[1]
     begin, end = ((int(row) + _REACH) * width + int(column) + _REACH for row, column in (start, goal))
@@ -78,12 +82,13 @@ def _moves(width: int) -> tuple[Ints, Floats]:
 def _search(
     free: Bools, width: int, step: float, offsets: Ints, lengths: Floats, start: int, goal: int
 ) -> Floats:
-    """The least length found to every point [m], inf for those not reached; that of the goal is the shortest.
+    """Return the least length found to every point [m], inf for those not reached; that of the goal is the shortest.
 
     A* (Hart, Nilsson & Raphael 1968, DOI 10.1109/TSSC.1968.300136) with the straight line as the heuristic. It
-    goes on until no path that is as long but for rounding is left, so that the shortest length does not depend on the
-    order.
+    continues until no path is left that is equally long but for rounding, so that the shortest length does not depend
+    on the order.
     """
+    # The heap holds points by f = g + h: the length of the path found so far, and the straight line to the goal.
     g = np.full(free.size, np.inf)
     keys, points = np.empty(_ROOM), np.empty(_ROOM, np.int32)
     g[start] = 0.0
@@ -95,6 +100,7 @@ def _search(
             keys, points = enlarged(keys, points)
         if key > g[here] + _straight(here, goal, width) * step:
             continue  # outdated: a shorter path was found later
+        # Try all moves from here: one that shortens the path to its end puts that point on the heap.
         for k in range(len(lengths)):
             there = here + offsets[k, 0]
             length = g[here] + lengths[k]
@@ -110,6 +116,7 @@ def _back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: i
     way = np.empty(free.size, np.int64)
     here, count = goal, 0
     while here != start:
+        # Go to the point through which the path to this one is the shortest: the least g + length of the move.
         way[count], best = here, np.inf
         count += 1
         for k in range(len(lengths)):  # the moves are symmetric: those to here are those from here

@@ -63,7 +63,7 @@ class MapFile(Room):
         return super()._configuration(number)
 
     def _from_given_start(self, start: Sequence[float], number: int) -> Configuration:
-        """From the given start to the given or a drawn goal."""
+        """Configuration from the given start to the given goal, or to a drawn one."""
         place, given = np.array(start[:2]), self._goal()
         if given is None:
             goal = self._space.draw_partner(self._rng(number), place, self.config.min_distance)
@@ -73,14 +73,14 @@ class MapFile(Room):
         return Configuration(Pose(start[0], start[1], yaw), goal)
 
     def _to_given_goal(self, goal: Floats, number: int) -> Configuration:
-        """From a drawn start, with any yaw, to the given goal."""
+        """Configuration from a drawn start, with any yaw, to the given goal."""
         rng = self._rng(number)
         x, y = self._space.draw_partner(rng, goal, self.config.min_distance).tolist()
         return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), goal)
 
 
 def _check_single(worlds: list[int] | None, what: str) -> None:
-    """Raise InputError unless the worlds that are chosen are the only one that `what` leaves."""
+    """Raise InputError if worlds other than the only one that `what` leaves, number 0, are chosen."""
     if worlds not in (None, [0]):
         raise InputError(
             f"map.worlds is {worlds}: must be null or [0], since {what} together leave one configuration"

@@ -31,7 +31,7 @@ class Mover:
     the robot's base is that near to `trigger`, or to the mover itself if there is no trigger.
     motion: "scripted" keeps to the path whatever is there. "orca" and "social_force" are people (discs): they walk
     from waypoint to waypoint around walls, each other and, if `sees_robot`, the robot (`lme.simulation.walkers`).
-    times: (P,) rising times of a recorded track [s], instead of a speed: who is recorded is there only between them.
+    times: (P,) rising times of a recorded track [s], instead of a speed; the mover is there only between them.
     Raises InputError for an invalid shape, path or number.
     """
 
@@ -73,7 +73,7 @@ class Mover:
 
     @property
     def walks(self) -> bool:
-        """Whether it is a person who walks around what is in the way."""
+        """Return whether the mover is a person who walks around obstacles."""
         return self.motion != SCRIPTED
 
     @property
@@ -116,13 +116,13 @@ class Mover:
 
 
 def _poses(path: Floats) -> Floats:
-    """(P, 3) poses from poses or positions."""
+    """(P, 3) poses [m, rad] from poses or positions."""
     rows = _rows(path, "path", (2, 3), 1)
     return rows if rows.shape[1] == 3 else np.column_stack([rows, np.zeros(len(rows))])
 
 
 def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Floats:
-    """The values as an array of at least `least` rows of finite numbers. Raises InputError."""
+    """Return the values as an array. Raises InputError unless they are `least` or more rows of finite numbers."""
     rows = np.array(values, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < least or not np.isfinite(rows).all():
         shape = " or ".join(map(str, columns))
@@ -137,7 +137,7 @@ _KEYS = (*_NUMBERS, "outline", "trigger", "repeat", "motion", "sees_robot")
 
 
 def mover_of(place: str, item: object) -> Mover:
-    """The mover that an entry of a file describes. Raises InputError, which begins with `place`."""
+    """Build the mover that an entry of a file describes. Raises InputError, which begins with `place`."""
     entry = Entry(place, item, ["path"], _KEYS)
     given: dict[str, Any] = {key: entry.number(key) for key in _NUMBERS if entry.value(key) is not None}
     if "turn_rate_deg" in given:

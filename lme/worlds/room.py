@@ -56,7 +56,7 @@ class Room:
     Config = RoomConfig
 
     def __init__(self, config: RoomConfig) -> None:
-        """Raises InputError for an invalid file, or one with too little free space."""
+        """Read the map. Raises InputError for an invalid file, or one with too little free space."""
         path = _path(config)
         source = (path, path.stat().st_mtime_ns, _size(config), config.unknown)
         radius = STAGE_RADIUS if config.radius is None else config.radius
@@ -69,7 +69,7 @@ class Room:
 
     @property
     def name(self) -> str:
-        """What the records call this map."""
+        """Name of this map in the records."""
         return self._name
 
     @property
@@ -78,7 +78,7 @@ class Room:
         return tuple(self._configurations)
 
     def task(self, number: int) -> Task:
-        """Configuration `number`; its shortest path is computed once.
+        """Build configuration `number`; its shortest path is computed once.
 
         Raises InputError for a number that was not chosen, and as `TaskRules.task` does.
         """

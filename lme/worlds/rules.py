@@ -1,4 +1,4 @@
-"""What the configs of all map sets have in common: which worlds are driven, and when an episode ends."""
+"""Settings that the configs of all map sets share: the worlds to drive, and the rules that end an episode."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class TaskRules:
         speed: float,
         measures: dict[str, float],
     ) -> Task:
-        """A task with these rules.
+        """Build a task with these rules.
 
         goal: (2,) [m]. length: of the shortest path [m]; the optimal time is `length` at `speed` [m/s].
         Raises InputError for a start that is within the goal tolerance.
@@ -106,7 +106,7 @@ class PacedRules(TaskRules):
 
     @property
     def full_speed(self) -> float:
-        """The robot's [m/s]."""
+        """The robot's full speed [m/s]."""
         return STAGE_V_MAX if self.v_max is None else self.v_max
 
     @property
@@ -146,18 +146,18 @@ def fair_limit(fastest: float, factor: float = TIME_FACTOR, least: float = LEAST
 
 
 def with_robot(values: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
-    """The values of a map set's keys, with those of the robot for a `radius` and a `v_max` of null."""
+    """Return the values of a map set's keys, with those of the robot for a `radius` and a `v_max` of null."""
     own = {"radius": robot.hull.r_max, "v_max": robot.v_max}
     return {**values, **{key: own[key] for key in own if key in values and values[key] is None}}
 
 
 def path_measures(length: float, straight: float) -> dict[str, float]:
-    """Measures of a task: how far the goal is in a straight line [m], and how much longer the path is."""
+    """Measures of a task: the straight distance to the goal [m], and the length of the path as a multiple of it."""
     return {"straight_m": straight, "detour": length / straight if straight else 1.0}
 
 
 def map_path(given: str, right: str) -> Path:
-    """The file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
+    """Return the file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
     path = expanded(given)
     if not path.is_file():
         problem = "is a directory" if path.is_dir() else "no such file"

@@ -1,4 +1,4 @@
-"""Free space of a floor plan on a lattice: where a robot can be, where it can go, and how long the way is."""
+"""Free space of a floor plan on a lattice: the places where a robot can be, and the shortest paths between them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ class FreeSpace:
     """
 
     def __init__(self, plan: FloorPlan, step: float, radius: float, margin: float) -> None:
-        """step: distance between neighbouring points [m]. Raises InputError if the plan is too large for it."""
+        """Measure the clearance of all points.
+
+        step: distance between neighbouring points [m]. Raises InputError if the plan is too large for it.
+        """
         low, high = plan.outline.min(axis=0), plan.outline.max(axis=0)
         columns, rows = _points_along(low.tolist(), high.tolist(), step)
         self._x = low[0] + (np.arange(columns) + 0.5) * step
@@ -146,13 +149,14 @@ class FreeSpace:
         return np.array([self._x[point[1]], self._y[point[0]]])
 
     def _cell(self, place: Floats | Sequence[float]) -> Ints:
-        """(2,) row and column of the point nearest to a place x, y [m]; if it is free, of a free point."""
+        """(2,) row and column of the point nearest to a place x, y [m]; of a free point if the place is free."""
         x, y = place[0], place[1]
         column = int(np.clip(round((x - self._x[0]) / self._step), 0, len(self._x) - 1))
         row = int(np.clip(round((y - self._y[0]) / self._step), 0, len(self._y) - 1))
         cell = np.array([row, column])
         if self._passable[row, column]:
             return cell
+        # The nearest point is not free. If the place itself is, take the nearest of the free points around.
         around = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
         here = np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)
         clearance = clearance_field(self._plan, *here, self._radius)
@@ -179,13 +183,15 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
 def _reachable(
     roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
 ) -> Points:
-    """Those of the points `roomy` in the region of [row, column] that are `least` [m] or more away, and not there."""
+    """Points of `roomy` in the region of [row, column] that are `least` [m] or more away from it, without itself."""
     found, count = np.empty_like(roomy), 0
     sure = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
     for point in roomy:
+        # A point can be reached if it lies in the same region of free neighbours.
         there, across = point // regions.shape[1], point % regions.shape[1]
         if regions[there, across] != regions[row, column]:
             continue
+        # Far enough if √(Δrow² + Δcolumn²) step ≥ least; most points surely are, by the square.
         up, side = there - row, across - column
         square = up * up + side * side
         if square > 0 and (square > sure or math.hypot(up, side) * step >= least):

@@ -47,7 +47,7 @@ class SceneConfig(StartsConfig):
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """What a scene file holds. start, goal: (2,) [m]."""
+    """Content of a scene file. start, goal: (2,) [m]."""
 
     plan: FloorPlan
     start: Floats
@@ -60,7 +60,7 @@ class Scene(Starts):
     Config = SceneConfig
 
     def __init__(self, config: SceneConfig) -> None:
-        """Raises InputError for a missing or wrong file."""
+        """Read the scene and its free space. Raises InputError for a missing or wrong file."""
         path = _path(config)
         self._radius = STAGE_RADIUS if config.radius is None else config.radius
         drawing, space = _surveyed(path, path.stat().st_mtime_ns, self._radius, config.grid)
@@ -69,14 +69,14 @@ class Scene(Starts):
 
     @property
     def name(self) -> str:
-        """What the records call this scene."""
+        """Name of this scene in the records."""
         return self._name
 
     def _shared_site(self, number: int) -> tuple[World, FreeSpace]:
         return self._site
 
     def task(self, number: int) -> Task:
-        """See `Starts.task`. Also raises InputError if a mover stands at the start."""
+        """Build the task as `Starts.task` does. Also raises InputError if a mover stands at the start."""
         task = super().task(number)
         for place, mover in enumerate(task.world.movers):
             if _distance(mover, task.start) <= self._radius:

@@ -54,11 +54,12 @@ def read_shapes(path: Path) -> FloorPlan:
 
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
-    """See `read_shapes`; from the content of the YAML. place: its name in messages."""
+    """Build the plan from the content of the YAML, as `read_shapes` does. place: the file's name in messages."""
     entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_BESIDES))
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:
         raise entry.mistake("bounds", "[x_min, y_min, x_max, y_max] with each min less than its max")
+    # Collect the solids, the circles and the walls, which are lines if thin and polygons if thick.
     outline = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     solids = [
         _within(outline, where, make(where, item))
@@ -85,7 +86,7 @@ def floor_plan(place: str, drawing: object) -> FloorPlan:
 
 
 def _place(entry: Entry, key: str, counts: tuple[int, ...]) -> tuple[float, ...] | None:
-    """A start or a goal, if the file has it."""
+    """The start or the goal, if the file has it, else None."""
     given = entry.value(key)
     if given is None:
         return None
@@ -175,11 +176,13 @@ def _within(outline: Floats, where: str, points: Floats) -> Floats:
 
 
 def _crosses_itself(start: Floats, end: Floats) -> bool:
-    """Whether two sides start[i]–end[i] of a closed polygon cross between their ends.
+    """Return whether two sides start[i]–end[i] of a closed polygon cross between their ends.
 
     Only sides that overlap along x, or along y where fewer do, are compared. Raises ValueError if they are too many.
     """
     low, high = np.minimum(start, end), np.maximum(start, end)
+    # Sort the sides by their lower end along each axis. A side overlaps those after it up to its rank, which begin
+    # before it ends. Sweep along the axis with fewer overlaps.
     orders = [np.argsort(low[:, axis], kind="stable") for axis in (0, 1)]
     ranks = [
         np.searchsorted(low[order, axis], high[order, axis], side="right")
@@ -190,6 +193,7 @@ def _crosses_itself(start: Floats, end: Floats) -> bool:
     ends = np.cumsum(last - first)  # of the pairs of each side with later ones
     if ends[-1] > _MOST_PAIRS:
         raise ValueError(f"{ends[-1]} pairs of sides overlap")
+    # Compare the pairs in batches, since all of them may not fit into memory.
     begin = 0
     while begin < len(order):
         stop = max(int(np.searchsorted(ends, ends[begin] + _PAIRS_AT_ONCE)), begin + 1)
@@ -197,6 +201,7 @@ def _crosses_itself(start: Floats, end: Floats) -> bool:
         one = np.repeat(np.arange(begin, stop), counts)
         other = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[one]
         i, j = order[one], order[other]
+        # Sides whose boxes meet cross if the ends of each lie on different sides of the other.
         near = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
         i, j = i[near], j[near]
         own = _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j])

@@ -39,7 +39,7 @@ _PITCH, _IN_QUEUE = 0.85, 6  # [m] from one to the next in a queue, and the grea
 
 
 class Encounter(NamedTuple):
-    """What a kind of scene is made of.
+    """Composition of a kind of scene.
 
     size: of the floor, from (0, 0) [m]. walls: segments (S, 4) on it [m]. ends: x of the robot's start and of its goal,
     in the middle of y [m]. people: how many there are if no density is given. paths: yields a path (P, 2) for one more
@@ -92,7 +92,7 @@ class Social:
 
     @property
     def name(self) -> str:
-        """What the records call the map."""
+        """Name of this map in the records."""
         return self._name
 
     @property
@@ -101,7 +101,7 @@ class Social:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """World `number`. Raises InputError for one that was not chosen, or if people have no room in it."""
+        """Build world `number`. Raises InputError for one that was not chosen, or if people have no room in it."""
         check_chosen(number, self._numbers, "world", self._name)
         config, scene = self.config, SCENES[self.config.kind]
         stream = [config.scene_seed, list(SCENES).index(config.kind), number]
@@ -148,7 +148,7 @@ class Social:
 
 @lru_cache(maxsize=32)
 def _floor(kind: str, radius: float) -> tuple[FloorPlan, FreeSpace]:
-    """The walls of a kind of scene, and where a robot can be in it, once per process."""
+    """The walls of a kind of scene and the free space in it, computed once per process."""
     scene = SCENES[kind]
     (x, y) = scene.size
     outline = np.array([[0.0, 0.0], [x, 0.0], [x, y], [0.0, y]])
@@ -157,21 +157,21 @@ def _floor(kind: str, radius: float) -> tuple[FloorPlan, FreeSpace]:
 
 
 def _crosses(rng: np.random.Generator) -> Iterator[Floats]:
-    """To and fro across the robot's way."""
+    """Yield paths to and fro across the robot's way."""
     while True:
         x, y, end = rng.uniform(3.0, 9.0), rng.uniform(0.6, 7.4), rng.choice([0.6, 7.4])
         yield np.array([[x, y], [x, end], [x, 8.0 - end]])
 
 
 def _goes_ahead(rng: np.random.Generator) -> Iterator[Floats]:
-    """The same way as the robot, and past its goal."""
+    """Yield paths that lead the same way as the robot's, and past its goal."""
     while True:
         x, y = rng.uniform(2.5, 12.0), rng.uniform(0.5, 2.5)
         yield np.array([[x, y], [21.4, y]])
 
 
 def _comes_through(rng: np.random.Generator) -> Iterator[Floats]:
-    """To and fro between the rooms; every second one is in the goal's room at first."""
+    """Yield paths to and fro between the rooms; every second person is in the goal's room at first."""
     for direction in itertools.cycle((-1, 1)):
         here, there = np.column_stack([rng.uniform([0.6, 7.4], [4.6, 11.4]), rng.uniform(0.6, 5.4, 2)])
         path = np.array([here, [5.4, 3.0], [6.6, 3.0], there, [6.6, 3.0], [5.4, 3.0]])
@@ -179,14 +179,14 @@ def _comes_through(rng: np.random.Generator) -> Iterator[Floats]:
 
 
 def _meets(rng: np.random.Generator) -> Iterator[Floats]:
-    """To and fro along the corridor, towards the robot at first."""
+    """Yield paths to and fro along the corridor, towards the robot at first."""
     while True:
         x, y = rng.uniform(5.0, 17.0), rng.uniform(0.5, 2.0)
         yield np.array([[x, y], [0.8, y], [17.2, y]])
 
 
 def _talks(rng: np.random.Generator) -> Iterator[Floats]:
-    """In circles of people who stand face to face."""
+    """Yield places in circles of people who stand face to face."""
     while True:
         middle, first = rng.uniform([3.5, 2.5], [8.5, 5.5]), rng.uniform(0.0, 2 * math.pi)
         for angle in first + np.arange(_IN_GROUP) * (2 * math.pi / _IN_GROUP):
@@ -194,7 +194,7 @@ def _talks(rng: np.random.Generator) -> Iterator[Floats]:
 
 
 def _queues(rng: np.random.Generator) -> Iterator[Floats]:
-    """In a queue across the robot's way, from one wall, then in others from the other wall and this one."""
+    """Yield places in a queue across the robot's way from one wall, then in further queues from either wall."""
     for x, from_above in ((6.0, True), (4.5, False), (7.5, False), (3.0, True), (9.0, True)):
         for place in range(_IN_QUEUE):
             y = 0.6 + place * _PITCH

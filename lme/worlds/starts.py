@@ -45,7 +45,10 @@ class Starts:
     """The same task from a different start for every number. Start n does not depend on which others are chosen."""
 
     def __init__(self, name: str, config: StartsConfig, place: Place, start: Floats, goal: Floats) -> None:
-        """name: of the map, in its tasks. start, goal: (2,) [m]; starts are drawn around `start`."""
+        """Choose the starts.
+
+        name: name of the map in its tasks. start, goal: (2,) [m]; starts are drawn around `start`.
+        """
         self.config = config
         self._name, self._place = name, place
         self._start, self._goal = start, goal
@@ -57,7 +60,7 @@ class Starts:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """The task from start `number`; its shortest path is computed once.
+        """Build the task from start `number`; its shortest path is computed once.
 
         Raises InputError for a number that was not chosen, for a start at the goal, for a start or goal that is
         not in free space, or if no path between them is wide enough.
@@ -80,7 +83,7 @@ class Starts:
 
 
 def drawn_start(start: Floats, goal: Floats, config: StartsConfig, number: int) -> Pose:
-    """Start `number`: `start` (2,) moved to a side of its line to `goal` (2,) [m], heading near the goal."""
+    """Draw start `number`: `start` (2,) moved sideways off its line to `goal` (2,) [m], heading near the goal."""
     rng = np.random.default_rng(np.random.SeedSequence([config.start_seed, number]))
     aside, turned = rng.uniform(-1.0, 1.0, 2).tolist()
     ahead = math.atan2(goal[1] - start[1], goal[0] - start[0])

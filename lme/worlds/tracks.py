@@ -57,7 +57,7 @@ class RecordedPeopleConfig(PacedRules):
 
 
 class RecordedPeople:
-    """A recording from different times on: world n begins n × `every` after the first frame.
+    """A recording replayed from different times on: world n begins n × `every` after the first frame.
 
     Worlds at whose beginning someone stands where the robot starts are left out. There are no walls: the recordings
     have none.
@@ -66,7 +66,7 @@ class RecordedPeople:
     Config = RecordedPeopleConfig
 
     def __init__(self, config: RecordedPeopleConfig) -> None:
-        """Raises InputError for a missing or wrong file, and if no world is left."""
+        """Read the recording. Raises InputError for a missing or wrong file, and if no world is left."""
         if config.path is None:
             raise InputError(f"map.path is null: must be a file with lines of {_COLUMNS}")
         path = map_path(config.path, f"a file with lines of {_COLUMNS}")
@@ -100,7 +100,7 @@ class RecordedPeople:
 
     @property
     def name(self) -> str:
-        """What the records call this recording."""
+        """Name of this recording in the records."""
         return self._name
 
     @property
@@ -109,7 +109,7 @@ class RecordedPeople:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """The recording from beginning `number` on. Raises InputError for one that was not chosen."""
+        """Build the task of beginning `number`. Raises InputError for one that was not chosen."""
         check_chosen(number, self._numbers, "world", self._name)
         config = self.config
         way = self._goal - self._start
@@ -128,7 +128,7 @@ class RecordedPeople:
         )
 
     def _people(self, number: int, time_limit: float) -> tuple[Mover, ...]:
-        """Those who are there between the beginning and the time limit [s]."""
+        """People who are there between the beginning and the time limit [s]."""
         begin = number * self.config.every
         cut = (_from(track, begin) for track in self._tracks)
         radius = self.config.body_radius
@@ -163,6 +163,7 @@ def _read(path: Path, _modified: int, frame_rate: float) -> tuple[Floats, ...]:
     rows = _rows(path)
     times = (rows[:, 0] - rows[:, 0].min()) / frame_rate
     order = np.lexsort((times, rows[:, 1]))
+    # Sorted by id and then by time, the rows of an id are a track, or several where it was lost for long.
     persons = np.flatnonzero(np.diff(rows[order, 1])) + 1
     tracks: list[Floats] = []
     for own in np.split(order, persons):
@@ -180,7 +181,7 @@ def _read(path: Path, _modified: int, frame_rate: float) -> tuple[Floats, ...]:
 
 
 def _apart(tracks: Sequence[Floats], frame_rate: float) -> str:
-    """Why tracks of one person each fell apart, where that is the frame rate."""
+    """Explain that tracks fell apart into single frames by the frame rate; empty if that is not the reason."""
     gaps = np.diff([track[0, 0] for track in tracks])
     gaps = gaps[gaps > _LOST]
     if not len(gaps):
@@ -193,7 +194,7 @@ def _apart(tracks: Sequence[Floats], frame_rate: float) -> str:
 
 
 def _warn_of_units(path: Path, tracks: Sequence[Floats], frame_rate: float) -> None:
-    """Warn of people who run, and of an area that is too wide: the frame rate or the unit is another one."""
+    """Warn of people who run and of an area that is too wide: then the frame rate or the unit is wrong."""
     steps = np.vstack([np.diff(track, axis=0) for track in tracks])
     speeds = np.hypot(steps[:, 1], steps[:, 2]) / steps[:, 0]
     walking = speeds[speeds > _WALKING[0]]
@@ -217,7 +218,7 @@ def _warn_of_units(path: Path, tracks: Sequence[Floats], frame_rate: float) -> N
 
 
 def _rows(path: Path) -> Floats:
-    """(N, 4) the numbers of the file. Raises InputError that names the line."""
+    """Read the numbers of the file as (N, 4). Raises InputError that names the line."""
     try:
         lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:

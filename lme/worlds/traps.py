@@ -21,18 +21,18 @@ Legs = list[list[list[float]]]  # walls, each a list of [x, y] corners [m]
 
 
 def mixed(rng: np.random.Generator, door: float) -> Legs:
-    """A random trap of random size, mirrored half of the time. door: least width of a way [m], at most 2."""
+    """Draw a trap of random kind and size, mirrored half of the time. door: least width of a way [m], at most 2."""
     legs = _RANDOM[int(rng.integers(len(_RANDOM)))](rng.uniform, door)
     return [[[x, SIDE - y] for x, y in leg] for leg in legs] if rng.random() < 0.5 else legs
 
 
 def _u(door: float) -> Legs:
-    """2 × 2 m, open towards the start."""
+    """A U of 2 × 2 m, open towards the start."""
     return [[[4.0, 4.0], [6.0, 4.0], [6.0, 6.0], [4.0, 6.0]]]
 
 
 def _wall(door: float) -> Legs:
-    """4 m long, across the straight line to the goal."""
+    """A wall 4 m long, across the straight line to the goal."""
     return [[[5.0, 3.0], [5.0, 7.0]]]
 
 
@@ -54,12 +54,12 @@ Uniform = Callable[[float, float], float]
 
 
 def _random_u(draw: Uniform, door: float) -> Legs:
-    """Open towards the start."""
+    """A U, open towards the start."""
     return [_cup(draw(2.8, 4.5), draw(1.0, 2.5), draw(0.8, 2.5), draw(0.8, 2.5))]
 
 
 def _deep_u(draw: Uniform, door: float) -> Legs:
-    """Narrow, and open towards the start."""
+    """A narrow U, open towards the start."""
     return [_cup(draw(2.6, 3.2), draw(3.0, 4.5), draw(0.7, 1.2), draw(0.7, 1.2))]
 
 
@@ -71,7 +71,7 @@ def _bent_u(draw: Uniform, door: float) -> Legs:
 
 
 def _random_wall(draw: Uniform, door: float) -> Legs:
-    """Across the straight line to the goal, up to 27° from perpendicular."""
+    """A wall across the straight line to the goal, up to 27° from perpendicular."""
     x, lean = draw(3.5, 6.5), draw(-0.5, 0.5)
     below, above = draw(1.0, 2.8), draw(1.0, 2.8)
     return [[[x - lean * below, MIDDLE - below], [x + lean * above, MIDDLE + above]]]

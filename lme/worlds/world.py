@@ -71,7 +71,7 @@ class Task:
 
 
 class MapSet(Protocol):
-    """A numbered collection of tasks. One file here and one YAML in `conf/map/` each."""
+    """A numbered collection of tasks. Each has one file here and one YAML in `conf/map/`."""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -87,7 +87,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """What the records call the map."""
+        """Name of this map in the records."""
 
 
 @runtime_checkable
@@ -116,4 +116,4 @@ class DrawsRobots(Protocol):
     """A map set with another robot and other disturbances in every world."""
 
     def drawn(self, number: int) -> DrawnTask:
-        """Draw what is driven in world `number`; always the same."""
+        """Draw task, robot and disturbances of world `number`; always the same."""

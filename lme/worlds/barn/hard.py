@@ -26,14 +26,17 @@ _HARD = 0x68617264  # keeps the random streams of hard worlds apart from those o
 def hard_layout(fresh_seed: int, index: int) -> Layout:
     """Hard fresh world `index` of the seed `fresh_seed`: never an official one, always with a way through.
 
-    The first hard one in its own random stream, where every world has one of the benchmark's twelve settings at
+    It is the first hard one in its own random stream, where every world has one of the benchmark's twelve settings at
     random. A world does not depend on which others are made.
     """
     return accepted_layout(_hard_recipe(fresh_seed, index))
 
 
 def most_alike(measures: Mapping[str, float]) -> int:
-    """The official world nearest in the three measures, each in its standard deviations over the official worlds."""
+    """Return the official world nearest in the three measures.
+
+    Differences count in standard deviations of the measure over the official worlds.
+    """
     official = _official()
     apart = (official - [measures[name] for name in MEASURES]) / official.std(axis=0)
     return int((apart**2).sum(axis=1).argmin())

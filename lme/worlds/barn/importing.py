@@ -17,7 +17,7 @@ from lme.worlds.barn.layouts import official_layout, published_layout
 
 @dataclass(frozen=True, slots=True)
 class ImportedWorld:
-    """How an imported world compares with the regenerated one of the same number."""
+    """Comparison of an imported world with the regenerated one of the same number."""
 
     number: int
     cylinders: str  # "equal" | "different" | "not official"

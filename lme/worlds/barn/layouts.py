@@ -92,7 +92,7 @@ def accepted_layout(recipe: Recipe) -> Layout:
 
 
 def published_layout(number: int, world_file: Path) -> Layout:
-    """World and path as published; the path is planned if there is no `path_N.npy`.
+    """Read a world and its path as published; the path is planned if there is no `path_N.npy`.
 
     A world that differs from the official one of its number has no random stream: its planned path starts and
     ends at the free rows nearest to the middle. Raises InputError for a file that is not a BARN world or path.

@@ -26,8 +26,8 @@ from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
 from lme.worlds.rules import MOST_WORLDS, TaskRules, check_chosen
 from lme.worlds.world import Task, World
 
-FRESH = ("fresh", "fresh_hard")  # generated: the others are official worlds
-FRESH_KEYS = ("count", "fresh_seed")  # which only these subsets use
+FRESH = ("fresh", "fresh_hard")  # subsets that are generated; the others are official worlds
+FRESH_KEYS = ("count", "fresh_seed")  # keys that only these subsets use
 TARGET = "lme.worlds.barn.Barn"  # of the map set, in its YAML
 
 
@@ -51,7 +51,7 @@ SUBSETS = (*OFFICIAL, *FRESH)
 
 
 def is_idle(key: str, map_set: Mapping[str, Any]) -> bool:
-    """Whether a key of a map set's config is for fresh worlds, and the subset is one of official worlds."""
+    """Return whether a key of a map set's config is for fresh worlds, and the subset is one of official worlds."""
     return key in FRESH_KEYS and map_set.get("_target_") == TARGET and map_set.get("subset") in OFFICIAL
 
 
@@ -105,7 +105,7 @@ class Barn:
     Config = BarnConfig
 
     def __init__(self, config: BarnConfig) -> None:
-        """Raises InputError if a requested world does not exist; `task` reads the files."""
+        """Choose the worlds; `task` reads the files. Raises InputError if a requested world does not exist."""
         self.config = config
         self._files = None if config.source is None else find_worlds(config.source)
         self._numbers = self._chosen()

@@ -64,6 +64,7 @@ def plan(blocked: Bools, start: Cell, goal: Cell) -> Ints | None:
     costs, ranks, order = {start: 0.0}, {start: 0.0}, {start: 0}
     heap, closed = [(0.0, 0, start)], set[Cell]()
     while heap:
+        # Skip a cell that was closed before, or that has another rank by now.
         rank, _, cell = heapq.heappop(heap)
         if cell in closed or rank != ranks[cell]:
             continue
@@ -75,6 +76,7 @@ def plan(blocked: Bools, start: Cell, goal: Cell) -> Ints | None:
             known = child in costs
             if child in closed or (known and cost >= costs[child]):
                 continue
+            # The rank is the cost and the penalty, and for a cell that was reached before the straight distance too.
             costs[child], parents[child] = cost, cell
             ranks[child] = cost + nearness[child[0]][child[1]] + (math.dist(child, goal) if known else 0.0)
             heapq.heappush(heap, (ranks[child], order.setdefault(child, len(order)), child))

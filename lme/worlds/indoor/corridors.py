@@ -19,7 +19,7 @@ Line = tuple[int, int]  # low and high side of a corridor
 
 
 def corridors(rng: np.random.Generator, passage: int) -> Building:
-    """A random network of corridors. passage: their least width [cells]."""
+    """Draw a random network of corridors. passage: their least width [cells]."""
     columns, rows = _lines(rng, passage), _lines(rng, passage)
     crossings = list(product(range(len(columns)), range(len(rows))))
     number = {crossing: i for i, crossing in enumerate(crossings)}
@@ -38,7 +38,7 @@ def corridors(rng: np.random.Generator, passage: int) -> Building:
 
 
 def _lines(rng: np.random.Generator, passage: int) -> list[Line]:
-    """Parallel corridors side by side, with solid between them."""
+    """Draw parallel corridors side by side, with solid between them."""
     extent, low = random_size(rng, EXTENT), WALL
     lines: list[Line] = []
     while True:

@@ -27,7 +27,7 @@ LOOPS = 0.25  # probability of a door that closes a loop
 
 
 def floor_plans(rng: np.random.Generator, passage: int) -> Building:
-    """Rooms joined by doors. passage: least width of doors and of ways around furniture [cells]."""
+    """Draw rooms joined by doors. passage: least width of doors and of ways around furniture [cells]."""
     columns, rows = random_size(rng, EXTENT), random_size(rng, EXTENT)
     tiles = _split(rng, Rectangle(0, 0, columns, rows))
     shared = borders(tiles, passage)

@@ -45,11 +45,11 @@ class Rectangle(NamedTuple):
         return Rectangle(self.y0, self.x0, self.y1, self.x1)
 
     def meets(self, other: Rectangle) -> bool:
-        """Whether both have a cell in common."""
+        """Return whether both have a cell in common."""
         return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
     def holds(self, place: Floats) -> bool:
-        """Whether a place (2,) [m] lies in this rectangle."""
+        """Return whether a place (2,) [m] lies in this rectangle."""
         x, y = (place / CELL_M).tolist()
         return bool(self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1)
 
@@ -82,7 +82,7 @@ class Piece(NamedTuple):
 def furniture(
     rng: np.random.Generator, rooms: Sequence[Rectangle], doors: Sequence[Rectangle], passage: int
 ) -> list[Piece]:
-    """Random pieces in the rooms, at least `passage` cells from each other and from doors.
+    """Draw pieces in the rooms, at least `passage` cells from each other and from doors.
 
     Desks and cupboards stand at a wall. Tables and single chairs are at least `passage` cells from any wall.
     """
@@ -145,7 +145,7 @@ def _with_chair(rng: np.random.Generator, lengths: Range, depths: Range) -> Piec
 
 @dataclass(frozen=True, slots=True)
 class Building:
-    """Free space is the union of rooms and doors, less the furniture. size: cells along x and along y."""
+    """A building whose free space is rooms and doors, less the furniture. size: cells along x and along y."""
 
     size: tuple[int, int]
     rooms: list[Rectangle]
@@ -216,7 +216,7 @@ def borders(tiles: Sequence[Rectangle], passage: int) -> list[Border]:
 
 
 def door(rng: np.random.Generator, wall: Rectangle, passage: int) -> Rectangle:
-    """A door at a random place in a wall, at least `passage` cells wide."""
+    """Draw a door at a random place in a wall, at least `passage` cells wide."""
     upright = wall.size[0] == WALL
     length = wall.size[1] if upright else wall.size[0]
     width = min(max(random_size(rng, DOOR), passage), length - 2 * JAMB)

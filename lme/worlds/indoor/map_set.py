@@ -73,7 +73,7 @@ class Indoor:
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """World `number`; its building and its shortest path are computed once.
+        """Build world `number`; its building and its shortest path are computed once.
 
         Raises InputError for a number that was not chosen, and for distances that start and goal cannot have.
         """
@@ -117,7 +117,7 @@ def _site(
     grid: float,
     distances: tuple[float, float],
 ) -> _Site:
-    """The world of a random stream, drawn once per process."""
+    """Draw the world of a random stream, once per process."""
     rng = np.random.default_rng(np.random.SeedSequence(stream))
     building = KINDS[kind](rng, math.ceil((2 * radius + passage_margin) / CELL_M - 1e-9))
     plan = building.floor_plan()
@@ -129,7 +129,7 @@ def _site(
 def _start_and_goal(
     rng: np.random.Generator, building: Building, space: FreeSpace, distances: tuple[float, float]
 ) -> Configuration:
-    """A start and a goal in different rooms, at these least and greatest distances [m].
+    """Draw a start and a goal in different rooms, at these least and greatest distances [m].
 
     Raises InputError if there are none.
     """

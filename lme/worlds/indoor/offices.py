@@ -14,7 +14,10 @@ INNER = 0.2  # probability of a door between neighbouring rooms
 
 
 def offices(rng: np.random.Generator, passage: int) -> Building:
-    """Every room has a door to the corridor. passage: least width of doors and of ways around furniture [cells]."""
+    """Draw an office building in which every room has a door to the corridor.
+
+    passage: least width of doors and of ways around furniture [cells].
+    """
     length, width = random_size(rng, LENGTH), max(random_size(rng, WIDTH), passage)
     low = random_size(rng, DEPTH)
     high = low + WALL + width
@@ -33,7 +36,7 @@ def offices(rng: np.random.Generator, passage: int) -> Building:
 
 
 def _row(rng: np.random.Generator, length: int, y0: int, y1: int) -> list[Rectangle]:
-    """Tiles side by side along the corridor."""
+    """Draw tiles side by side along the corridor."""
     cuts = [0]
     while length - cuts[-1] > FRONT[1]:
         rest = length - cuts[-1]
