@@ -97,6 +97,7 @@ def wilson_interval(successes: float, n: float, z: float = Z_95) -> tuple[float,
     if n == 0:
         return 0.0, 1.0
     # scipy.stats.binomtest(successes, n).proportion_ci(method="wilson") is the same; its import takes a second.
+    # Bounds: (p + z²/2n ± z √(p (1 − p)/n + z²/4n²)) / (1 + z²/n).
     rate, shift = successes / n, z * z / n
     centre = (rate + shift / 2) / (1 + shift)
     half = z * math.sqrt(rate * (1 - rate) / n + shift / (4 * n)) / (1 + shift)

@@ -143,6 +143,7 @@ def _mend(files: Any) -> None:
         return
     load_index, load_data, save = files._load_index, files._load_data, files.save
 
+    # A damaged index reads as an empty one, and damaged code as a missing file: Numba compiles in both cases.
     def _load_index(self: Any) -> Any:
         with suppress(Exception):  # a damaged pickle may raise anything
             index = load_index(self)
@@ -163,6 +164,7 @@ def _mend(files: Any) -> None:
         _note_damaged(self._cache_path)
         raise OSError(f"{name} is damaged")
 
+    # A kernel that cannot be saved still runs.
     def _save(self: Any, key: Any, data: Any) -> None:
         try:
             save(self, key, data)

@@ -122,7 +122,7 @@ class Observation(NamedTuple):
 
     @property
     def twists(self) -> tuple[Twist, ...]:
-        """The measured twist, and the last command if it is another one, by more than rounding.
+        """The measured twist, and the last command if it differs from that by more than rounding.
 
         A stopping check must pass with each of them.
         """

@@ -93,10 +93,10 @@ def register_resolvers() -> None:
 
 
 def _parameters(*, _root_: Any, _parent_: Any) -> dict[str, float]:
-    """The parameters of a guide, whose other keys are beside this one."""
+    """Resolve the parameters of a guide, whose other keys are beside this one."""
     from omegaconf import OmegaConf
 
-    # Not at the top: help, which must answer at once, composes too.
+    # Imported only here, since help composes too and must answer at once.
     from lme.config.parameters import parameters
     from lme.guides.lme.weight_files import PUBLISHED
 
@@ -110,7 +110,7 @@ def _parameters(*, _root_: Any, _parent_: Any) -> dict[str, float]:
 
 
 def _given(key: str, default: Any, *, _root_: Any) -> Any:
-    """The value of another key of the whole config; the default if there is no such key, or if it is null."""
+    """Resolve to another key of the whole config; to the default if there is no such key, or if it is null."""
     from omegaconf import OmegaConf
 
     value = OmegaConf.select(_root_, key)

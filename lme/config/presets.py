@@ -102,7 +102,7 @@ def option(
     settings: Mapping[str, Any] | None = None,
     config: Mapping[str, Any] | None = None,
 ) -> tuple[dict[str, Any], str]:
-    """The values of the keys of `conf/GROUP/NAME.yaml`, with `settings` in place of some, and a name for messages.
+    """Return the values of the keys of `conf/GROUP/NAME.yaml`, some replaced by `settings`, and a name for messages.
 
     config: other keys of the whole config, for values that follow them. Raises InputError.
     """

@@ -50,7 +50,7 @@ def load_system(
     system = compose(find_option("system", name), "system")
     choices = {**system.choices, **{group: changes.pop(group) for group in _GROUPS if group in changes}}
 
-    # The whole config: ablations over the options, the system over them, then what the caller changes.
+    # Compose the whole config: ablations over the options, the system over these, the caller's changes over all.
     config: dict[str, Any] = {"weights": PUBLISHED, "ablation": {}, "robot": asdict(robot)}
     ablations = choices.get("ablation", ())
     for ablation in [ablations] if isinstance(ablations, str) else ablations:

@@ -57,7 +57,7 @@ def open_bytes(path: Path, most: int | None = None) -> BinaryIO:
 def read_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
     """The content of a regular file of at most `most` bytes. Raises as `check_regular` does."""
     with open_bytes(path, most) as file:
-        return file.read(min(os.fstat(file.fileno()).st_size, most))  # not what is appended meanwhile
+        return file.read(min(os.fstat(file.fileno()).st_size, most))  # without what is appended meanwhile
 
 
 def read_text(path: Path, most: int = TEXT_BYTES) -> str:
@@ -129,6 +129,7 @@ def _events(text: str) -> Iterator[Any]:
 
 def check_structure(text: str) -> None:
     """Raise UnfoldingError for a YAML text that is described there, and another yaml.YAMLError if it is not YAML."""
+    # Follow the events, and count the values of every collection with its aliases unfolded.
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0
@@ -140,6 +141,7 @@ def check_structure(text: str) -> None:
                 raise UnfoldingError(problem=f"more than {_DEEPEST} nested values", problem_mark=mark)
             continue
         if isinstance(event, yaml.AliasEvent):
+            # An alias counts as all values that it repeats; in the value of its own anchor it has no end.
             if any(anchor == event.anchor for anchor, _ in nested):
                 raise UnfoldingError(problem=f"alias *{event.anchor} contains itself", problem_mark=mark)
             anchor, size = None, sizes.get(str(event.anchor), 1)

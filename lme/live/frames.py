@@ -27,7 +27,7 @@ class TransformTree:
             self._parents[child] = (frame(one.header.frame_id), transform)
 
     def copy(self) -> TransformTree:
-        """An independent copy."""
+        """Return an independent copy."""
         twin = TransformTree()
         twin._parents = dict(self._parents)
         return twin
@@ -79,7 +79,7 @@ class Frames(NamedTuple):
 
 
 class Carrier(Enum):
-    """The thing that a frame moves with, which decides whether a cloud in it must be levelled."""
+    """The part of the frame tree that a frame moves with; it decides whether a cloud in it must be levelled."""
 
     BASE = auto()  # it tilts as the base does
     LEVEL = (

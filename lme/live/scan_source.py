@@ -54,6 +54,7 @@ class ScanSource:
         self._spare_range, self._outline = robot.lidar.range_max, robot.footprint.r_max
         self._frame = frame(first.header.frame_id)
         self._warned: set[str] = set()  # kinds of faults
+        # Find the mount. Scans of clouds are already in the base frame; a planar lidar may be upside down.
         self._clouds = CloudReader(config, mount, robot, self._frame, carrier) if is_cloud(first) else None
         if self._clouds is not None:
             self.mounted_by = self._clouds.mounted_by
@@ -64,6 +65,7 @@ class ScanSource:
             self._pose, self.upside_down = planar_matrix(matrix)
             check_unit_of_angles(scan_of(first))
             self._widest = _fov(first)  # [rad]
+        # Give the robot the lidar of the first message, unless it keeps its own.
         raw = self.raw(first)
         seen = self._lidar_of(raw)
         if config.lidar == "recorded" and not same_lidar(seen, robot.lidar):

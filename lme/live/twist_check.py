@@ -12,7 +12,7 @@ from lme.live.messages import SECOND
 from lme.types import Floats, Pose, Twist
 
 _WINDOW_S = 1.0  # time over which motion is compared: it averages a walking robot's ripple and the noise
-_MOVING_S = 0.5  # time over which the poses move, twice in a row, if they do not only jump
+_MOVING_S = 0.5  # time over which the poses must move, twice in a row, as a jump does not
 _LONGEST_GAP_S = 0.5  # between poses; over a longer one a twist says little about the motion
 _SLOWEST = (0.15, 0.2)  # [m/s], [rad/s] below both the robot counts as standing
 _NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences up to these never count as wrong

@@ -145,10 +145,10 @@ def _passage(space: FreeSpace, step: float, start: tuple[int, int], goal: tuple[
 
 @lru_cache(maxsize=4)
 def _clearance(space: FreeSpace, step: float) -> Floats:
-    """(Y, X) distance of each lattice point to the nearest obstacle [m], also beyond the limit of the space's own.
+    """(Y, X) distance of each lattice point to the nearest obstacle [m], without the limit of `space.clearance`.
 
-    Beyond it, the distance is that of the nearest point within the limit plus the distance to that point, which is a
-    little too much.
+    Beyond that limit, it is the distance of the nearest point within the limit plus the distance to that point, which
+    is a little too much.
     """
     known = space.clearance
     limit = known.max()

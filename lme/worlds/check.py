@@ -87,6 +87,7 @@ def _place(numbers: Iterable[float]) -> str:
 
 def _point_segments(point: Floats, segments: Floats) -> Floats:
     """(S,) distances from a point (2,) to segments (S, 4)."""
+    # Nearest point of a segment: start + share · along, with share = (point − start) · along / |along|² in [0, 1].
     start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     length2 = (along**2).sum(axis=1)
     dot = ((point - start) * along).sum(axis=1)
@@ -107,6 +108,7 @@ def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
 
 def _inside_polygon(polygon: Floats, point: Floats) -> bool:
     """Return whether a point (2,) lies in a polygon (V, 2), by the even–odd rule."""
+    # Count the sides that cross the horizontal line through the point to the right of it.
     (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     rise = np.where(crosses, y1 - y0, 1.0)

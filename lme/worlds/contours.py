@@ -33,6 +33,7 @@ def outlines(occupied: Bools) -> list[Floats]:
 
 def corners(occupied: Bools) -> int:
     """Count the corners of all outlines, without those at the cuts. It costs far less than the outlines."""
+    # The outline has a corner where it contains just one of the edges to the left and to the right of a vertex.
     cells = np.pad(occupied, 1)
     left, right = cells[:, :-1], cells[:, 1:]
     edge_left, edge_right = left[1:] ^ left[:-1], right[1:] ^ right[:-1]

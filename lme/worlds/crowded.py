@@ -17,7 +17,7 @@ from lme.worlds.movers import MOTIONS, ORCA, SCRIPTED, Mover
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import MapSet, Task
 
-PLACES = 3  # that a person walks to in turn
+PLACES = 3  # number of places that a person walks to in turn
 PLACES_TRIED = 200  # for the first place of a person, before the floor counts as full
 
 _GRID = 0.1  # [m] between the points of the ways that people take
@@ -113,6 +113,7 @@ class Crowded:
         task, config = self._base.task(number), self.config
         if any(mover.walks for mover in task.world.movers):
             raise InputError(f"map {task.map_name} has people of its own: must be crowd=none")
+        # The density counts people on the floor that can be reached from the robot's start.
         space = FreeSpace(_floor(task), _GRID, config.body_radius, _MARGIN)
         area = space.area(task.start)
         count = config.count or max(1, round(config.density * area))

@@ -133,6 +133,7 @@ def crossing(rng: np.random.Generator, bends: int) -> Floats:
         start, end = _border_place(rng), _border_place(rng)
         if math.dist(start, end) < _SHORTEST:
             continue
+        # Offset from the straight line, as a share of its length: Σ height_k sin(k π part), |height_k| ≤ _BOW / k².
         height = rng.uniform(-_BOW, _BOW, bends) / waves**2
         part = np.linspace(0.0, 1.0, 512)[:, None]
         aside = np.sin(math.pi * part * waves) @ height

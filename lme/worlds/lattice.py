@@ -16,7 +16,7 @@ _BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all o
     (2, 3): ((0, 1), (1, 1), (1, 2), (2, 2)),
 }  # with their mirror images 32 directions, so that a path is at most 1.3 % longer than the straight line
 _REACH = 3  # rows or columns of the longest move
-_ROOM = 4096  # of the heap at first
+_ROOM = 4096  # entries of the heap at first
 _ROUNDING = 1e-9  # above the relative rounding error of a path's length
 
 

@@ -66,7 +66,7 @@ class TaskRules:
     ) -> Task:
         """Build a task with these rules.
 
-        goal: (2,) [m]. length: of the shortest path [m]; the optimal time is `length` at `speed` [m/s].
+        goal: (2,) [m]. length: length of the shortest path [m]; the optimal time is that at `speed` [m/s].
         Raises InputError for a start that is within the goal tolerance.
         """
         straight = math.dist(start[:2], goal)

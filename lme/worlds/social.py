@@ -26,8 +26,8 @@ from lme.worlds.sampling import FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
 from lme.worlds.world import Task, World
 
-GAP = 0.2  # [m] at least between two people at first
-CLEAR = 1.5  # [m] nobody is nearer to the robot's start at first
+GAP = 0.2  # [m] least gap between two people at first
+CLEAR = 1.5  # [m] least distance of people from the robot's start at first
 TRIES = 200  # for the place of a person, before the scene counts as full
 
 _GRID = 0.05  # [m] between the points of shortest paths
@@ -41,9 +41,10 @@ _PITCH, _IN_QUEUE = 0.85, 6  # [m] from one to the next in a queue, and the grea
 class Encounter(NamedTuple):
     """Composition of a kind of scene.
 
-    size: of the floor, from (0, 0) [m]. walls: segments (S, 4) on it [m]. ends: x of the robot's start and of its goal,
-    in the middle of y [m]. people: how many there are if no density is given. paths: yields a path (P, 2) for one more
-    person; a place that is not free is skipped. speeds: (least, greatest) [m/s] of people who do not walk as others do.
+    size: size of the floor, from (0, 0) [m]. walls: segments (S, 4) on it [m]. ends: x of the robot's start and of
+    its goal, in the middle of y [m]. people: their number if no density is given. paths: yields a path (P, 2) for one
+    more person; a place that is not free is skipped. speeds: (least, greatest) [m/s] of people who do not walk as
+    others do.
     """
 
     size: tuple[float, float]

@@ -24,10 +24,10 @@ from lme.worlds.rules import PacedRules, check_chosen, map_path
 from lme.worlds.world import Task, World
 
 MOST_BEGINNINGS = 100_000
-CLEAR = 1.0  # [m] nobody is nearer to the robot's start at first
+CLEAR = 1.0  # [m] least distance of people from the robot's start at first
 
 _COLUMNS = "frame id x y"
-_LOST = 2.0  # [s] after a longer gap, an id is someone else
+_LOST = 2.0  # [s] after a longer gap, an id counts as another person
 _WALKING = (0.2, 2.0)  # [m/s] slower is standing, and a faster median is a mistake in the units
 _USUAL_SPEED, _USUAL_STEP = 1.3, 0.4  # [m/s], [s] of people, and between the frames of most recordings
 _WIDEST = 200.0  # [m] of a recorded area
@@ -72,6 +72,7 @@ class RecordedPeople:
         path = map_path(config.path, f"a file with lines of {_COLUMNS}")
         self.config = config
         self._name = config.name or path.stem
+        # By default, the robot crosses the recorded area in the direction of x, in the middle of y.
         self._tracks = _read(path, path.stat().st_mtime_ns, config.frame_rate)
         places = np.vstack([track[:, 1:] for track in self._tracks])
         (x0, y0), (x1, y1) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
@@ -83,6 +84,7 @@ class RecordedPeople:
                 f"{path}: lasts {last:.4g} s at map.frame_rate {config.frame_rate:g}: must have at most "
                 f"{MOST_BEGINNINGS} beginnings, one for each map.every, {config.every:g} s"
             )
+        # Offer only worlds at whose beginning nobody stands where the robot starts.
         self._spans = np.array([track[[0, -1], 0] for track in self._tracks])
         offered = [
             number for number in range(math.ceil(last / config.every - 1e-9)) if self._is_clear(number)

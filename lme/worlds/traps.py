@@ -153,7 +153,10 @@ class Traps(Starts):
 def _surveyed(
     kind: str, door: float, seed: tuple[int, int] | None, radius: float, grid: float
 ) -> tuple[World, FreeSpace]:
-    """The trap in its room and its free space, computed once per process. seed: of a random trap; None: a fixed one."""
+    """The trap in its room and its free space, computed once per process.
+
+    seed: seed of a random trap; None for a fixed one.
+    """
     if seed is None:
         legs = DRAWINGS[kind](door)
     else:  # 1 separates the trap's random stream from that of the start

@@ -14,7 +14,7 @@ from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 
-_MANY = 512  # edges from which a grid pays
+_MANY = 512  # number of edges from which a grid pays off
 
 
 @dataclass(frozen=True, slots=True)

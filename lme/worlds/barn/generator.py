@@ -117,10 +117,11 @@ def _draws(rng: random.Random, count: int) -> Floats:
 
 
 def _smoothed(grid: Bools) -> Bools:
-    """One round for all cells at once. Beyond the first and last row cells count as filled, elsewhere as empty."""
+    """Smooth all cells at once. Cells beyond the first and last row count as filled, other outer cells as empty."""
     padded = np.zeros((GRID_CELLS + 2, GRID_CELLS + 2), dtype=np.int8)
     padded[0] = padded[-1] = 1
     padded[1:-1, 1:-1] = grid
+    # The sum of the 3 × 3 cells around each, without the cell itself.
     columns = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
     neighbours = columns[:-2] + columns[1:-1] + columns[2:] - grid
     smoothed: Bools = (neighbours >= _FILL_AT) | (grid & (neighbours > _CLEAR_AT))

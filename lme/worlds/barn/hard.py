@@ -55,6 +55,6 @@ def _hard_recipe(fresh_seed: int, index: int) -> Recipe:
 
 @cache
 def _official() -> Floats:
-    """(300, 3) the measures of the official worlds [cells]; a second of work."""
+    """(300, 3) measures of the official worlds [cells]; computing them takes a second."""
     worlds = [official_layout(number).measures() for number in official_recipes()]
     return np.array([[world[name] for name in MEASURES] for world in worlds])

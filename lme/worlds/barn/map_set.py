@@ -56,7 +56,7 @@ def is_idle(key: str, map_set: Mapping[str, Any]) -> bool:
 
 
 def check_given(keys: Iterable[str], map_set: Mapping[str, Any], node: str = "map") -> None:
-    """Raise InputError if one of the keys that the user gave is idle. node: of the map set in the whole config."""
+    """Raise InputError if one of the keys that the user gave is idle. node: the map set's key in the whole config."""
     for key in keys:
         if is_idle(key, map_set):
             choose = f"; {node}.worlds=0-9 chooses worlds" if key == "count" else ""
