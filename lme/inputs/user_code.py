@@ -22,8 +22,8 @@ _INSTALLED = {"site-packages", "dist-packages"}
 def user_error(error: BaseException) -> str:
     """Return `my_module.py:12: ZeroDivisionError: division by zero` if a user's own code raised the error, else "".
 
-    It did if the traceback, which begins where the error is caught, leads through it: then lme called it. An
-    InputError has its own message.
+    It did if lme called it: then the traceback, which begins where the error is caught, leads through the user's
+    code. An InputError has its own message.
     """
     if isinstance(error, InputError):
         return ""
@@ -41,7 +41,7 @@ def user_error(error: BaseException) -> str:
 
 
 def explained(error: BaseException) -> str:
-    """Return the line of `user_error`, with how to see the traceback; empty if that is."""
+    """Return the line of `user_error` with the way to see the traceback; "" if there is no such line."""
     line = user_error(error)
     return f"{line} ({TRACEBACK}=1 shows the traceback)" if line else ""
 

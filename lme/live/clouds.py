@@ -59,7 +59,10 @@ class CloudReader:
         )
 
     def scan(self, message: Any, posture: Posture | None) -> LaserScan:
-        """Return the scan of a cloud, in the base frame. posture: the base's at its stamp; None if not known."""
+        """Return the scan of a cloud, in the base frame.
+
+        posture: posture of the base at the cloud's stamp; None if not known.
+        """
         points, upright = self._upright(message, posture)
         scan = to_scan(points, self._projection, upright)
         middle = scan.angle_min + scan.angle_increment / 2.0  # of the first bin, which begins at angle_min

@@ -34,7 +34,7 @@ def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot)
 def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Robot) -> bool:
     """Return whether the robot would touch a point if it followed the command for a control period and then braked.
 
-    points: (M, 2) in the frame in which `pose` is given [m]. twist: the robot's present one.
+    points: (M, 2) in the frame in which `pose` is given [m]. twist: present twist of the robot.
     """
     now = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
     return not StoppingCheck(robot.hull, robot.dt).stops(command, now)
@@ -55,9 +55,10 @@ class Pilot:
         self._explanations = Explanations(navigator)
 
     def warm_up(self, scan: Any, posture: Posture | None = None) -> None:
-        """Make a few decisions on a scan, and discard them. posture: the base's at the stamp of a cloud.
+        """Make a few decisions on a scan, and discard them.
 
-        Each has a later stamp than the last, since a tracker of people does nothing with a scan that is not newer.
+        posture: posture of the base at the stamp of a cloud. Each decision has a later stamp than the last, since a
+        tracker of people does nothing with a scan that is not newer.
         """
         self._navigator.reset(np.random.default_rng(self._seed))
         for k in range(_WARM_UPS):

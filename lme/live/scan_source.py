@@ -32,9 +32,10 @@ class ScanSource:
     """A converter of messages to scans of the lidar of `robot`.
 
     first: the first message. mount: (4, 4) from its frame to the base frame, by tf; None if tf has none. carrier:
-    what its frame moves with. posture, in all methods: the base's at the stamp of a cloud; None if not known, and for
-    a LaserScan. With lidar "recorded", the robot gets the lidar of the first message; with "robot", it keeps its own,
-    and scans are resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to the last bit.
+    what its frame moves with. posture, in all methods: posture of the base at the stamp of a cloud; None if not
+    known, and for a LaserScan. With lidar "recorded", the robot gets the lidar of the first message; with "robot", it
+    keeps its own, and scans are resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to
+    the last bit.
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class ScanSource:
     ) -> Observation:
         """The input of guide and planner: the scan of a message, and pose, twist and target (2,) [m] at its stamp.
 
-        last_command: the command that the robot follows now. posture: the base's, by which a cloud is levelled.
+        last_command: the command that the robot follows now. posture: posture of the base, which levels a cloud.
         """
         limits, scan = self.robot.limits, self.read(message, posture)
         return Observation(scan, target, motion.twist, limits, motion.pose, last_command=last_command)

@@ -39,7 +39,7 @@ _NAMES = {"scan": "scan", "pose": "odometry"}
 class LiveSight(NamedTuple):
     """The sensor data for a decision. scan: the latest message. motion: that at its stamp. newest: the latest motion.
 
-    posture: the base's at the stamp of a cloud; None for a LaserScan.
+    posture: posture of the base at the stamp of a cloud; None for a LaserScan.
     """
 
     scan: Any
@@ -146,7 +146,7 @@ class LiveSensors:
 
     @property
     def posture(self) -> Posture | None:
-        """The base's posture at the stamp of the scan, if that is a cloud; None without a pose close in time."""
+        """Posture of the base at the stamp of the scan, if that is a cloud; None without a pose close in time."""
         return self.track.posture(self._scan_stamp, self._stale) if is_cloud(self.scan) else None
 
     def look(self, now: int) -> LiveSight:

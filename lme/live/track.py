@@ -80,7 +80,7 @@ class Track:
         return StampedMotion(stamp, self._poses[end], self._twist(end))
 
     def posture(self, stamp: int, tolerance: int) -> Posture | None:
-        """The base's posture at `stamp` [ns]; None if no pose is within `tolerance` [ns]."""
+        """Posture of the base at `stamp` [ns]; None if no pose is within `tolerance` [ns]."""
         motion = self.at(stamp, tolerance)
         return None if motion is None else self.postures.at(stamp, motion.pose, tolerance)
 

@@ -183,7 +183,7 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
 def _reachable(
     roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
 ) -> Points:
-    """Points of `roomy` in the region of [row, column] that are `least` [m] or more away from it, without itself."""
+    """Return the points of `roomy` in the region of [row, column], except itself, at least `least` [m] away."""
     found, count = np.empty_like(roomy), 0
     sure = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
     for point in roomy:
