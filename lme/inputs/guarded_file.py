@@ -128,7 +128,7 @@ def _events(text: str) -> Iterator[Any]:
 
 
 def check_structure(text: str) -> None:
-    """Raise UnfoldingError for YAML that nests or repeats too much, another yaml.YAMLError for a text that is none."""
+    """Raise UnfoldingError for YAML that nests or repeats too much, another yaml.YAMLError for an invalid text."""
     # Follow the events, and count the values of every collection with its aliases unfolded.
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
