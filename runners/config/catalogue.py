@@ -55,7 +55,7 @@ class Catalogue:
         return sorted({path.stem for folder in folders for path in folder.glob("[!_]*.yaml")})
 
     def has(self, name: str) -> bool:
-        """Whether a folder has the YAML `name`."""
+        """Return whether a folder has the YAML `name`."""
         return composer.find(name, self.folders) is not None
 
     def file(self, name: str) -> Path:

@@ -77,7 +77,7 @@ def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:
 
 
 def _is_shown(node: str, key: str) -> bool:
-    """Whether records show a key in another way: which worlds were driven, and how many."""
+    """Return whether records show a key in another way: which worlds were driven, and how many."""
     return f"{node}.{key}" in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
 
 
@@ -117,7 +117,7 @@ def _plain(node: Any, *, resolve: bool) -> dict[str, Any]:
 
 
 def _equal(written: Any, value: Any) -> bool:
-    """Whether a value is as written. Plain YAML reads a float such as 1e0, without a point, as text."""
+    """Return whether a value is as written. Plain YAML reads a float such as 1e0, without a point, as text."""
     try:
         return bool(written == value or (isinstance(value, float) and float(written) == value))
     except (TypeError, ValueError):

@@ -121,7 +121,7 @@ def _parse(parser: OverridesParser, override: str) -> Override:
 
 
 def _holds_sweep(value: object) -> bool:
-    """Whether a part of a value is a sweep, such as range(5), which only a whole value may be."""
+    """Return whether a part of a value is a sweep, such as range(5), which only a whole value may be."""
     if isinstance(value, dict):
         return any(map(_holds_sweep, value.values()))
     return any(map(_holds_sweep, value)) if isinstance(value, list) else isinstance(value, Sweep)

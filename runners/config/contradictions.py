@@ -75,6 +75,6 @@ def _check_weights(text: str, configs: Collection[DictConfig]) -> None:
 
 
 def _drives_with_weights(config: Mapping[str, Any]) -> bool:
-    """Whether a config, not resolved, follows its key `weights`; a guide with a set of its own leaves the paper's."""
+    """Return whether an unresolved config follows its key `weights`; a guide with its own set ignores the paper's."""
     replaced = config["weights"] == PUBLISHED and own_weights(config["guide"]) not in (None, PUBLISHED)
     return takes_weights(config) and not replaced

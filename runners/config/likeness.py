@@ -119,7 +119,7 @@ def _differing(ours: Mapping[str, Any], theirs: Mapping[str, Any], limits: bool)
 
 
 def _below(one: Any, other: Any) -> bool:
-    """Whether a limit is lower than another; null is that of a robot that backs up as fast as it drives ahead."""
+    """Return whether a limit is lower than another; null stands for backing up as fast as driving ahead."""
     if other is not None and one is None:
         return True
     return _is_number(one) and _is_number(other) and float(one) < float(other)
@@ -130,7 +130,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Whether two values are equal. Plain YAML reads a float such as 1e0, without a point, as text."""
+    """Return whether two values are equal. Plain YAML reads a float such as 1e0, without a point, as text."""
     if one == other:
         return True
     try:

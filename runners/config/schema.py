@@ -142,7 +142,7 @@ class DisturbanceRanges:
 
     @property
     def any(self) -> bool:
-        """Whether something is drawn."""
+        """Return whether something is drawn."""
         return any(getattr(self, field.name) is not None for field in fields(self))
 
 

@@ -35,7 +35,7 @@ def masked_text(text: str) -> str:
 
 
 def reveals_password(text: str, url: str) -> bool:
-    """Whether a text about a URL, such as that of a driver, may hold the password or a part of it.
+    """Return whether a text about a URL, such as that of a driver, may hold the password or a part of it.
 
     Where characters of the password are not escaped, the driver has cut the URL at a wrong place.
     """

@@ -19,7 +19,7 @@ def own_weights(guide: Mapping[str, Any]) -> str | None:
 
 
 def takes_weights(node: Mapping[str, Any]) -> bool:
-    """Whether a config, not resolved, interpolates the key `weights`."""
+    """Return whether a config, not resolved, interpolates the key `weights`."""
     return any(value in (PARAMETERS, "${weights}") for _, value in flatten(node))
 
 

@@ -131,7 +131,7 @@ class Driving:
 
     @property
     def promoted(self) -> bool:
-        """Whether the current stage of the curriculum is done."""
+        """Return whether the current stage of the curriculum is done."""
         full = len(self.recent) == _RECENT and self.stage < len(self._curriculum.within)
         return full and self.success >= self._curriculum.promote
 

@@ -108,7 +108,7 @@ class Learnable(Protocol):
 
 
 def learns_guide(config: LearnConfig) -> bool:
-    """Whether the network is the guide's, and not the planner's."""
+    """Return whether the network is the guide's, and not the planner's."""
     return str(config.guide["_target_"]) in _GUIDES
 
 

@@ -152,12 +152,12 @@ def changed_files(each: Input) -> list[str]:
 
 
 def is_gone(each: Input) -> bool:
-    """Whether a run's own code is no longer there to import."""
+    """Return whether a run's own code is no longer there to import."""
     return each.key == CODE and not _is_importable(each)
 
 
 def is_lost(each: Input) -> bool:
-    """Whether a value that named a file or folder at launch names none here."""
+    """Return whether a value that named a file or folder at launch names none here."""
     return each.key not in (CODE, OPTIONS) and path_of(each.key, each.given) is None
 
 
@@ -259,7 +259,7 @@ def picture_of(path: Path) -> str | None:
 
 
 def is_beside(picture: str) -> bool:
-    """Whether a picture is found beside a copy of its map under the same name."""
+    """Return whether a picture is found beside a copy of its map under the same name."""
     return not (picture.startswith("~") or Path(picture).is_absolute() or ".." in Path(picture).parts)
 
 
@@ -289,7 +289,7 @@ def _place(each: Input, directory: Path) -> str:
 
 
 def _is_at_home(each: Input) -> bool:
-    """Whether the value leads to the files that it led to at launch, which it may not from another folder."""
+    """Return whether the value leads to the files that it led to at launch, which it may not from another folder."""
     path = path_of(each.key, each.given)
     if path is None or not each.files:
         return False
@@ -343,7 +343,7 @@ def is_shipped(path: Path) -> bool:
 
 
 def _is_importable(each: Input) -> bool:
-    """Whether today's Python finds the sources of a run's own code where they were."""
+    """Return whether today's Python finds the sources of a run's own code where they were."""
     sources = {file.source for file in each.files.values()}
     tops = {name.partition("/")[0].removesuffix(".py") for name in each.files}
     specs = [PathFinder.find_spec(top, None) for top in tops]
@@ -362,7 +362,7 @@ def _check_loaded(each: Input) -> None:
 
 
 def _is_same(file: InputFile) -> bool:
-    """Whether a source is today what it was."""
+    """Return whether a source is today what it was."""
     path = Path(file.source)
     with suppress(OSError, ValueError):
         return _is_regular(path) and path.stat().st_size == file.size and sha_of(path) == file.sha256

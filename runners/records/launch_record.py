@@ -95,7 +95,7 @@ class Launch:
 
     @property
     def is_own(self) -> bool:
-        """Whether this user has started the run, and nobody has changed its record since."""
+        """Return whether this user has started the run, and nobody has changed its record since."""
         return trust.is_signed(self._text(), self.seal)
 
     @property
@@ -254,7 +254,7 @@ def directory_error(directory: Path, what: str, error: OSError) -> InputError:
 
 
 def _is_complete(launch: Launch) -> bool:
-    """Whether a launch that was read holds what `launch_of` writes, for every job."""
+    """Return whether a launch that was read holds what `launch_of` writes, for every job."""
     texts = [launch.command, launch.fingerprint, launch.started, launch.code]
     texts += [launch.config_dir or "", launch.config_name or ""]
     numbers = (launch.job, launch.num_jobs, launch.num_worlds)

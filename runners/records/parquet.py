@@ -86,7 +86,7 @@ def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> No
 
 
 def _has_right_type(column: pa.Field) -> bool:
-    """Whether a column has one of the types that it may have; pandas may have rewritten the file."""
+    """Return whether a column has one of the types that it may have; pandas may have rewritten the file."""
     import pyarrow.types as types
 
     held = column.type.value_type if types.is_dictionary(column.type) else column.type
@@ -121,7 +121,7 @@ def keys_of(run_dir: Path) -> set[EpisodeKey]:
 
 
 def lacks_steps(run_dir: Path) -> bool:
-    """Whether the file with the control steps was deleted."""
+    """Return whether the file with the control steps was deleted."""
     return (run_dir / EPISODES).is_file() and not (run_dir / TRAJECTORIES).is_file()
 
 

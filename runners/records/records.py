@@ -265,7 +265,7 @@ def read_trajectories(
 
 
 def has_records(path: Path) -> bool:
-    """Whether the directory is that of a run with records."""
+    """Return whether the directory is that of a run with records."""
     return (path / EPISODES).is_file() or (path / APPEND_LOG).is_file()
 
 

@@ -82,7 +82,7 @@ def _changes(saved: Launch, launch: Launch) -> str:
 
 
 def _same_command_line(saved: Launch, launch: Launch) -> bool:
-    """Whether both were started by the same command line, apart from Hydra's own part."""
+    """Return whether both were started by the same command line, apart from Hydra's own part."""
     before, now = map(_command_line, (saved, launch))
     return before == now
 
@@ -93,7 +93,7 @@ def _command_line(launch: Launch) -> tuple[object, ...]:
 
 
 def holds_run(directory: Path) -> bool:
-    """Whether the directory, or one right below it, holds records or a study.
+    """Return whether the directory, or one right below it, holds records or a study.
 
     Raises InputError if it cannot be read.
     """

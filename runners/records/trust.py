@@ -48,7 +48,10 @@ def trusting(directory: Path | None) -> Iterator[None]:
 
 
 def is_trusted(directory: Path | None) -> bool:
-    """Whether code that a run in this directory names may be executed: this process started it, or has --trust."""
+    """Return whether code that a run in this directory names may be executed.
+
+    It may if this process started the run, or was called with --trust.
+    """
     if directory is None:
         return None in _trusted
     here = directory.resolve()
@@ -119,7 +122,7 @@ def sign(text: str) -> str:
 
 
 def is_signed(text: str, seal: str) -> bool:
-    """Whether this user's key made the seal of a text."""
+    """Return whether this user's key made the seal of a text."""
     return bool(seal) and hmac.compare_digest(sign(text), seal)
 
 

@@ -91,7 +91,7 @@ def output_path(path: Path, key: str) -> Path:
 
 
 def is_standard_output(path: Path) -> bool:
-    """Whether a path, such as /dev/stdout, leads to where this process prints."""
+    """Return whether a path, such as /dev/stdout, leads to where this process prints."""
     try:
         return os.path.samestat(path.stat(), os.fstat(sys.stdout.fileno()))
     except (OSError, ValueError):  # not there, or closed
@@ -121,7 +121,7 @@ def obstacle(path: Path) -> Path | None:
 
 
 def _is_special(path: Path) -> bool:
-    """Whether a path leads to something that exists and is neither a file nor a folder. Raises OSError."""
+    """Return whether a path leads to something that exists and is neither a file nor a folder. Raises OSError."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -170,7 +170,7 @@ def _remove_stale_drafts(path: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    """Whether a process of this machine is running."""
+    """Return whether a process of this machine is running."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -41,7 +41,7 @@ def renamed(names: Iterable[str], fitting: Iterable[str]) -> list[str]:
 
 
 def _fits(name: str) -> bool:
-    """Whether MLflow accepts the name: it may become the path of a file, which must not be another's."""
+    """Return whether MLflow accepts the name: it may become the path of a file, which must not be another's."""
     is_path = posixpath.normpath(name) == name and not name.startswith(("..", "/")) and name != "."
     return bool(name) and len(name) <= KEY_LENGTH and not _REFUSED.search(name) and is_path
 

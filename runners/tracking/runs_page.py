@@ -32,7 +32,7 @@ class RunsPage(NamedTuple):
 
 
 def is_up(server: str) -> bool:
-    """Whether the server is up."""
+    """Return whether the server is up."""
     try:
         with _opener_without_proxy().open(f"{server}/health", timeout=_TIMEOUT_S):
             return True

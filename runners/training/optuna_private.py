@@ -34,7 +34,7 @@ def annotate(study: optuna.Study, trial: FrozenTrial, name: str, value: Any) -> 
 
 
 def is_first(study: optuna.Study) -> bool:
-    """Whether the study is the first one of its storage."""
+    """Return whether the study is the first one of its storage."""
     return study._study_id == 0
 
 

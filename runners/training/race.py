@@ -157,7 +157,7 @@ def _survivors(rung: Rung, count: int, restarts: int) -> set[int]:
 
 
 def _is_worse(differences: Floats) -> bool:
-    """Whether paired differences from the best candidate (P,) lie below zero beyond their noise."""
+    """Return whether paired differences from the best candidate (P,) lie below zero beyond their noise."""
     count = len(differences)
     if count < _FEWEST:
         return False
@@ -191,7 +191,7 @@ class Racer:
 
     @property
     def raced(self) -> bool:
-        """Whether it drove more than the worlds of the search."""
+        """Return whether it drove more than the worlds of the search."""
         return len(self.values) > 1
 
 

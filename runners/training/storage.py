@@ -88,7 +88,7 @@ def _database(url: str) -> RDBStorage:
 
 
 def _already_in_mysql(error: OperationalError) -> bool:
-    """Whether MySQL says that another process has already created the table or the index."""
+    """Return whether MySQL says that another process has already created the table or the index."""
     return error.orig is not None and error.orig.args[:1] in ((1050,), (1061,))
 
 
@@ -221,7 +221,7 @@ class Heartbeat:
 
     @property
     def finds_killed(self) -> bool:
-        """Whether the trials of killed processes are found."""
+        """Return whether the trials of killed processes are found."""
         return self._storage is not None
 
     def begin(self, trial_id: int) -> None:

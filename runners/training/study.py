@@ -65,7 +65,7 @@ class Study:
 
     @property
     def finds_killed(self) -> bool:
-        """Whether `claim` finds the trials of killed processes."""
+        """Return whether `claim` finds the trials of killed processes."""
         return self._heartbeat.finds_killed
 
     def keep_alive(self) -> AbstractContextManager[None]:
@@ -116,7 +116,7 @@ class Study:
             return self._proposal(self._study.ask())
 
     def _is_within_total(self, number: int, total: int) -> bool:
-        """Whether fewer than `total` trials precede this one; if not, withdraw it.
+        """Return whether fewer than `total` trials precede this one; if not, withdraw it.
 
         Processes that propose at the same time may propose too many. The storage numbers trials one after the other,
         and later ones never precede this one, so all processes see the same first `total`.
@@ -128,7 +128,7 @@ class Study:
         return False
 
     def scored(self, number: int) -> bool:
-        """Whether the scores of an unfinished trial are stored."""
+        """Return whether the scores of an unfinished trial are stored."""
         return SCORES in self._frozen(number).user_attrs
 
     def store_scores(self, number: int, scores: Sequence[Score]) -> None:

@@ -64,7 +64,7 @@ class Verdict:
 
     @property
     def is_worse(self) -> bool:
-        """Whether one should keep what one has."""
+        """Return whether one should keep what one has."""
         return self.sign < 0
 
     def lines(self, start: str) -> list[str]:

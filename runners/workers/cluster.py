@@ -1,4 +1,4 @@
-"""The executor that runs the episodes on a cluster of dask.distributed: on this machine, or on many."""
+"""Executor that runs the episodes on a dask.distributed cluster, on this machine or on many."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit 
 
 @dataclass(slots=True)
 class DaskConfig:
-    """address: of a scheduler; null: a cluster on this machine with `workers` processes (null: one per core).
+    """address: that of a scheduler; null for a cluster on this machine of `workers` processes (null: one per core).
 
     batch: maximum number of episodes in a task.
     """
@@ -70,9 +70,10 @@ class DaskConfig:
 
 
 class DaskExecutor:
-    """Runs items on the workers of a dask cluster; dask gives the items of a lost worker to another.
+    """Executor that uses the workers of a dask cluster; dask gives the items of a lost worker to another.
 
-    Without an address, inside a worker process of a Hydra launcher, it runs them there, as ProcessExecutor does.
+    Without an address, inside a worker process of a Hydra launcher, items run in that process, as they do with
+    ProcessExecutor.
     """
 
     Config = DaskConfig
@@ -114,7 +115,7 @@ class DaskExecutor:
 
     @contextlib.contextmanager
     def _client(self, at_once: int | None) -> Iterator[Client]:
-        """A client of the scheduler, or of a cluster on this machine that ends with the `with`."""
+        """Yield a client of the scheduler, or of a cluster on this machine that ends with the `with`."""
         if self._config.address is not None:
             with _connected(self._config.address) as client:
                 yield client
@@ -129,7 +130,7 @@ class DaskExecutor:
 
 
 def _local_cluster(workers: int) -> LocalCluster:
-    """Processes on this machine that only this machine can reach. Raises WorkerDiedError if they do not start.
+    """Start processes that only this machine can reach. Raises WorkerDiedError if they do not start.
 
     Dask restarts a process that died, but not one that dies while it starts.
     """
@@ -214,7 +215,7 @@ def _submit_batches(client: Client, token: str, items: Sequence[Item], batch: in
 
 
 def _batch_size(items: int, workers: int, most: int) -> int:
-    """Items in a batch: `most`, or fewer if each worker would get only a few batches."""
+    """Return the number of items in a batch: `most`, or fewer if each worker would get only a few batches."""
     return min(most, max(1, math.ceil(items / (_BATCHES_PER_WORKER * max(workers, 1)))))
 
 

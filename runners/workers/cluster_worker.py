@@ -1,4 +1,4 @@
-"""What runs in a worker process of a dask cluster."""
+"""Code that runs in a worker process of a dask cluster."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from runners.workers.executor import Item, Run, to_portable_error
 
 
 class WorkerSetup(WorkerPlugin):
-    """What every item of an open executor needs. Dask keeps it in each worker, and gives it to new workers.
+    """Setup shared by all items of an open executor. Dask keeps it in each worker, and gives it to new workers.
 
     pickled: `initialise` and its payload. wanted: the versions of the process that hands out the items.
     """
@@ -26,7 +26,7 @@ class WorkerSetup(WorkerPlugin):
         self._run: Run | None = None
 
     def run(self, items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
-        """The results of the items up to the first that fails, and its error."""
+        """Return the results of the items up to the first that fails, and its error."""
         results: list[Any] = []
         item: Item | None = None
         try:
@@ -40,7 +40,7 @@ class WorkerSetup(WorkerPlugin):
         return results, None
 
     def _build_once(self, worker: Worker) -> Run:
-        """The function that runs one item; built for the first one."""
+        """Return the function that runs one item; it is built when the first item comes."""
         if self._run is None:
             _check(worker, self._wanted)
             initialise, payload = pickle.loads(self._pickled)
@@ -50,7 +50,7 @@ class WorkerSetup(WorkerPlugin):
 
 
 def run_batch(items: Sequence[Item], token: str) -> tuple[list[Any], Exception | None]:
-    """A task: run items with the job that the worker holds under `token`."""
+    """Run one task: items with the setup that the worker holds under `token`."""
     job = get_worker().plugins[token]
     assert isinstance(job, WorkerSetup)
     return job.run(items)

@@ -1,4 +1,4 @@
-"""The environment of the processes that a command starts, and where they and it search for modules."""
+"""Environment variables of the processes that a command starts, and the order of their search for modules."""
 
 from __future__ import annotations
 

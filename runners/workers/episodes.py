@@ -1,4 +1,4 @@
-"""Runs the episodes of a config and makes their records. Worker processes call this module."""
+"""Run the episodes of a config and make their records. Worker processes call this module."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _Parts = Callable[[DriveConfig], tuple[Navigator, Simulator]]
 
 @dataclass(frozen=True, slots=True)
 class Recordings:
-    """Where recordings are written. config: the part of the config that decides results; each recording contains it."""
+    """Directory of the recordings, and the part of the config that decides results, which each recording contains."""
 
     folder: Path
     config: Mapping[str, Any]
@@ -41,7 +41,7 @@ class Recordings:
 
 @dataclass(frozen=True, slots=True)
 class EpisodePayload:
-    """What a worker needs to drive the episodes of a run. recordings: None to write none."""
+    """Everything that a worker needs to drive the episodes of a run. recordings: None to write none."""
 
     config: DriveConfig
     labels: RunLabels
@@ -81,7 +81,7 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
 
 
 class _Observers:
-    """Several observers of one episode."""
+    """Several observers of one episode, told in turn."""
 
     def __init__(self, observers: Sequence[Observer]) -> None:
         self._observers = observers
@@ -96,7 +96,7 @@ class _Observers:
 
 
 def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
-    """The only source of randomness of an episode. `run_episode` first spawns the navigator's generator from it."""
+    """Return the only source of randomness of an episode; `run_episode` first spawns the navigator's from it."""
     return np.random.default_rng(np.random.SeedSequence([seed, world, run]))
 
 
@@ -112,7 +112,7 @@ def _check_run_dir(recordings: Recordings | None) -> None:
 def _recorder(
     recordings: Recordings | None, seed: int, key: EpisodeKey, robot: Robot
 ) -> AbstractContextManager[Observer | None]:
-    """The recorder of the episode, if recordings are written."""
+    """Return the recorder of the episode; a null context if no recordings are written."""
     if recordings is None:
         return nullcontext()
     about = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
@@ -120,7 +120,7 @@ def _recorder(
 
 
 def _parts(config: DriveConfig, maps: MapSet) -> _Parts:
-    """From the config of an episode to navigator and simulator; these are built once unless robots are drawn."""
+    """Return a function that gives navigator and simulator; they are built once unless robots are drawn."""
     if isinstance(maps, DrawsRobots):
         return lambda drawn: (build.navigator(drawn), build.simulator(drawn))
     once = build.navigator(config), build.simulator(config)
@@ -134,7 +134,7 @@ def _warm_up(here: build.EpisodeSetting, parts: _Parts) -> None:
 
 
 def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episode]) -> dict[str, float]:
-    """The social measures by name. An episode that succeeds is driven again without people, for its time alone."""
+    """Return the social measures by name. A successful episode is driven again without people, for its time alone."""
     measures: dict[str, float] = asdict(company.measures())
     if episode.outcome is Outcome.SUCCESS:
         alone = drive_alone()
@@ -146,7 +146,7 @@ def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episod
 def record_of(
     labels: RunLabels, key: EpisodeKey, seed: int, task: Task, episode: Episode, wall_s: float
 ) -> EpisodeRecord:
-    """The record of an episode in a task, without the social measures. wall_s: how long it took [s]."""
+    """Return the record of an episode in a task, without the social measures. wall_s: how long it took [s]."""
     # An episode that starts at the goal has no decisions.
     decision_us = episode.decision_us if episode.steps else np.array([np.nan])
     success = episode.outcome is Outcome.SUCCESS

@@ -1,17 +1,13 @@
-"""Executors run the episodes in this process or in worker processes. The results are the same.
+"""Executors that run the episodes in this process or in worker processes, with the same results.
 
 `initialise(payload)` builds what every episode needs, once per process, and returns the function that runs one
-item. Results come as they finish. `map` runs one list of items; `open` keeps the processes for several lists.
+item. Results are yielded as they finish. `map` runs one list of items; `open` keeps the processes for several lists.
 
 Pools of other libraries were tried with two workers and nine items, of which one kills its worker. loky's, like that
-<<<<<<< Updated upstream
 of `concurrent.futures`, then fails all items that have not finished, and does not tell which of them was at fault;
-=======
-of `concurrent.futures`, then fails all items that have not finished, and does not tell which of them was at fault.
->>>>>>> Stashed changes
 pebble's loses that item alone. But all three report an initialiser's error as a broken pool, so a mistake in a config
-would not reach the user, and their workers outlive a killed parent. With pebble, what hands out items, carries errors
-over and ends workers would stay here, about as long as it is.
+would not reach the user, and their workers outlive a killed parent. With pebble, this module would still have to hand
+out items, carry errors over and end workers, and would be about as long as it is.
 """
 
 from __future__ import annotations
@@ -60,11 +56,11 @@ class WorkerDiedError(RuntimeError):
 
 @dataclass(slots=True)
 class SerialConfig:
-    """The serial executor has no settings."""
+    """Settings of the serial executor, which has none."""
 
 
 class SerialExecutor:
-    """Runs everything in this process, one item after the other: for debugging and profiling."""
+    """Executor that runs all items in this process, one after the other, for debugging and profiling."""
 
     Config = SerialConfig
 
@@ -107,7 +103,7 @@ class ProcessConfig:
 
 
 class ProcessExecutor:
-    """Runs items in worker processes; each gets the next item as soon as it is free.
+    """Executor that runs items in worker processes; each gets the next item as soon as it is free.
 
     Inside a worker process of a Hydra launcher (joblib) it runs them there, one after the other: such a process
     may be unable to start others, and the launcher already runs as many jobs at once as there are cores.
@@ -171,21 +167,21 @@ def map_once(
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def serial_in_launcher(executor: str) -> SerialExecutor | None:
-    """The executor to use instead of `executor` inside a launcher's worker process; None elsewhere."""
+    """Return the executor to use instead of `executor` inside a launcher's worker process; None elsewhere."""
     if parent_process() is None:
         return None
     _announce_serial(executor)
     return SerialExecutor(SerialConfig())
 
 
-@functools.cache  # print it once
+@functools.cache  # printed once per process
 def _announce_serial(executor: str) -> None:
     print(
         f"executor={executor}: inside a launcher's worker process, episodes run one by one", file=sys.stderr
@@ -252,7 +248,7 @@ def _stop(workers: dict[Connection, BaseProcess]) -> None:
 
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
-    """Build, then answer items until the coordinator closes the connection or ends."""
+    """Build once, then return results of items until the coordinator closes the connection or ends."""
     end_with_parent()
     # All processes receive these two; the coordinator ends the workers.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -278,9 +274,9 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
 
 
 def to_portable_error(error: BaseException, item: Item | None) -> Exception:
-    """The error that the coordinator raises, which names the item.
+    """Return the error that the coordinator raises, which names the item.
 
-    An InputError stays one. An error of a user's own code is explained in a line, any other carries its traceback.
+    An InputError remains one. An error of a user's own code is explained in a line, any other carries its traceback.
     """
     where = "" if item is None else f"{item}: "
     if isinstance(error, InputError):

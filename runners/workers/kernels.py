@@ -1,4 +1,4 @@
-"""Checks whether the kernels are already compiled; the first episode after installation must wait for that."""
+"""Check for compiled kernels: the first episode after installation has to wait for their compilation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import lme
 from lme import numba_cache
 
 SOURCE = Path(lme.__file__).parent / "geometry" / "motion.py"
-_LAST = "travelled"  # the last kernel in it that the first step of an episode calls
+_LAST = "travelled"  # the kernel of SOURCE that the first step of an episode calls last
 
 
 def compiled() -> bool:
-    """Whether Numba's cache has `travelled` for this version of Numba. Does not import Numba, which takes a second.
+    """Return whether Numba's cache has `travelled` for this version of Numba.
 
-    The cache may still lack the kernels of a guide, planner or simulator that was never used.
+    Numba is not imported, which would take a second. The cache may still lack the kernels of a guide, planner or
+    simulator that was never used.
     """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return True

@@ -1,4 +1,4 @@
-"""Drives the episodes of `lme learn`: an expert labels what a network sees, or a network is evaluated alone.
+"""Drive the episodes of `lme learn`: an expert labels what a network sees, or a network is evaluated alone.
 
 Worker processes call this module. It treats networks as planners and does not need torch.
 """
@@ -33,30 +33,30 @@ _TURN = (5, 25)  # steps that the expert or the network drives before the driver
 
 
 class Interface(Protocol):
-    """The inputs of a network, and the meaning of its output: `lme.planners.dclp.interface`."""
+    """Inputs of a network, and the meaning of its output: `lme.planners.dclp.interface`."""
 
     def features(self, observation: Observation, subgoal: Floats) -> tuple[Floats, ...]:
-        """The inputs of the network; called once per step. subgoal: the point to drive to (2,) [m]."""
+        """Return the inputs of the network; called once per step. subgoal: the point to drive to (2,) [m]."""
 
     def action(self, command: Twist, observation: Observation) -> Floats:
-        """The output that stands for a command."""
+        """Return the output that stands for a command."""
 
     def command(self, action: Floats, observation: Observation) -> Twist:
-        """The command that an output stands for."""
+        """Return the command that an output stands for."""
 
 
 class NetworkPlanner(Planner, Protocol):
-    """A planner that a network drives. seen: the inputs of the network at the last step."""
+    """Planner whose commands come from a network. seen: the inputs of the network at the last step."""
 
     interface: Interface
     seen: tuple[Floats, ...] | None
 
 
 class Lesson(NamedTuple):
-    """One episode. maps: which of the training map sets; world: its number. guide: gives the network its subgoals.
+    """One episode. maps: name of a training map set. world: its number. guide: gives the network its subgoals.
 
-    network: path of its weights. beta: share of the steps that the expert drives; None: the network drives the job's
-    robot alone, to be evaluated. time_limit: [s], instead of the map's.
+    network: path of its weights. beta: share of the steps that the expert drives, or None to evaluate the network,
+    which then drives the job's robot alone. time_limit: replaces the map's [s].
     """
 
     maps: str
@@ -71,9 +71,9 @@ class Lesson(NamedTuple):
 
 
 class LessonResult(NamedTuple):
-    """The result of a lesson of T steps.
+    """Result of a lesson of T steps.
 
-    features: one array (T, …) for each input of the network; actions: (T, A) of the expert. Both are empty if the
+    features: one array (T, …) for each input of the network; actions: the expert's, (T, A). Both are empty if the
     network was evaluated.
     """
 
@@ -87,7 +87,7 @@ class LessonResult(NamedTuple):
 class Expert:
     """Config of the expert's planner, and of the guide that it follows if the network's subgoal is the target.
 
-    guide: None: the expert follows the network's guide.
+    guide: None if the expert follows the network's guide.
     """
 
     planner: Mapping[str, Any]
@@ -96,9 +96,9 @@ class Expert:
 
 @dataclass(frozen=True, slots=True)
 class LessonPayload:
-    """What a worker needs. guides: their configs by name. expert: None if networks are only evaluated.
+    """Everything that a worker needs. guides: their configs by name. expert: None if networks are only evaluated.
 
-    learned: the part that has the network, guide or planner.
+    learned: the part that has the network, "guide" or "planner".
     """
 
     config: LearnConfig
@@ -111,7 +111,7 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
     """Return the function that runs one lesson. Raises InputError."""
     config = payload.config
 
-    @lru_cache(maxsize=WORLDS_KEPT)  # those that judge a network come again
+    @lru_cache(maxsize=WORLDS_KEPT)  # every evaluation of a network drives the same validation worlds
     def task_of(maps: str, world: int) -> Task:
         return build.map_set(replace(config, map=config.training[maps]), [world]).task(world)
 
@@ -134,7 +134,7 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
 
 
 class TeachingNavigator(Navigator):
-    """The network and an expert together: both decide at every step, one drives, and everything is recorded."""
+    """Navigator of a network and an expert: both decide at every step, one drives, and everything is recorded."""
 
     def __init__(self, payload: LessonPayload, lesson: Lesson, robot: Robot) -> None:
         guide, student = _student(payload, lesson, robot)
@@ -179,7 +179,10 @@ class TeachingNavigator(Navigator):
         return advice if self._let_expert_drive() else command
 
     def _let_expert_drive(self) -> bool:
-        """Whether the expert drives. The driver changes only after some steps, so that the network's mistakes show."""
+        """Return whether the expert drives.
+
+        The driver may change only after some steps, so that the network's mistakes show.
+        """
         if self._left == 0:
             self._expert_drives = bool(self._driver.random() < self._beta)
             self._left = int(self._driver.integers(*_TURN))
@@ -187,13 +190,13 @@ class TeachingNavigator(Navigator):
         return self._expert_drives
 
     def labels(self) -> tuple[Arrays, NDArray[np.float32]]:
-        """The features (T, …) and the expert's actions (T, A) so far."""
+        """Return the features (T, …) and the expert's actions (T, A) so far."""
         features = tuple(np.array(each, np.float32) for each in zip(*self._features, strict=True))
         return features, np.array(self._actions, np.float32)
 
 
 def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, Planner]:
-    """Guide and planner, of which one drives with the lesson's network."""
+    """Build guide and planner, one of which uses the lesson's network."""
     parts = {"guide": payload.guides[lesson.guide], "planner": payload.config.planner}
     parts[payload.learned] = {**parts[payload.learned], "weights": lesson.network}
     with _without_warnings():
@@ -204,7 +207,7 @@ def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guid
 
 
 def _without_warnings() -> warnings.catch_warnings[None]:
-    """Ignore a planner's warning that its network was not trained for the robot: it is about to be."""
+    """Ignore the warning that a planner's network was not trained for the robot, since it is being trained now."""
     return warnings.catch_warnings(action="ignore", category=UserWarning)
 
 

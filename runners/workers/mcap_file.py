@@ -1,4 +1,4 @@
-"""Writes ROS 2 messages to an MCAP file, with the package rosbags (extra `replay`)."""
+"""Write ROS 2 messages to an MCAP file, with the package rosbags (extra `replay`)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SECOND = 1_000_000_000
 
 
 class McapMessages:
-    """Makes ROS messages. Stamps are in nanoseconds; names are those of the message definitions."""
+    """Factory of ROS messages. Stamps are in nanoseconds; names are those of the message definitions."""
 
     def __init__(self) -> None:
         self.store = _store()
@@ -32,7 +32,7 @@ class McapMessages:
     def scan(self, now: int, frame: str, scan: LaserScan, period: float) -> Any:
         ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
         angle_max = scan.angle_min + (len(ranges) - 1) * scan.angle_increment
-        times = 0.0, period  # no time between beams; one sweep per control period
+        times = 0.0, period  # time between beams: none; between sweeps: a control period
         return self._make(
             "sensor_msgs/msg/LaserScan",
             self._header(now, frame),
@@ -84,14 +84,14 @@ class McapMessages:
 
 @cache
 def _store() -> Any:
-    """Message types of ROS 2 Humble. One store per process, because it compiles an encoder for every type used."""
+    """Return the message types of ROS 2 Humble, once per process: an encoder is compiled for every type used."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_HUMBLE)
 
 
 def half_angle(yaw: float) -> tuple[float, float]:
-    """(z, w) of the quaternion of a yaw in [−π, π] [rad] such that 2·atan2(z, w) equals the yaw exactly.
+    """Return (z, w) of the quaternion of a yaw in [−π, π] [rad] such that 2·atan2(z, w) equals it exactly.
 
     z and w are sine and cosine of half the yaw, rounded up or down if rounding to nearest loses the last bit.
     """
@@ -117,7 +117,7 @@ def check_installed() -> None:
 
 
 class McapFile:
-    """A recording while it is written; use as a context manager.
+    """MCAP file that is being written; use as a context manager.
 
     The file gets its name, and replaces an older one, when it is complete. If an exception ends it, no file is left.
     topics: message types by name. latched: topics that late subscribers receive as well. advice: what to do if the

@@ -27,7 +27,7 @@ _EVERY_S = 0.2  # minimum time between updates of the bar
 
 
 class NotebookProgress(Progress):
-    """Shows itself below the cell, in one output that it updates. Rich's own bar for notebooks needs ipywidgets."""
+    """Bar below a notebook's cell, in one output that is updated. Rich's own bar for notebooks needs ipywidgets."""
 
     def __init__(self, *columns: Any, **settings: Any) -> None:
         super().__init__(*columns, auto_refresh=False, **settings)
@@ -37,7 +37,7 @@ class NotebookProgress(Progress):
     def start(self) -> None:
         """Show the bar."""
         if not self.disable:
-            display: Any = importlib.import_module("IPython.display").display  # there in every notebook
+            display: Any = importlib.import_module("IPython.display").display  # installed with every notebook
             self._handle = display(self._picture(), raw=True, display_id=True)
 
     def stop(self) -> None:
@@ -46,7 +46,7 @@ class NotebookProgress(Progress):
             self._handle.update(self._picture(), raw=True)
 
     def update(self, task_id: TaskID, **fields: Any) -> None:
-        """Change the task, and show it unless it was shown just now."""
+        """Change the task, and redraw it unless it was drawn a moment ago."""
         super().update(task_id, **fields)
         if self._handle is not None and monotonic() - self._shown_s > _EVERY_S:
             self._shown_s = monotonic()
@@ -65,7 +65,7 @@ _COMPILING = "Compiling kernels, once after installation: this takes about half 
 
 
 class _Bar:
-    """A bar on standard error: label, progress, `columns`, time elapsed and time left."""
+    """Bar on standard error: label, progress, `columns`, time elapsed and time left."""
 
     def __init__(self, label: str, total: int, *columns: str, shown: bool = True, **fields: Any) -> None:
         console = Console(stderr=True)
@@ -97,7 +97,7 @@ class _Bar:
 
 
 class EpisodeProgress(_Bar):
-    """Finished episodes, their outcomes, and the time left. Without a terminal it prints one line at the end."""
+    """Bar of finished episodes, their outcomes and the time left. Without a terminal, one line at the end."""
 
     def __init__(self, label: str, total: int, shown: bool = True) -> None:
         super().__init__(label, total, "{task.fields[outcomes]}", shown=shown, outcomes="")
@@ -115,7 +115,7 @@ class EpisodeProgress(_Bar):
 
 
 class TrialProgress(_Bar):
-    """Finished trials, the best reward so far, trials per second and the time left."""
+    """Bar of finished trials, the best reward so far, trials per second and the time left."""
 
     def __init__(self, label: str, total: int) -> None:
         best, rate = "best reward {task.fields[best]}", "{task.fields[rate]}"
@@ -138,7 +138,7 @@ class TrialProgress(_Bar):
 
 
 class RaceProgress(_Bar):
-    """Finished episodes of a rung, and the candidates in it."""
+    """Bar of the finished episodes of a rung, with the number of its candidates."""
 
     def __init__(self) -> None:
         super().__init__("race", 0, "{task.fields[field]}", field="")
@@ -153,7 +153,7 @@ class RaceProgress(_Bar):
 
 
 class LearnProgress(_Bar):
-    """Finished rounds or steps of a learner, what it is doing, and the best success in validation."""
+    """Bar of a learner's finished rounds or steps, its current activity, and the best success in validation."""
 
     def __init__(self, label: str, total: int) -> None:
         best, doing = "best success {task.fields[best]}", "{task.fields[doing]}"
@@ -169,10 +169,10 @@ class LearnProgress(_Bar):
 
 
 class ScanProgress(_Bar):
-    """Scans of a log that have been read."""
+    """Bar of the scans of a log that have been read."""
 
     def __enter__(self) -> Self:
-        # Without the note on compiling: the few kernels of a map take seconds.
+        # No note on compiling here: the few kernels of a map compile within seconds.
         self._bar.start()
         self._bar.start_task(self._task)
         return self

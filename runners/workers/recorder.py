@@ -1,4 +1,4 @@
-"""Records a simulated episode as ROS 2 messages in an MCAP file, which Foxglove, RViz and `lme replay` open.
+"""Record a simulated episode as ROS 2 messages in an MCAP file, which Foxglove, RViz and `lme replay` open.
 
 The topic /lme carries, as JSON text, the values that no other message holds exactly; for example, ROS stores the
 bearings of the beams as float32.
@@ -41,12 +41,12 @@ _ADVICE = "free some space there and add resume=true, or choose another director
 
 
 def recording_path(folder: Path, key: EpisodeKey) -> Path:
-    """The file of one episode."""
+    """Return the path of the recording of one episode."""
     return folder / f"world-{key.world}-run-{key.run}.mcap"
 
 
 class DecisionWriter:
-    """Writes decisions to an open recording. about: JSON values for /lme, besides the bearings of the beams."""
+    """Writer of decisions to an open recording. about: JSON values for /lme, besides the bearings of the beams."""
 
     def __init__(self, file: McapFile, about: Mapping[str, Any], robot: Robot) -> None:
         self._file, self._make = file, file.messages
@@ -86,7 +86,7 @@ class DecisionWriter:
 
 
 class Recorder:
-    """Writes what the policy receives and decides while it drives; an `lme.navigation.episode.Observer`.
+    """Writer of what the policy receives and decides while it drives; an `lme.navigation.episode.Observer`.
 
     Use as a context manager around one episode; see `McapFile` and `DecisionWriter`.
     """

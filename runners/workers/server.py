@@ -1,4 +1,4 @@
-"""The process that worker processes are forked from: it imports what they need once, while the command starts."""
+"""Process that worker processes are forked from: it imports what they need once, while the command starts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from runners.workers.signals import sigint_ignored, sigterm_blocked
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-# What most jobs need; a worker imports the rest itself.
+# Modules that most jobs need; a worker imports the others itself.
 _PRELOAD = (
     "runners.workers.episodes",
     "runners.workers.trials",

@@ -1,4 +1,4 @@
-"""What ends the processes of a command: signals that only the coordinator must handle, and its own end."""
+"""End of a command's processes: signals that only the coordinator must handle, and the coordinator's own end."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import time
 from collections.abc import Iterator
 from multiprocessing import parent_process
 
-_LOOK_S = 1.0  # between looks at whether the parent is alive
+_LOOK_S = 1.0  # [s] between checks of whether the parent is alive
 
 
 @contextlib.contextmanager
 def sigint_ignored() -> Iterator[None]:
-    """Processes started in the block, and those that they start, ignore Ctrl-C: the coordinator stops them."""
+    """Let processes started in the block, and those that they start, ignore Ctrl-C: the coordinator stops them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -28,7 +28,7 @@ def sigint_ignored() -> Iterator[None]:
 
 @contextlib.contextmanager
 def sigterm_blocked() -> Iterator[None]:
-    """Processes started in the block ignore SIGTERM; this one handles at the end a SIGTERM that came meanwhile."""
+    """Let processes started in the block ignore SIGTERM; this process handles one that came meanwhile at the end."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -45,7 +45,7 @@ def end_with_parent() -> None:
 
 
 def _end_with_parent(number: int) -> None:
-    """number: of the process above this one: the parent, or a server of processes that ends with it."""
+    """Wait for the end. number: id of the process above, the parent or a fork server that ends with the parent."""
     parent = parent_process()
     if parent is not None:
         parent.join()  # returns as soon as the parent's end of a pipe is closed

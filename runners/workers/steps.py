@@ -1,4 +1,4 @@
-"""The control steps of episodes: as recorded, or driven again if the run did not keep them."""
+"""Control steps of episodes: as recorded, or driven again if the run did not keep them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BLOCK = 1000  # episodes that are held in memory at once
 
 
 def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iterator[pa.Table]:
-    """The steps of these episodes, in the order of their keys: the columns of `trajectories.parquet`.
+    """Yield the steps of these episodes in the order of their keys, with the columns of `trajectories.parquet`.
 
     rows: the record of each episode. Raises InputError if episodes without steps cannot be driven again, or then
     differ from their records.
@@ -61,7 +61,7 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
     key, row = next(iter(rows.items()))
     check_repeatable(launch, run_dir, key)
     labels = RunLabels(**{field.name: str(row.get(field.name, "")) for field in fields(RunLabels)})
-    worlds = sorted({key.world for key in rows})  # lme figure drives some that its config does not choose
+    worlds = sorted({key.world for key in rows})  # lme figure also drives worlds that its config does not choose
     config = replace(launch.config, map={**launch.config.map, "worlds": worlds})
     payload = EpisodePayload(config, labels, None)
     with ProcessExecutor(ProcessConfig()).open(initialise, payload) as run_all:
@@ -71,7 +71,7 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
 def _checked(
     result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
 ) -> EpisodeResult:
-    """The result. Raises InputError unless the drive equals its record."""
+    """Return the result. Raises InputError unless the drive equals its record."""
     new = result.record
     if not ends_alike(rows[new.key], new.outcome, new.steps, new.path_length_m, new.final_distance_m):
         raise another_path(run_dir, new.key)

@@ -39,8 +39,8 @@ SAME_M = 1e-6  # [m] largest distance between the poses of a rerun and its recor
 class TracedStep(NamedTuple):
     """One decision.
 
-    time [s]. pose: of the robot in the world. subgoal: (2,) in the world [m]. obstacles: circles (C, 3) and edges
-    (E, 4) at this time, movers last. explanation: of the guide's decision; None if the guide gives none.
+    time [s]. pose: the robot's in the world. subgoal: (2,) in the world [m]. obstacles: circles (C, 3) and edges
+    (E, 4) at this time, movers last. explanation: that of the guide's decision, or None if the guide gives none.
     """
 
     time: float
@@ -54,7 +54,7 @@ class TracedStep(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What is known about a drive without a simulator; the names are those of `Episode`."""
+    """Facts known about a drive without a simulator; the names are those of `Episode`."""
 
     outcome: str
     time: float
@@ -62,7 +62,7 @@ class Drive(NamedTuple):
 
 
 class TraceEnd(NamedTuple):
-    """The end of the episode, without a decision."""
+    """End of the episode, without a decision."""
 
     time: float
     pose: Pose
@@ -71,7 +71,7 @@ class TraceEnd(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """An episode with all observations and decisions. config: of the episode."""
+    """An episode with its config and all observations and decisions."""
 
     config: DriveConfig
     world: int
@@ -84,11 +84,11 @@ class Trace(NamedTuple):
 
     @property
     def frames(self) -> tuple[TracedStep | TraceEnd, ...]:
-        """All steps, and the end."""
+        """Return all steps, and the end."""
         return (*self.steps, self.end)
 
     def moving(self, frame: TracedStep | TraceEnd) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) of the moving obstacles in one of the frames."""
+        """Return circles (C, 3) and edges (E, 4) of the moving obstacles in one of the frames."""
         circles, edges = frame.obstacles
         return circles[len(self.task.world.circles) :], edges[len(self.task.world.edges) :]
 
@@ -131,7 +131,7 @@ def check_repeatable(launch: launch_record.Launch, run_dir: Path, key: EpisodeKe
 
 
 def is_same_drive(driven: Episode | Drive, steps: pd.DataFrame, record: Mapping[str, Any]) -> bool:
-    """Whether an episode took the path of its recorded steps; without steps, whether it ends as its record says."""
+    """Return whether an episode took its recorded path or, without recorded steps, ends as its record says."""
     if steps.empty:
         return isinstance(driven, Episode) and ends_alike(
             record, str(driven.outcome), driven.steps, driven.path_length, driven.final_distance
@@ -143,7 +143,7 @@ def is_same_drive(driven: Episode | Drive, steps: pd.DataFrame, record: Mapping[
 def ends_alike(
     record: Mapping[str, Any], outcome: str, steps: int, path_length_m: float, final_distance_m: float
 ) -> bool:
-    """Whether an episode ended as its record says."""
+    """Return whether an episode ended as its record says."""
     lengths = {"path_length_m": path_length_m, "final_distance_m": final_distance_m}
     return (outcome, steps) == (record["outcome"], record["steps"]) and all(
         math.isclose(value, record[name], rel_tol=0.0, abs_tol=SAME_M) for name, value in lengths.items()
@@ -151,7 +151,7 @@ def ends_alike(
 
 
 def another_path(run_dir: Path, key: EpisodeKey) -> InputError:
-    """Another version of the program drives an episode differently."""
+    """Return the error that another version of the program drives an episode differently."""
     return InputError(
         f"{run_dir}: {key} takes another path when it is driven again, so another version of lme or of its "
         "libraries recorded the run: run it again with lme eval"
@@ -159,7 +159,7 @@ def another_path(run_dir: Path, key: EpisodeKey) -> InputError:
 
 
 class _Tracer:
-    """Keeps each step of an episode with the explanation of its decision."""
+    """Observer that keeps each step of an episode with the explanation of its decision."""
 
     end: TraceEnd
 

@@ -1,4 +1,4 @@
-"""Runs the episodes of a candidate and scores them. Worker processes call this module during a training."""
+"""Run the episodes of a candidate and score them. Worker processes call this module during a training."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _DISTURBANCES = 0x6469  # seeds the draw separately from the episode
 
 
 def disturbed(config: TrainConfig, world: int) -> TrainConfig:
-    """The config with the disturbances drawn for a world; the same for every candidate."""
+    """Return the config with the disturbances drawn for a world; they are the same for every candidate."""
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, _DISTURBANCES]))
     drawn = {
         key: float(rng.uniform(*bounds)) for key, bounds in asdict(config.disturbances).items() if bounds
@@ -39,7 +39,7 @@ def disturbed(config: TrainConfig, world: int) -> TrainConfig:
 
 
 def check_disturbances(config: TrainConfig) -> None:
-    """Raise InputError for a range that is not one, or a disturbance that the simulator does not have or refuses."""
+    """Raise InputError for an invalid range, or a disturbance that the simulator does not have or refuses."""
     highest = {}
     for key, bounds in asdict(config.disturbances).items():
         if bounds is None:
@@ -59,7 +59,7 @@ Place = tuple[str, int]  # a family and the number of a world
 
 
 class Attempt(NamedTuple):
-    """One episode of a candidate. trial: its number. world: of its family. values: by dotted config key."""
+    """One episode of a candidate. trial: its number. world: number in its family. values: by dotted config key."""
 
     trial: int
     family: str
@@ -71,7 +71,7 @@ class Attempt(NamedTuple):
 
 
 class Score(NamedTuple):
-    """The result of an attempt. reward: paper eq. 1. Studies made before there were families have no `family`."""
+    """Result of an attempt. reward: paper eq. 1. Studies made before there were families have no `family`."""
 
     trial: int
     world: int
@@ -82,7 +82,7 @@ class Score(NamedTuple):
 
     @property
     def place(self) -> Place:
-        """Where it was driven."""
+        """Family and world that were driven."""
         return self.family, self.world
 
 
@@ -106,7 +106,7 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
     def simulator(family: str, world: int | None) -> Simulator:
         return build.simulator(within(families[family], world))
 
-    @lru_cache(maxsize=2 * len(families))  # the episodes of a candidate come one after the other
+    @lru_cache(maxsize=2 * len(families))  # few: the episodes of a candidate come one after the other
     def navigator(family: str, values: Values, world: int | None) -> Navigator:
         return build.navigator(within(with_values(families[family], dict(values)), world))
 
@@ -129,7 +129,7 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
 
 
 def episode_reward(config: TrainConfig, time_limit: float, outcome: str, steps: int) -> float:
-    """Reward of an episode that took `steps` control periods. time_limit: of its task [s]."""
+    """Return the reward of an episode that took `steps` control periods. time_limit: that of its task [s]."""
     terms = config.reward
     max_steps = terms.max_steps or round(time_limit * config.robot.control_rate)
     return metrics.reward(outcome, steps, max_steps, terms.crash, terms.timeout)
@@ -150,7 +150,7 @@ def check_ranges(ranges: RobotRanges) -> None:
 
 
 def draw_robot(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> Robot:
-    """The robot with values drawn from the ranges, uniformly in the logarithm."""
+    """Return the robot with values drawn from the ranges, uniformly in the logarithm."""
     drawn_values = {
         key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in ranged_keys(ranges)
     }
@@ -158,13 +158,13 @@ def draw_robot(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> R
 
 
 def extremes(robot: Robot, ranges: RobotRanges) -> tuple[Robot, Robot]:
-    """The robots with the lowest and with the highest values of the ranges."""
+    """Return the robots with the lowest and with the highest values of the ranges."""
     lowest, highest = ({key: getattr(ranges, key)[end] for key in ranged_keys(ranges)} for end in (0, 1))
     return robot_with(robot, lowest), robot_with(robot, highest)
 
 
 def robot_with(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """The robot with these values of `RobotRanges`; both sides of a footprint, or neither."""
+    """Return the robot with these values of `RobotRanges`; both sides of a footprint, or neither."""
     limits = {key: value for key, value in values.items() if key not in _SIDES}
     if len(limits) == len(values):
         return replace(robot, **limits)  # type: ignore[arg-type]
@@ -173,5 +173,5 @@ def robot_with(robot: Robot, values: Mapping[str, float]) -> Robot:
 
 
 def ranged_keys(ranges: RobotRanges) -> list[str]:
-    """The keys of the ranges that are not None."""
+    """Return the keys of the ranges that are not None."""
     return [field.name for field in fields(ranges) if getattr(ranges, field.name) is not None]
