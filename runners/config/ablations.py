@@ -1,4 +1,4 @@
-"""Ablations: `conf/ablation/*.yaml`, and a user's own. Each sets keys of the config, and has a label for tables."""
+"""Ablations: `conf/ablation/*.yaml` and a user's own. Each sets keys of the config and has a label for tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SEVERAL = "+"  # joins the names of ablations that are chosen together
 
 
 def settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
-    """What an ablation, or several joined by +, sets in the whole config. Names without a file set nothing."""
+    """Return what an ablation, or several joined by +, sets in the whole config. Names without a file set nothing."""
     merged: dict[str, Any] = {}
     for name in choice.split(SEVERAL):
         if catalogue.has(f"{GROUP}/{name}"):
@@ -27,7 +27,7 @@ def settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
 
 @cache
 def labels(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, str]:
-    """What tables add to the name of a system, such as "without memory", by the name of the ablation; read once.
+    """Return the text that tables add to a system's name, such as "without memory", by ablation; read once.
 
     Raises InputError for a label that is not text.
     """
@@ -37,7 +37,7 @@ def labels(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, str]:
 
 
 def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
-    """ "without c_o and without c_t" for "no_c_o+no_c_t"; empty where one has no label. known: labels by name."""
+    """Return "without c_o and without c_t" for "no_c_o+no_c_t"; empty if one has no label. known: labels by name."""
     names = choice.split(SEVERAL)
     return " and ".join(known[name] for name in names) if known.keys() >= set(names) else ""
 

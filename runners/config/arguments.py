@@ -1,4 +1,4 @@
-"""The command line after `lme COMMAND`: overrides, and flags in any place among them."""
+"""Command line after `lme COMMAND`: overrides, with flags anywhere among them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CFG = ("job", "hydra", "all")
 class Arguments:
     """A parsed command line.
 
-    cfg, package, resolve: which config to print instead of running. info, hydra_help: what Hydra itself prints.
+    cfg, package, resolve: the config to print instead of running. info, hydra_help: output that Hydra itself prints.
     """
 
     overrides: list[str] = field(default_factory=list)
@@ -36,7 +36,7 @@ class Arguments:
 
 
 def parse(argv: Sequence[str]) -> Arguments:
-    """Parse a command line. Raises InputError for an unknown flag, and for a slip in an override."""
+    """Parse a command line. Raises InputError for an unknown flag, and for a mistyped override."""
     given = Arguments(**vars(_parser().parse_intermixed_args(list(argv))))
     check_words(given.overrides)
     if given.config_dir is not None:
@@ -48,7 +48,7 @@ def parse(argv: Sequence[str]) -> Arguments:
 
 
 def check_config_dir(folder: Path, given: str = "--config-dir ") -> None:
-    """Raise InputError unless a folder of the user's own options exists. given: the text before it in the message."""
+    """Raise InputError unless a folder of the user's own options exists. given: text before it in the message."""
     if not os.path.isdir(folder):  # noqa: PTH112 - Path.is_dir raises for a name that is too long
         raise InputError(f"{given}{folder}: no such directory")
 

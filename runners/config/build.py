@@ -30,11 +30,11 @@ _CHECKED_TASKS = (
 
 
 def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
-    """The map set of a config, with these worlds if they are given, and with the people of `crowd`.
+    """Build the map set of a config, with these worlds if they are given, and with the people of `crowd`.
 
     A `radius` and a `v_max` of null become those of the robot. Raises InputError.
     """
-    # Hydra does not check one of several in a dictionary of map sets.
+    # Hydra does not check the map sets in a dictionary of several.
     if not isinstance(config.map, Mapping):
         raise InputError(f"map is {config.map!r}: must be a map set")
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
@@ -43,7 +43,7 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
-    """Guide and planner of a config, with its filter, on its robot unless another is given."""
+    """Build guide and planner of a config, with its filter, for its robot unless another is given."""
     robot = robot or config.robot
     planner = build(with_network(config.planner), "planner", robot)
     if config.filter:
@@ -54,12 +54,12 @@ def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
 
 
 def people_of(config: SystemConfig) -> People:
-    """Whom the system sees; commands without the key show it the simulator's people."""
+    """Return the source of people that the system sees; without the key `people`, the simulator."""
     return People(getattr(config, "people", People.truth))
 
 
 def refuse_truth(config: SystemConfig) -> None:
-    """Raise InputError where people cannot be those that the simulator knows."""
+    """Raise InputError if people are to come from the simulator, for commands that have none."""
     if people_of(config) is People.truth:
         raise InputError(
             "people is truth: only a simulator knows where people truly are; must be tracked or none"
@@ -67,14 +67,14 @@ def refuse_truth(config: SystemConfig) -> None:
 
 
 def simulator(config: DriveConfig) -> Simulator:
-    """The simulator of a config."""
+    """Build the simulator of a config."""
     return cast(Simulator, build(config.sim, "sim", config.robot))
 
 
 class EpisodeSetting(NamedTuple):
-    """What an episode is driven with.
+    """Config and task of an episode.
 
-    config: with the robot and the disturbances that the map set draws, if it does. drawn: columns of the records.
+    config: includes the robot and disturbances that the map set draws, if any. drawn: columns of the records.
     """
 
     config: DriveConfig
@@ -83,7 +83,7 @@ class EpisodeSetting(NamedTuple):
 
 
 def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
-    """What is driven in world `number` of `maps`, the map set of the config. Raises InputError."""
+    """Return config and task of world `number` of `maps`, the map set of the config. Raises InputError."""
     if not isinstance(maps, DrawsRobots):
         return EpisodeSetting(config, maps.task(number), {})
     drawn = maps.drawn(number)
@@ -91,14 +91,14 @@ def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
 
 
 def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:
-    """The config with what was drawn."""
+    """Return the config with the robot and disturbances that were drawn."""
     return replace(with_disturbances(config, drawn.disturbances), robot=drawn.robot)
 
 
 def with_disturbances(config: C, values: Mapping[str, float]) -> C:
-    """The config with other values of its simulator.
+    """Return the config with other values of its simulator.
 
-    A planner or filter that is told the simulator's delay is told the new one.
+    A planner or filter whose `latency` equals the simulator's gets the new one.
     """
     sim = {**config.sim, **values}
 
@@ -129,7 +129,7 @@ def check_episodes(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASK
 
 
 def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> None:
-    """Warn of goals that the robot cannot reach in time. count: of all tasks, of which these may be the first."""
+    """Warn of goals that the robot cannot reach in time. count: number of all tasks; these may be only the first."""
     late = [here for here in settings if _fastest(here) > here.task.time_limit]
     if late:
         fastest, limits = sorted(map(_fastest, late)), sorted(here.task.time_limit for here in late)
@@ -143,12 +143,12 @@ def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> Non
 
 
 def _fastest(here: EpisodeSetting) -> float:
-    """The time [s] in which the shortest path can be driven into the goal's tolerance at full speed."""
+    """Return the time [s] of the shortest path to within the goal's tolerance at full speed."""
     return (here.task.shortest_path_length - here.task.goal_tolerance) / here.config.robot.v_max
 
 
 def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
-    """The time limit of the records of a run, and in how many worlds it is too short; empty for other rules."""
+    """Describe a run's time limit, and the number of worlds where it is too short; empty for other rules."""
     if "time_limit" not in config.map:
         return ""
     given, v_max = config.map["time_limit"], config.robot.v_max
@@ -168,6 +168,6 @@ def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
 
 
 def _span(low: float, high: float) -> str:
-    """ "60 to 1,420", or "60"."""
+    """Return "60 to 1,420", or "60"."""
     first, last = (f"{time:.3g}" if time < 1000 else f"{time:,.0f}" for time in (low, high))
     return first if first == last else f"{first} to {last}"

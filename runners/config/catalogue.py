@@ -1,4 +1,4 @@
-"""The options in `conf/`, with their comments, for help, the documentation and checks."""
+"""Options in `conf/` with their comments, for help, the documentation and checks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, UnfoldingError, chec
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A value of a YAML: dotted name, value as written, and the comment after or above it."""
+    """One value of a YAML file: dotted name, value as written, and the comment after or above it."""
 
     name: str
     value: str
@@ -27,17 +27,17 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Catalogue:
-    """The config folders, the shipped one first."""
+    """Config folders, the shipped one first."""
 
     folders: tuple[Path, ...]
 
     def groups(self, config_name: str) -> dict[str, str | None]:
-        """Config groups of a command in the order of its defaults list, each with its default option."""
+        """Return the config groups of a command in the order of its defaults list, each with its default option."""
         choices = self.option(config_name).choices
         return {group: option for group, option in choices.items() if not group.startswith("hydra/")}
 
     def choices(self, group: str, command: str) -> dict[str, str]:
-        """The options of a group, each with its file. Experiments are those of the command, if it has its own folder.
+        """Return the options of a group with their files; experiments are the command's, if it has a folder of them.
 
         A user's own experiments count for every command.
         """
@@ -50,7 +50,7 @@ class Catalogue:
         return dict(sorted({**named, **{option: found[option] for option in users}}.items()))
 
     def options(self, group: str) -> list[str]:
-        """Names of the options of a group. A file whose name begins with _ is not an option: others inherit it."""
+        """Return the names of a group's options. A file named _… is not an option: others inherit it."""
         folders = filter(os.path.isdir, (folder / group for folder in self.folders))
         return sorted({path.stem for folder in folders for path in folder.glob("[!_]*.yaml")})
 
@@ -59,32 +59,32 @@ class Catalogue:
         return composer.find(name, self.folders) is not None
 
     def file(self, name: str) -> Path:
-        """The YAML `name` ("robot/jackal"), in the first folder that has it; raises FileNotFoundError."""
+        """Return the first file with the YAML `name`, such as "robot/jackal". Raises FileNotFoundError."""
         file = composer.find(name, self.folders)
         if file is None:
             raise FileNotFoundError(name)
         return file
 
     def option(self, name: str) -> composer.Option:
-        """The YAML `name` over those that it inherits. Raises FileNotFoundError, and InputError."""
+        """Compose the YAML `name` with those that it inherits. Raises FileNotFoundError and InputError."""
         return composer.compose(self.file(name), name.rpartition("/")[0], self.folders)
 
     def values(self, name: str) -> dict[str, Any]:
-        """What the YAML `name` holds, with what it inherits, without its defaults list."""
+        """Return the values of the YAML `name`, inherited ones included, without its defaults list."""
         return self.option(name).values
 
     def title(self, name: str) -> str:
-        """The first comment line of the YAML `name`."""
+        """Return the first comment line of the YAML `name`."""
         lines = _text(self.file(name)).splitlines()
         comments = (line[1:].strip() for line in lines if line.startswith("#"))
         return next((line for line in comments if not line.startswith("@package")), "")
 
     def titles(self, group: str) -> dict[str, str]:
-        """The options of a group, each with its title."""
+        """Return the options of a group, each with its title."""
         return {option: self.title(f"{group}/{option}") for option in self.options(group)}
 
     def keys(self, name: str) -> list[Key]:
-        """Every value of the YAML `name` and of those that it inherits, in order, without defaults and `_target_`.
+        """Return every value of the YAML `name`, inherited ones included, in order, without defaults and `_target_`.
 
         A key without a comment of its own has the inherited one.
         """
@@ -98,18 +98,18 @@ class Catalogue:
 
 
 def shipped(*more: Path) -> Catalogue:
-    """The catalogue of `conf/` and of the user's own folders."""
+    """Return the catalogue of `conf/` and of the user's own folders."""
     return Catalogue((*SHIPPED, *more))
 
 
 def check_structure_of(file: Path) -> None:
-    """Raise InputError for a YAML file that is too large, or that whoever reads it would not get through."""
+    """Raise InputError for a YAML file that is too large, nested too deeply, or unfolded by its aliases."""
     try:
         check_structure(_text(file))
     except UnfoldingError as error:
         raise InputError(f"{file}: not valid YAML ({error})") from error
     except yaml.YAMLError:
-        pass  # whoever reads it says what is wrong; OmegaConf reads a little more
+        pass  # left to the reader of the file: OmegaConf accepts a little more
 
 
 def _text(file: Path) -> str:
@@ -135,14 +135,14 @@ def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:
 
 
 def _written(value: Any, lines: list[str]) -> str:
-    """The value as written in the file, shortened to its first line."""
+    """Return the value as written in the file, shortened to its first line."""
     start, end = value.start_mark, value.end_mark
     stop = end.column if end.line == start.line else None
     return lines[start.line][start.column : stop].strip() if start.line < len(lines) else ""
 
 
 def _comment(key: Any, value: Any, lines: list[str]) -> str:
-    """What follows the value on its line, or else the comment line above the key (the first is the title)."""
+    """Return the comment after the value, or else the line of comment above the key; the first line is the title."""
     line = key.start_mark.line
     after = lines[line][value.end_mark.column :] if value.end_mark.line == line else ""
     if "#" in after:

@@ -1,4 +1,4 @@
-"""Changed keys: those with other values than in the files of the chosen options."""
+"""Changed keys: keys with other values than in the files of the chosen options."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its f
 
 
 def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Catalogue) -> dict[str, Any]:
-    """Dotted keys and values of a composed config that differ from the files of its `choices`.
+    """Return the dotted keys and values of a composed config that differ from the files of its `choices`.
 
-    A value that a file interpolates, such as the guide's parameters, is changed only if it does not stand there as
-    the file writes it: what it follows is recorded. A key that an ablation's file sets is not changed, whichever
+    A value that a file interpolates, such as the guide's parameters, counts as changed only if the interpolation is
+    replaced: its source is recorded anyway. A key that an ablation's file sets does not count as changed, whichever
     group it belongs to. The key of a held-out map is "held_out.NAME.KEY", that of a family "training.NAME.KEY".
     """
     changes = {}
@@ -54,7 +54,7 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
 
 
 def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str, Any]:
-    """What the config of the command itself sets for a family of training worlds."""
+    """Return the values that the command's own config sets for a family of training worlds."""
     if not node.startswith(TRAINING):
         return {}
     command = next((name for name, kind in COMMANDS.items() if OmegaConf.get_type(config) is kind), None)
@@ -63,31 +63,31 @@ def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str,
 
 
 def _changed_keys(config: DictConfig) -> dict[str, Any]:
-    """Whom the system sees, and from where its commands ramp, if these are not the command's defaults."""
+    """Return `people` and `feedback`, if they differ from the command's defaults."""
     schema: Any = OmegaConf.get_type(config)
     defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
     return {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
 
 
 def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:
-    """The ranges of a guide's map of scans, if they follow `costmap_range`."""
+    """Return the ranges of a guide's costmap, if they follow `costmap_range`."""
     if OmegaConf.select(config, "costmap_range") is None or "costmap" not in config.guide:
         return {}
     return {f"guide.costmap.{key}": config.guide.costmap[key] for key in ("obstacle_range", "raytrace_range")}
 
 
 def _is_shown(node: str, key: str) -> bool:
-    """Return whether records show a key in another way: which worlds were driven, and how many."""
+    """Return whether records show a key in another way, as they do which worlds were driven, and how many."""
     return f"{node}.{key}" in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:
-    """ "robot.v_max=1, sim.latency=0.1"; empty where nothing is changed."""
+    """Return text such as "robot.v_max=1, sim.latency=0.1"; empty if nothing is changed."""
     return ", ".join(f"{key}={_shown(value)}" for key, value in changes.items())
 
 
 def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield each node of the config that an episode depends on, with the YAML chosen for it, if it has one."""
+    """Yield each node of the config that an episode depends on, with the YAML files chosen for it, if any."""
     for group in GROUPS:
         if group in config:
             yield (
@@ -102,9 +102,9 @@ def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[st
 
 
 def _written(names: Sequence[str], ablated: Mapping[str, Any], catalogue: Catalogue) -> dict[str, Any]:
-    """The values in the files of options by dotted key, and those of a robot that its file leaves to the default.
+    """Return the values in the files of options by dotted key, with the defaults that a robot's file leaves out.
 
-    ablated: values that an ablation, or the config of the command, puts in their place.
+    ablated: values with which an ablation, or the config of the command, replaces them.
     """
     defaults = [OmegaConf.structured(Robot)] if any(name.startswith("robot/") for name in names) else []
     merged: Any = OmegaConf.merge(*defaults, *(catalogue.values(name) for name in names), ablated)
@@ -117,7 +117,7 @@ def _plain(node: Any, *, resolve: bool) -> dict[str, Any]:
 
 
 def _equal(written: Any, value: Any) -> bool:
-    """Return whether a value is as written. Plain YAML reads a float such as 1e0, without a point, as text."""
+    """Return whether a value is as written. Plain YAML reads a float without a point, such as 1e0, as text."""
     try:
         return bool(written == value or (isinstance(value, float) and float(written) == value))
     except (TypeError, ValueError):
@@ -125,5 +125,5 @@ def _equal(written: Any, value: Any) -> bool:
 
 
 def _shown(value: Any) -> str:
-    """A value as text without ", ", which separates the keys."""
+    """Return a value as text without ", ", which separates the keys."""
     return str(value).replace(", ", ",")

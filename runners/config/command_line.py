@@ -1,4 +1,4 @@
-"""The jobs of a command line: composed, checked and typed before anything runs or is written."""
+"""Jobs of a command line: composed, checked and typed before anything runs or is written."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from runners.config.job import Job
 from runners.config.likeness import namesakes, radius_note
 from runners.config.overrides import SEVERAL_OPTIONS, normalised, text_of
 
-MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
+MAX_JOBS_CHECKED = 64  # of a sweep; in larger ones every value is checked once
 
 Validate = Callable[[Job[Any]], None]
 
 
 @dataclass(slots=True)
 class Plan:
-    """A command line that Hydra can compose.
+    """Command line that Hydra can compose.
 
     overrides: in Hydra's grammar. configs: by the overrides of each checked job, with Hydra's own part.
-    num_jobs: of the whole sweep.
+    num_jobs: number of jobs of the whole sweep.
     """
 
     overrides: list[str]
@@ -42,15 +42,15 @@ class Plan:
 
     @property
     def first(self) -> DictConfig:
-        """The config of the first job that has not run: configs are let go when their jobs have."""
+        """Config of the first job that has not run: a config is released when its job has run."""
         return next(iter(self.configs.values()))
 
 
 def compose(command: str, argv: Sequence[str] = (), validate: Validate = lambda job: None) -> list[Job[Any]]:
-    """The jobs that `lme COMMAND ARGV` runs, checked and typed; nothing is run or written, and `resume` not followed.
+    """Return the jobs of `lme COMMAND ARGV`, checked and typed. Nothing runs, and `resume` is not followed.
 
-    validate: the checks of the command. Of a very large sweep, enough jobs to meet each value once.
-    Raises InputError.
+    validate: checks of the command. A very large sweep gives only enough jobs for each value to occur once. Nothing
+    is written. Raises InputError.
     """
     given = arguments.parse(argv)
     with Composer(given.config_name or command, given.config_dir) as composer:
@@ -61,7 +61,7 @@ def compose(command: str, argv: Sequence[str] = (), validate: Validate = lambda 
 def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Sequence[str] = ()) -> Plan:
     """Compose every job of a command line.
 
-    typed: those of the overrides that must not contradict each other; the others are of a run that is resumed.
+    typed: overrides that must not contradict each other; the others come from a run that is resumed.
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
@@ -84,13 +84,13 @@ def _plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
 
 
 def compose_job(composer: Composer, words: Sequence[str]) -> Job[Any]:
-    """The single job of a command line, without the checks of its command. Raises InputError."""
+    """Return the single job of a command line, without the checks of its command. Raises InputError."""
     (job,) = validated(plan(composer, words, multirun=False), composer, lambda job: None)
     return job
 
 
 def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[Any]]:
-    """The jobs, each validated by its command. An error names the user's file that a bad value comes from."""
+    """Return the jobs, validated by their command. An error names the user's file that holds the bad value."""
     return [_validated(config, words, composer, validate) for words, config in plan.configs.items()]
 
 
@@ -115,7 +115,7 @@ def _validated(config: DictConfig, words: Sequence[str], composer: Composer, val
 
 
 def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:
-    """Hydra's own keys are the same for all jobs of a sweep."""
+    """Raise InputError for a sweep over Hydra's own keys, which are the same for all jobs."""
     for override in parsed:
         if override.is_hydra_override() and override.is_sweep_override():
             key, _, value = text_of(override).partition("=")
@@ -137,7 +137,7 @@ def _refuse_sweep(parsed: Sequence[Override], composer: Composer) -> None:
 
 
 def _suggest_range(key: str, override: Override) -> str:
-    """How to write range(5) where it was meant as worlds of one run; empty for anything else."""
+    """Return advice for a range(5) that was meant as worlds of one run; empty for anything else."""
     swept = override.value()
     if not isinstance(swept, RangeSweep) or key.rpartition(".")[2] != "worlds":
         return ""
@@ -148,13 +148,13 @@ def _suggest_range(key: str, override: Override) -> str:
 
 
 def _sweeper_params(config: DictConfig) -> list[str]:
-    """The sweeps of an experiment file. Those of the command line come after them and win."""
+    """Return the sweeps of an experiment file. Those of the command line come after them and take precedence."""
     params = OmegaConf.select(config, "hydra.sweeper.params") or {}
     return [f"{key}={value}" for key, value in params.items()]
 
 
 def _checked_jobs(parsed: Sequence[Override]) -> list[tuple[str, ...]]:
-    """All jobs of a sweep in Hydra's order; for a very large sweep, enough jobs to meet each value once."""
+    """Return all jobs of a sweep in Hydra's order; of a very large one, enough for each value to occur once."""
     jobs = list(itertools.islice(_jobs(parsed), MAX_JOBS_CHECKED + 1))
     if len(jobs) <= MAX_JOBS_CHECKED:
         return jobs
@@ -169,7 +169,7 @@ def _jobs(parsed: Sequence[Override]) -> Iterator[tuple[str, ...]]:
 
 
 def _choices(parsed: Sequence[Override]) -> list[list[str]]:
-    """The values of each key. The last override of a key wins. Sweeps without fixed values are left out."""
+    """Return the overrides of each key. A key's last override wins. Sweeps without fixed values are left out."""
     choices: dict[str, list[str]] = {}
     for override in parsed:
         key = override.get_key_element()
@@ -187,7 +187,7 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
         raise diagnosis.diagnose(error, composer, job) from error
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
-        raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have
+        raise unknown_key(key, known)  # the ++ of an open mapping also adds keys of other commands
     try:
         worlds.expand_worlds(config)
     except InputError as error:

@@ -24,7 +24,7 @@ from lme.inputs.resources import resource_dir
 from runners.config import catalogue, schema
 from runners.config.quoting import quoted
 
-# What Hydra and OmegaConf raise for what cannot be composed.
+# Errors of Hydra and OmegaConf for a config that cannot be composed.
 COMPOSING = (
     HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError,
     AttributeError, AssertionError, OSError,
@@ -32,10 +32,10 @@ COMPOSING = (
 
 
 class Composer(initialize_config_dir):
-    """Composes configs within a `with` block. Hydra's global state is restored at its end."""
+    """Composer of configs within a `with` block. Hydra's global state is restored at its end."""
 
     def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
-        """config_dir: the user's own options, besides the shipped ones. Raises InputError without a config."""
+        """Set the config folders. config_dir: the user's own options. Raises InputError without a config."""
         self.config_name = config_name
         self.catalogue = catalogue.shipped(*([config_dir] if config_dir else []))
         self._config_dir = config_dir
@@ -55,17 +55,17 @@ class Composer(initialize_config_dir):
         return GlobalHydra.instance().config_loader()
 
     def parse(self, overrides: Sequence[str]) -> list[Override]:
-        """Raises InputError for one that is no `key=value`."""
+        """Parse overrides. Raises InputError for one that is not `key=value`."""
         parser = OverridesParser.create(config_loader=self.loader)
         return [_parse(parser, override) for override in overrides]
 
     def canonical(self, overrides: Sequence[str]) -> frozenset[tuple[str, str]]:
-        """The overrides of a job, independent of order and spelling, without those of Hydra's own part."""
+        """Return the overrides of a job, independent of order and spelling, without those of Hydra's own part."""
         own = [override for override in self.parse(overrides) if not override.is_hydra_override()]
         return frozenset((each.get_key_element(), each.get_value_element_as_str()) for each in own)
 
     def compose(self, overrides: Sequence[str], mode: RunMode = RunMode.RUN) -> DictConfig:
-        """The whole config, Hydra's own part included; in MULTIRUN without what is swept.
+        """Compose the whole config, Hydra's own part included; in MULTIRUN without the swept overrides.
 
         Raises what Hydra and OmegaConf raise.
         """
@@ -74,7 +74,7 @@ class Composer(initialize_config_dir):
         return self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
 
     def _check_own_options(self, overrides: Sequence[str]) -> None:
-        """Raise InputError for a file of the user that Hydra would read without end."""
+        """Raise InputError for a user's file that Hydra would unfold without end."""
         if self._config_dir is None:
             return
         for override in self.parse(overrides):
@@ -95,7 +95,7 @@ class Composer(initialize_config_dir):
 
 
 def without_hydra(config: DictConfig) -> DictConfig:
-    """A copy of a composed config without Hydra's own part."""
+    """Return a copy of a composed config without Hydra's own part."""
     own = copy.deepcopy(config)
     with read_write(own), open_dict(own):
         own.pop("hydra", None)
@@ -121,7 +121,7 @@ def _parse(parser: OverridesParser, override: str) -> Override:
 
 
 def _holds_sweep(value: object) -> bool:
-    """Return whether a part of a value is a sweep, such as range(5), which only a whole value may be."""
+    """Return whether part of a value is a sweep such as range(5), which only a whole value may be."""
     if isinstance(value, dict):
         return any(map(_holds_sweep, value.values()))
     return any(map(_holds_sweep, value)) if isinstance(value, list) else isinstance(value, Sweep)

@@ -1,4 +1,7 @@
-"""What a command line says twice and differently, or in vain. A file's values and a resumed run's may be overridden."""
+"""Check for overrides that contradict each other or have no effect.
+
+Only typed overrides are checked: they may replace the values of a file or of a resumed run.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,9 @@ from runners.config.weights import own_weights, takes_weights
 
 
 def refuse_contradictions(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
-    """Raise InputError for a key with two values, worlds outside the subset given with them, and what no job uses.
+    """Raise InputError for a key with two values, worlds outside their given subset, and values that no job uses.
 
-    given: the overrides as they were typed. configs: of the jobs that they make.
+    given: overrides as they were typed. configs: those of the jobs that they give.
     """
     texts: dict[str, str] = {}
     for override in given:
@@ -36,7 +39,7 @@ def refuse_contradictions(given: Sequence[Override], configs: Collection[DictCon
 
 
 def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
-    """A key of fresh worlds is in vain if no job drives any; in a sweep of subsets some jobs may have no use for it."""
+    """Raise InputError for a key of fresh worlds if no job drives any; in a sweep some jobs may drive none."""
     node, _, name = key.rpartition(".")
     if name not in FRESH_KEYS:
         return
@@ -46,7 +49,10 @@ def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
 
 
 def _check_worlds(barn: Mapping[str, Any]) -> None:
-    """Fresh worlds have no end, and a number needs its subset to say which kind of them is meant."""
+    """Raise InputError for worlds outside their official subset.
+
+    Fresh worlds are not checked: they are unlimited, and a number needs its subset to say which kind is meant.
+    """
     subset, worlds = barn.get("subset"), barn.get("worlds")
     if barn.get("_target_") != TARGET or not worlds or subset == "all" or subset not in OFFICIAL:
         return
@@ -59,9 +65,9 @@ def _check_worlds(barn: Mapping[str, Any]) -> None:
 
 
 def _check_weights(text: str, configs: Collection[DictConfig]) -> None:
-    """A weight set must exist, and a job must drive with it: in a sweep DWA among LME's variants may do without.
+    """Raise InputError for a weight set that does not exist or that no job uses.
 
-    `lme learn` names further guides, which may take it.
+    In a sweep, DWA among LME's variants may ignore it. `lme learn` names further guides, which may use it.
     """
     plain: list[Any] = [OmegaConf.to_container(without_hydra(config), resolve=False) for config in configs]
     if not any("learner" in config or _drives_with_weights(config) for config in plain):

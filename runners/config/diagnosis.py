@@ -1,4 +1,4 @@
-"""Why a command line does not compose: the override or file at fault, and what would be right."""
+"""Diagnose a command line that does not compose: the override or file at fault, and what would be right."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from runners.config.hydra_errors import describe_expected, full_key, keys_beside
 from runners.config.job import chosen
 from runners.config.overrides import places, text_of
 
-# The options of Hydra's own plugins, each in a package such as hydra-joblib-launcher.
+# Options of Hydra's own plugins, each in a package such as hydra-joblib-launcher.
 _PLUGIN = re.compile(r"hydra/(launcher|sweeper)/(ax|joblib|nevergrad|optuna|ray|rq|submitit)(_\w+)?")
 
 
@@ -63,7 +63,7 @@ def _broken_yaml(error: yaml.YAMLError) -> InputError:
 
 
 def _broken_interpolation(error: GrammarParseError, composer: Composer) -> InputError:
-    """Hydra does not say which of the user's files holds the interpolation that OmegaConf cannot read."""
+    """Find the user's file with the interpolation that OmegaConf cannot read; Hydra does not name it."""
     folders = [folder / group for folder in composer.catalogue.folders[1:] for group in (*composer.slots, "")]
     for file in (file for folder in folders for file in sorted(folder.glob("*.yaml"))):
         try:
@@ -73,12 +73,12 @@ def _broken_interpolation(error: GrammarParseError, composer: Composer) -> Input
             if (full_key(same), same.value) == (full_key(error), error.value):
                 return InputError(f"{translate_error(error)} (in {file})")
         except (InputError, *COMPOSING):
-            continue  # nothing has asked for this file
+            continue  # another mistake, in a file that may not be used
     return translate_error(error)
 
 
 def _no_file(name: str, composer: Composer) -> InputError:
-    """A file is missing that the chosen options need, such as the search space of a planner."""
+    """Return the error of a missing file that the chosen options need, such as a planner's search space."""
     group, _, option = name.rpartition("/")
     known = composer.catalogue.options(group)
     hint = nearest(option, known) + f"{places(group, composer.catalogue)}: {', '.join(known)}"
@@ -91,7 +91,7 @@ def _is_group(override: Override, composer: Composer) -> bool:
 
 
 def _find_mistake(override: Override, config: DictConfig, composer: Composer) -> InputError | None:
-    """Why this override alone does not fit the config."""
+    """Return the reason why this override alone does not fit the config; None if it fits."""
     key = override.key_or_group
     if override.is_delete():
         return None
@@ -111,7 +111,7 @@ def _find_mistake(override: Override, config: DictConfig, composer: Composer) ->
         if wanted and whole:
             return InputError(f"{key} is {shown}: must be {wanted}")
         return translate_error(error, schema)
-    except (ValueError, AssertionError):  # a word as the index of a list, or a key in a part that is null
+    except (ValueError, AssertionError):  # a word as index of a list, or a key below a null
         return _unknown(key, known, config, composer)
     return None
 
@@ -122,7 +122,7 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
         parent = parent.rpartition(".")[0]
     try:
         holder = OmegaConf.select(config, parent) if parent else config
-    except OmegaConfBaseException as error:  # an interpolation that another override has put there
+    except OmegaConfBaseException as error:  # an interpolation set by another override
         return translate_error(error)
     if parent and holder is None:
         keys = ", ".join(keys_beside(OmegaConf.get_type(config), key))
@@ -140,7 +140,7 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
 
 
 def _empty(group: str, config: DictConfig, composer: Composer) -> str:
-    """Why a part of the config has no keys, and what to do if it is a group that has others."""
+    """Explain why a part of the config has no keys, with advice if other options of the group have some."""
     option = chosen(config.hydra).get(group, "")
     filled = [
         name for name in composer.catalogue.options(group) if composer.catalogue.keys(f"{group}/{name}")
@@ -151,7 +151,7 @@ def _empty(group: str, config: DictConfig, composer: Composer) -> str:
 
 
 def _last(key: str) -> str:
-    """The last part of a dotted key: two keys of one parent look alike by their parent alone."""
+    """Return the last part of a dotted key, to compare: keys with a long common parent always look alike."""
     return key.rpartition(".")[2]
 
 
@@ -165,7 +165,7 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
 
 
 def add_location(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
-    """Name the file that sets the key with which a message begins: an ablation's, or an option of the user's own."""
+    """Add the file that sets the key with which a message begins: an ablation's, or one of the user's own options."""
     key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
     group = key.partition(".")[0]
     typed = {override.key_or_group for override in composer.parse(job)} - {group}

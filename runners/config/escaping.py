@@ -1,4 +1,4 @@
-"""Text from a run that somebody else may have made, for every format that it reaches: it is shown, not obeyed."""
+"""Escape text of a run from anyone for every output format, so that it is displayed and never interpreted."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-# Control codes, marks that reorder or hide text, and bytes of a name that are not UTF-8.
+# Control codes, marks that reorder or hide text, and bytes of file names that are not UTF-8.
 _HIDDEN = re.compile(
     "[\x00-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb"
     "\U000e0000-\U000e007f]"
 )
-_FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also as full-width signs
+_FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also full-width
 _MARKUP = re.compile(
     r"<(?=[A-Za-z/!?])|&(?=#?\w+;)|`|(?<=\])\(|!(?=\[)"
 )  # tags, entities, code, links, pictures
-_BLOCK = re.compile(r"^[#>*+-](?=[#\s])")  # that begins a heading, a quotation or a list
+_BLOCK = re.compile(r"^[#>*+-](?=[#\s])")  # at the beginning of a heading, a quotation or a list
 _LATEX = {
     "|Δω|": r"$|\Delta\omega|$", "±": r"$\pm$", "\u2013": "--", "\\": r"\textbackslash{}",
     "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "`": r"\textasciigrave{}",
@@ -28,37 +28,37 @@ _IN_LATEX = re.compile("|".join(map(re.escape, _LATEX)))
 
 
 def visible(text: str, keep: str = "") -> str:
-    """Text for a terminal: control codes and marks that change its direction are shown as \\x1b or \\u202e.
+    """Escape text for a terminal: control codes and marks of text direction are shown as \\x1b or \\u202e.
 
-    keep: those that stay, such as line breaks.
+    keep: characters that stay, such as line breaks.
     """
     return _HIDDEN.sub(lambda found: found[0] if found[0] in keep else _code(found[0]), text)
 
 
 def html_text(text: str) -> str:
-    """Text in HTML, between tags or in quotes."""
+    """Escape text for HTML, between tags or in quotes."""
     return html.escape(visible(text))
 
 
 def html_address(path: str | Path) -> str:
-    """The path of a file as an address, whatever bytes its name has."""
+    """Return the path of a file as a URL, whatever bytes its name has."""
     return quote(str(path).encode("utf-8", "surrogateescape"))
 
 
 def markdown_text(text: str) -> str:
-    """Text in Markdown: no tags, code, links, headings, lists or line breaks. A table escapes | itself."""
+    """Escape text for Markdown: no tags, code, links, headings, lists or line breaks. A table escapes | itself."""
     plain = _MARKUP.sub(lambda found: "".join(f"&#{ord(letter)};" for letter in found[0]), visible(text))
     return _BLOCK.sub(lambda found: f"&#{ord(found[0])};", plain)
 
 
 def latex_text(text: str) -> str:
-    """Text in LaTeX, also at the beginning of a table's line, where \\\\ would take [ and * as its own."""
+    """Escape text for LaTeX, also for the beginning of a table's line, where \\\\ would take [ or * as its own."""
     escaped = _IN_LATEX.sub(lambda found: _LATEX[found[0]], visible(text))
     return f"{{{escaped[0]}}}{escaped[1:]}" if escaped[:1] in ("[", "*") else escaped
 
 
 def csv_value(value: Any) -> Any:
-    """A value of a CSV; text that a spreadsheet would read as a formula begins with an apostrophe. Numbers stay."""
+    """Return a value for CSV. Text that a spreadsheet would read as a formula gets an apostrophe; numbers stay."""
     if not isinstance(value, str | Path):
         return value
     text = str(value)
@@ -68,12 +68,12 @@ def csv_value(value: Any) -> Any:
 
 
 def plot_text(text: str) -> str:
-    """Text in a picture, in which Matplotlib would read mathematics between dollar signs."""
+    """Escape text for a picture, since Matplotlib would read text between dollar signs as mathematics."""
     return visible(text, keep="\n").replace("$", r"\$")
 
 
 def json_text(text: str) -> str:
-    """JSON with everything that a terminal would obey written as \\u001b."""
+    """Return JSON with everything that a terminal would interpret written as \\u001b."""
     return _HIDDEN.sub(lambda found: "".join(f"\\u{unit:04x}" for unit in _utf16(found[0])), text)
 
 

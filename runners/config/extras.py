@@ -1,4 +1,4 @@
-"""What lme requires by its metadata, for `lme doctor`."""
+"""Requirements in lme's package metadata, for `lme doctor`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _EXTRA = re.compile(r'extra == "([\w-]+)"')
 
 
 def needed() -> list[Requirement]:
-    """The requirements of every installation; none where lme runs uninstalled."""
+    """Return the requirements of every installation; none if lme is not installed."""
     return [each for each in map(Requirement, declared()) if each.marker is None]
 
 
 def optional() -> dict[str, list[Requirement]]:
-    """The packages behind each extra of ours, by the extra's name, those for developers left out."""
+    """Return the packages of each extra by its name, without the extras for developers."""
     marked = [(each, str(each.marker)) for each in map(Requirement, declared()) if each.marker is not None]
     named = [(found[1], each) for each, marker in marked if (found := _EXTRA.search(marker))]
     extras = dict.fromkeys(extra for extra, _ in named if extra not in _FOR_DEVELOPERS)

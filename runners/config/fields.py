@@ -1,4 +1,4 @@
-"""The fields of a dataclass for the Python reference: type, default, and the comment that stands behind each."""
+"""Fields of a dataclass for the Python reference: type, default, and the comment after each."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from runners.config.wording import without_markup
 
-MARKS = "*|_"  # of reStructuredText that a comment does not mean
+MARKS = "*|_"  # markup of reStructuredText, which comments do not mean
 HEADER = ("Name", "Type", "Default", "Meaning")
 
 
 class ConfigField(NamedTuple):
-    """name: dotted, for a field of a part. default: empty if there is none. meaning: with its unit."""
+    """One field. name: dotted for a field of a part. default: empty if there is none. meaning: includes the unit."""
 
     name: str
     type: str
@@ -24,12 +24,12 @@ class ConfigField(NamedTuple):
 
 
 def fields(schema: type) -> list[ConfigField]:
-    """The fields of a dataclass, in order; those of a part that has a default replace the part."""
+    """Return the fields of a dataclass in order; a part with a default is replaced by its own fields."""
     return list(_fields(schema, ""))
 
 
 def as_rst(found: list[ConfigField]) -> list[str]:
-    """Lines of a table in reStructuredText."""
+    """Return the lines of a table in reStructuredText."""
     lines = [".. list-table::", "   :header-rows: 1", "   :class: fields", ""]
     rows = [
         (_code(name), _code(kind), _code(default), without_markup(text, MARKS))
@@ -58,7 +58,7 @@ def _default(field: dataclasses.Field[Any]) -> Any:
 
 
 def _comments(schema: type) -> dict[str, str]:
-    """The comments behind the fields, also behind those that are inherited, by name."""
+    """Return the comments after the fields, inherited ones included, by name."""
     bases = [each for each in reversed(inspect.getmro(schema)) if dataclasses.is_dataclass(each)]
     lines = "".join(map(inspect.getsource, bases))
     return dict(re.findall(r"^    (\w+): .*?  # (.*)$", lines, re.MULTILINE))

@@ -7,7 +7,7 @@ from typing import Any
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """("a.b", value) for every leaf of a nested mapping."""
+    """Yield ("a.b", value) for every leaf of a nested mapping."""
     for key, value in config.items():
         if isinstance(value, Mapping):
             yield from flatten(value, f"{prefix}{key}.")
@@ -16,7 +16,7 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 
 
 def dotted_keys(config: Mapping[str, Any], prefix: str = "") -> set[str]:
-    """ "a" and "a.b" for every mapping and every leaf of a nested mapping."""
+    """Return "a" and "a.b" for every mapping and every leaf of a nested mapping."""
     keys = set()
     for name, child in config.items():
         keys.add(f"{prefix}{name}")

@@ -20,7 +20,7 @@ _VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to stri
 
 
 def unknown_key(key: str, known: Iterable[str]) -> InputError:
-    """`key` (dotted) is none of the `known` last parts that its parent holds."""
+    """Return the error that a dotted `key` is unknown. known: the last parts of the keys that its parent holds."""
     parent, _, name = key.rpartition(".")
     names = sorted(known)
     place = f"{parent} holds: " if parent else "there are: "
@@ -48,25 +48,25 @@ def translate_error(error: BaseException, schema: Any = None) -> InputError:
 
 
 def full_key(error: BaseException) -> str:
-    """The dotted key in an error of OmegaConf; empty if there is none."""
+    """Return the dotted key in an error of OmegaConf; empty if there is none."""
     found = _FULL_KEY.search(str(error))
     return found.group(1) if found else ""
 
 
 def describe_expected(schema: Any, key: str) -> str:
-    """Text: what the value at the dotted `key` of a dataclass must be; empty if unknown."""
+    """Return in words what the value at the dotted `key` of a dataclass must be; empty if unknown."""
     return describe(_annotation(schema, key))
 
 
 def keys_beside(schema: Any, key: str) -> list[str]:
-    """Names of the fields that the parent of the dotted `key` has."""
+    """Return the names of the fields of the dotted `key`'s parent."""
     parent = key.rpartition(".")[0]
     holder = dataclass_of(_annotation(schema, parent) if parent else schema)
     return [field.name for field in dataclasses.fields(holder)] if holder else []
 
 
 def dataclass_of(annotation: Any) -> Any:
-    """The dataclass of `Part` or of `Part | None`; None for any other type."""
+    """Return the dataclass of `Part` or of `Part | None`; None for any other type."""
     members = () if typing.get_origin(annotation) is dict else typing.get_args(annotation)
     return next((each for each in (annotation, *members) if dataclasses.is_dataclass(each)), None)
 
@@ -88,7 +88,7 @@ def check_parts(config: Any, key: str = "") -> None:
 
 
 def describe(annotation: Any) -> str:
-    """A type in the words of the person who writes the YAML."""
+    """Return a type in the words of somebody who writes YAML."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
         return " or ".join(describe(argument) for argument in arguments)
@@ -104,7 +104,7 @@ def describe(annotation: Any) -> str:
 
 
 def one_line(message: str) -> str:
-    """A message of OmegaConf's or Hydra's as one line, without internal names and advice for others."""
+    """Return a message of OmegaConf or Hydra as one line, without internal names or advice for programmers."""
     shown = [line.strip() for line in message.splitlines() if line.strip()]
     text = " ".join(line for line in shown if not re.match(r"(full_key|object_type|reference_type)", line))
     return re.split(r" (?:To append to|Config search path)", text)[0]

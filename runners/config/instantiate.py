@@ -19,9 +19,9 @@ from runners.config.hydra_errors import describe_expected, full_key, translate_e
 
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
-    """The object that `node` describes: its class called with its Config and `args`.
+    """Build the object that `node` describes: its class called with its Config and `args`.
 
-    key: the node's key in the config ("planner"), for messages. Raises InputError naming key, value
+    key: key of the node in the config ("planner"), for messages. Raises InputError naming key, value
     and what would be right.
     """
     cls, config = configured(node, key)
@@ -29,19 +29,19 @@ def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
 
 
 def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any]:
-    """The class and the checked Config instance of `node`, without making the object itself."""
+    """Return the class and the checked Config instance of `node`, without making the object itself."""
     given = _plain(node, key)
     cls = _class(given.pop("_target_", None), key)
     return cls, fill_dataclass(cls.Config, given, key)
 
 
 def config_class(target: Any, key: str) -> Any:
-    """The dataclass that checks the keys next to `_target_: target`. Raises InputError if there is none."""
+    """Return the dataclass that checks the keys next to `_target_: target`. Raises InputError if there is none."""
     return _class(target, key).Config
 
 
 def fill_dataclass(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
-    """An instance of the dataclass `schema` with the values `given`.
+    """Return an instance of the dataclass `schema` with the values `given`.
 
     Raises InputError for a key that it lacks, a value of the wrong type, or a value that is missing.
     """
@@ -58,10 +58,10 @@ def fill_dataclass(schema: Any, given: DictConfig | Mapping[str, Any], key: str)
 
 
 def _mistake(error: Exception, schema: Any, name: str, value: Any, key: str) -> InputError:
-    """What is wrong with the value of the field `name`, or with a part of it."""
+    """Return the error of a wrong value of the field `name`, or of a part of it."""
     if isinstance(error, ConfigKeyError):
         return _at(key, translate_error(error, schema))
-    at = full_key(error).partition("[")[0] or name  # of a list, the whole
+    at = full_key(error).partition("[")[0] or name  # of an item, the key of its list
     for part in at.split(".")[1:]:
         value = value[part]
     return InputError(f"{key}.{at} is {value!r:.80}: must be {describe_expected(schema, at)}")

@@ -1,4 +1,4 @@
-"""One composed and validated run of a command: what travels from the command line to everything below it."""
+"""One composed and validated run of a command, which the command line hands to everything below it."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ C = TypeVar("C", bound=SystemConfig, covariant=True)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job(Generic[C]):
-    """A run of a command.
+    """One run of a command.
 
     config: validated. choices: the option of every config group; several are joined by +. overrides: as given for
     this job. changes: keys of the chosen options that have other values than the options' files, by dotted name. Both
     are without passwords.
-    folders: of the configs, the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the
-    job is part of, if any. own_weights: the weight set of the guide, if it takes one.
+    folders: config folders, the shipped one first. run_dir: directory that the job writes to. sweep_dir: directory of
+    its sweep, if any. own_weights: the weight set of the guide, if it takes one.
     """
 
     config: C
@@ -43,22 +43,22 @@ class Job(Generic[C]):
 
     @property
     def weights(self) -> str:
-        """The weight set that the job drives with: the guide's own one where the config names the paper's."""
+        """Weight set that the job drives with: the guide's own if the config names the paper's."""
         named = self.config.weights
         return self.own_weights or named if named == PUBLISHED else named
 
     @property
     def changes_text(self) -> str:
-        """The changes as text: "robot.v_max=1, sim.latency=0.1"; empty if there are none."""
+        """Changes as text: "robot.v_max=1, sim.latency=0.1"; empty if there are none."""
         return describe_changes(self.changes)
 
     @classmethod
     def composed(cls, config: DictConfig, hydra: Any, catalogue: Catalogue) -> Job[C]:
-        """The job of a composed config and of Hydra's own part of it.
+        """Return the job of a composed config and of Hydra's own part of it.
 
         Raises what OmegaConf raises, and InputError.
         """
-        typed = cast(C, OmegaConf.to_object(config))  # first: its errors name the key
+        typed = cast(C, OmegaConf.to_object(config))  # comes first because its errors name the key
         check_parts(typed)
         overrides = tuple(map(masked_text, hydra.overrides.task))
         choices = chosen(hydra)
@@ -75,7 +75,7 @@ class Job(Generic[C]):
 
 
 def chosen(hydra: Any) -> dict[str, str]:
-    """The option of every config group, from Hydra's own part of a config; several are joined by +."""
+    """Return the option of every config group, from Hydra's own part of a config; several are joined by +."""
     words: Any = OmegaConf.to_container(
         hydra.overrides.task, resolve=False
     )  # one may interpolate what is not there
@@ -87,7 +87,7 @@ def _single(choices: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def _several(overrides: Sequence[str]) -> dict[str, str]:
-    """The choice of several ablations at once, which Hydra does not note. One in a file is not known."""
+    """Return the choice of several ablations at once, which Hydra does not record; a choice in a file is unknown."""
     lists = [text.partition("=")[2] for text in overrides if text.startswith("ablation=[")]
     return (
         {"ablation": SEVERAL.join(name.strip() for name in lists[-1].strip("[]").split(","))} if lists else {}

@@ -1,4 +1,4 @@
-"""Which options of the config folders a run's robot and map are by their values, whatever they are called."""
+"""Identify the options that a run's robot and map equal by their values, whatever they are called."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from runners.config.flatten import flatten
 from runners.config.instantiate import fill_dataclass
 
 _LIMITS = ("v_max", "omega_max", "alpha_v", "alpha_omega")
-# Keys of a map that say which worlds are driven, or how its optimal time counts, but not what the worlds are.
+# Keys of a map that choose its worlds or its rule for the optimal time, but do not change the worlds.
 _BESIDE = ("name", "worlds", "subset", "count", "fresh_seed", "speed")
 
 
 def robots_like(robot: Mapping[str, Any], folders: tuple[Path, ...]) -> list[str]:
-    """The robots of the config folders that have these values, and limits that are no lower."""
+    """Return the robots of the config folders with these values, of which no limit is lower than theirs."""
     ours = _values(robot)
     return [name for name, other in _robots(folders).items() if not any(_differing(ours, other, limits=True))]
 
 
 def robot_difference(robot: Mapping[str, Any]) -> str:
-    """The first value in which a robot differs from the shipped one of its name; empty if there is none.
+    """Return the first difference of a robot from the shipped one of its name; empty if there is none.
 
-    Such as "robot.v_max is 1, and 0.5 in the shipped stage".
+    An example is "robot.v_max is 1, and 0.5 in the shipped stage".
     """
     ours = _values(robot)
     name = ours.get("name")
@@ -43,14 +43,14 @@ def robot_difference(robot: Mapping[str, Any]) -> str:
 
 
 def radius_note(robot: Robot) -> str:
-    """What a small collision radius means, unless the robot is a shipped one; empty if there is nothing to say."""
+    """Return the note on a small collision radius, unless the robot is a shipped one; empty if none is needed."""
     return robot.radius_note if robot.radius_note and not robots_like(asdict(robot), SHIPPED) else ""
 
 
 def map_like(node: Mapping[str, Any], option: str, name: str) -> str:
-    """The shipped map set that a map's config is by its values: `option` itself if it ships, else `name` if it agrees.
+    """Return the shipped map set that a map's config equals by its values; empty for any other map.
 
-    Empty for another map.
+    This is `option` itself if it ships, else `name` if all values agree.
     """
     catalogue = Catalogue(SHIPPED)
     if catalogue.has(f"map/{option}"):
@@ -66,7 +66,7 @@ def map_like(node: Mapping[str, Any], option: str, name: str) -> str:
 
 
 def namesakes(choices: Mapping[str, str], folders: tuple[Path, ...]) -> Iterator[str]:
-    """Yield what is wrong with a user's own files that can be taken for shipped options, a line for each."""
+    """Yield a line of warning for each of a user's own files that can be taken for a shipped option."""
     shipped = Catalogue(SHIPPED)
     for choice, option in choices.items():
         group = choice.partition("@")[0]
@@ -82,7 +82,7 @@ def namesakes(choices: Mapping[str, str], folders: tuple[Path, ...]) -> Iterator
 
 @cache
 def _robots(folders: tuple[Path, ...]) -> dict[str, dict[str, Any]]:
-    """The values of every robot by option; one that cannot be read is left out."""
+    """Return the values of every robot by option; one that cannot be read is left out."""
     catalogue, robots = Catalogue(folders), {}
     for name in catalogue.options("robot"):
         try:
@@ -93,22 +93,22 @@ def _robots(folders: tuple[Path, ...]) -> dict[str, dict[str, Any]]:
 
 
 def _values(robot: Mapping[str, Any]) -> dict[str, Any]:
-    """All values of a robot by dotted key, those that a file may leave out too; {} if they are not those of a robot.
+    """Return all values of a robot by dotted key, defaults included; {} if they are not those of a robot.
 
-    The record of a run may be somebody else's, so what it would interpolate is not looked up.
+    The record of a run may come from somebody else, so interpolations are not resolved.
     """
     if any("${" in str(value) for _, value in flatten(robot)):
         return {}
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of implausible values: composing has said it
+            warnings.simplefilter("ignore")  # of implausible values: given once, by composing
             return dict(flatten(asdict(fill_dataclass(Robot, dict(robot), "robot"))))
     except InputError:
         return {}
 
 
 def _differing(ours: Mapping[str, Any], theirs: Mapping[str, Any], limits: bool) -> Iterator[str]:
-    """Yield the keys whose values differ. limits: whether a limit may be lower than that of the other."""
+    """Yield the keys whose values differ. limits: whether a limit of ours may be lower than theirs."""
     for key in dict.fromkeys((*theirs, *ours)):
         own, usual = ours.get(key), theirs.get(key)
         lower = limits and (
@@ -130,7 +130,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Return whether two values are equal. Plain YAML reads a float such as 1e0, without a point, as text."""
+    """Return whether two values are equal. Plain YAML reads a float without a point, such as 1e0, as text."""
     if one == other:
         return True
     try:

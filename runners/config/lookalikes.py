@@ -1,4 +1,4 @@
-"""Slips of typing and pasting in overrides: blanks around =, and characters that look like others."""
+"""Check overrides for mistakes of typing and pasting: blanks around =, and characters that look like others."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _AS_TYPED = str.maketrans(
     {**dict.fromkeys(_DASHES, "-"), **dict.fromkeys(_DOUBLE, '"'), **dict.fromkeys(_SINGLE, "'")}
     | dict.fromkeys(_INVISIBLE, "")
 )
-# A file's name may hold any of these characters; a number, or what stands around the value, may not.
+# The name of a file may hold any of these characters; a number, and the text around a value, may not.
 _NUMBERS = re.compile(r"[\d.,:eE+\-*_\s\[\](){}]*\d[\d.,:eE+\-*_\s\[\](){}]*")
 _NEGATIVE = re.compile(rf"(?:^|[\[({{,:=\s])[{_DASHES}]\s*(?=[\d.]|inf)")
 _OUTSIDE = re.compile(rf"^[\s{_DOUBLE}{_SINGLE}{_INVISIBLE}]|[\s{_DOUBLE}{_SINGLE}{_INVISIBLE}]$")
 
 
 def check_words(words: Sequence[str]) -> None:
-    """Raise InputError for an override with a blank around its =, or with a character that only looks right."""
+    """Raise InputError for an override with a blank around its =, or with a lookalike of the right character."""
     for number, word in enumerate(words):
         _check_lookalikes(word)
         before, after = words[number - 1 : number], words[number + 1 : number + 2]
@@ -56,7 +56,7 @@ def _check_lookalikes(word: str) -> None:
 
 
 def _as_typed(word: str) -> str:
-    """The word with the characters of a keyboard where it has others that look alike."""
+    """Return the word with lookalikes replaced by the characters of a keyboard."""
     dashes = len(word) - len(word.lstrip(_DASHES + "-"))
     if dashes and "=" not in word and any(each in _DASHES for each in word[:dashes]):  # a flag
         flag = word[dashes:].translate(_AS_TYPED)

@@ -1,4 +1,4 @@
-"""Map sets by name, with settings, a robot and world numbers: what `lme maps` and `lme figure maps` take."""
+"""Map sets by name, with settings, a robot and world numbers, as in `lme maps` and `lme figure maps`."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from runners.config.catalogue import Catalogue
 from runners.config.worlds import parse_worlds
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
-CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
+CHOICES = ("subset", "kind", "difficulty")  # settings that choose among a set's worlds
 _ROBOT = re.compile(r"robot(\.[\w.]+)?=")
 
 
 class Chosen(NamedTuple):
     """A map set for a robot, on which free space and times depend.
 
-    worlds: the numbers named, or none. choice: which of its worlds, where it comes in kinds.
+    worlds: the numbers named, or none. choice: the kind of worlds chosen, if the set has several.
     """
 
     name: str
@@ -38,9 +38,9 @@ class Chosen(NamedTuple):
 def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue | None = None) -> Chosen:
     """Build the map set of these words, as `lme eval` does: its name, and in any order world numbers and settings.
 
-    `map.key=value` is the same as `key=value`, and `0-5` are six numbers. `robot=NAME` and `robot.key=value` choose the
-    robot, instead of `robot`, or of the one that `lme eval` takes by default. configs: by default the shipped ones.
-    Raises InputError for a name, a number or a setting that is not there, or not right.
+    `map.key=value` is the same as `key=value`, and `0-5` are six numbers. `robot=NAME` and `robot.key=value` replace
+    the robot, which is `robot` or else the default of `lme eval`. configs: the shipped ones by default. Raises
+    InputError for an unknown or invalid name, number or setting.
     """
     from lme.worlds.barn.map_set import check_given
     from runners.config.instantiate import build
@@ -65,20 +65,20 @@ def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue 
 
 
 def known_path(maps: MapSet, task: Task) -> Floats | None:
-    """(P, 2) the way from start to goal that the optimal time counts [m]; None where only its length is known."""
+    """Return the path (P, 2) [m] from start to goal behind the optimal time; None if only its length is known."""
     return maps.way(task.number) if isinstance(maps, Surveyed) else None
 
 
 def _numbers(word: str) -> list[int]:
     if re.fullmatch(r"-[0-9]{1,9}", word):
-        return [int(word)]  # the map set says what is right
+        return [int(word)]  # the map set refuses it with the right values
     if not re.fullmatch(r"[0-9]{1,9}(-[0-9]{1,9})?", word):
         raise InputError(f"{word!r} is neither a world number nor key=value")
     return list(parse_worlds(word, "map.worlds"))
 
 
 def _robot(words: Sequence[str], configs: Catalogue) -> Robot:
-    """The robot that words of `lme eval` choose."""
+    """Return the robot that overrides of `lme eval` choose."""
     from runners.config.instantiate import fill_dataclass
 
     names = [word.partition("=")[2] for word in words if word.startswith("robot=")]
@@ -94,7 +94,7 @@ def _robot(words: Sequence[str], configs: Catalogue) -> Robot:
 
 
 def _node(name: str, settings: Sequence[str], robot: Robot, configs: Catalogue) -> dict[str, Any]:
-    """The set's config with its settings. It may refer to other keys of `lme eval`, such as the robot's."""
+    """Return the set's config with the settings. It may refer to other keys of `lme eval`, such as the robot's."""
     from omegaconf import OmegaConf
 
     merged: Any = OmegaConf.to_container(_merged(configs.values(f"map/{name}"), settings, ""))
@@ -104,7 +104,7 @@ def _node(name: str, settings: Sequence[str], robot: Robot, configs: Catalogue) 
 
 
 def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) -> Any:
-    """A config as it is written, with other values for some keys. prefix: of the settings, for the message."""
+    """Return an unresolved config with other values for some keys. prefix: that of the settings in messages."""
     from omegaconf import OmegaConf
     from omegaconf.errors import GrammarParseError, OmegaConfBaseException
     from yaml import YAMLError

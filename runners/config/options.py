@@ -1,4 +1,4 @@
-"""Options of a config group that a job names besides the one that it has chosen."""
+"""Options of a config group that a job names besides its chosen one."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from runners.config.schema import SystemConfig
 def named_option(
     job: Job[SystemConfig], key: str, group: str, name: str, settings: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The node of the option `name` of a group, as if the job had chosen it, with `settings` in place of its own.
+    """Return the node of a group's option `name`, as if the job had chosen it, with `settings` in place of its own.
 
-    The option that the job has chosen is the job's own node. key: the key of the name in the config, for the
-    message. Raises InputError for a name that is not an option.
+    For the option that the job has chosen this is the job's own node. key: key of the name in the config, for
+    messages. Raises InputError for a name that is not an option.
     """
     if job.choices.get(group) == name:
         node: Mapping[str, Any] = getattr(job.config, group)

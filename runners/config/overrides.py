@@ -1,4 +1,4 @@
-"""Overrides as people write them: made what Hydra wants, and options that do not exist named."""
+"""Normalise overrides for Hydra, and report options that do not exist."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from runners.config import ablations, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
-_LONGEST = 255  # [letters] of a key: a group is a folder, and none has a longer name
+_LONGEST = 255  # [characters] of a key: a group is a folder, whose name cannot be longer
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 SEVERAL_OPTIONS = (ablations.GROUP,)  # groups of which a list of options may be chosen
 OPEN_MAPPINGS = (  # may be given new keys
     "ablation", "scale", "guide.criteria", "space", "held_out", "training", "training_robots", "training_radius",
     "guides", "learner.expert.settings",
 )  # fmt: skip
-_TYPED_MAPPINGS = ("training_robots",)  # of these, which hold what has known keys: new are their names alone
+_TYPED_MAPPINGS = ("training_robots",)  # of these, the items have known keys: only their names are new
 
 
 def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:
-    """The overrides without a needless `+`, with the `++` that a new key needs, and with what they imply.
+    """Return the overrides without a needless `+`, with the `++` that a new key needs, and with implied choices.
 
     Raises InputError for one that cannot be read, and for an option or a group that does not exist.
     """
@@ -40,19 +40,19 @@ def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:
 
 
 def text_of(override: Override) -> str:
-    """An override as it was written."""
+    """Return an override as it was written."""
     return str(override.input_line)
 
 
 def places(group: str, catalogue: Catalogue) -> str:
-    """The folders that hold the options of a group, with their verb: "conf/robot/ holds"."""
+    """Return the folders that hold the options of a group, with a verb: "conf/robot/ holds"."""
     own = [folder / group for folder in catalogue.folders[1:] if (folder / group).is_dir()]
     names = " and ".join([f"conf/{group}/", *(f"{folder}/" for folder in own)])
     return f"{names} {'hold' if own else 'holds'}"
 
 
 def _implied(parsed: Sequence[Override], composer: Composer) -> list[str]:
-    """The choice of "custom" for every group whose class is given and no option."""
+    """Return the choice of "custom" for every group that is given a class and no option."""
     chosen = {override.key_or_group for override in parsed}
     groups = [key.removesuffix("._target_") for key in chosen if key.endswith("._target_")]
     return [
@@ -61,7 +61,7 @@ def _implied(parsed: Sequence[Override], composer: Composer) -> list[str]:
 
 
 def _normalised(override: Override, composer: Composer, open_mappings: Sequence[str]) -> str:
-    """The override without a needless `+`, with the `++` that a new key needs; "" where it says nothing."""
+    """Return the override without a needless `+` and with the `++` of a new key; "" if it has no effect."""
     text, key = text_of(override), override.key_or_group
     if override.is_hydra_override() or key.startswith("hydra/"):
         return text
@@ -78,11 +78,11 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
             return ""
         raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
     if override.package and f"{key}@{override.package}" not in composer.slots:
-        return f"+{text.lstrip('+')}"  # one more map set, say, with a name
+        return f"+{text.lstrip('+')}"  # for example another map set under a name
     if key not in composer.slots and composer.catalogue.options(key):
-        if not isinstance(override.value(), dict):  # a key may have the name of a group
+        if not isinstance(override.value(), dict):  # otherwise a key with the name of a group
             _check_own_group(text, key, composer)
-        return text  # a group of the user's own, which does need its +
+        return text  # a group of the user's own, which needs its +
     if key == "experiment":
         file = composer.catalogue.choices(key, composer.config_name).get(str(override.value()))
         return text.lstrip("+") if file is None else f"{key}={file.partition('/')[2]}"
@@ -92,7 +92,7 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
 
 
 def _check_own_group(text: str, group: str, composer: Composer) -> None:
-    """Raise InputError for a group of other commands, and for one of the user's own without its +."""
+    """Raise InputError for a group of other commands, and for a group of the user's own without the +."""
     shipped = Catalogue(composer.catalogue.folders[:1])
     if shipped.options(group):
         others = [f"lme {name}" for name in schema.COMMANDS if group in shipped.groups(name)]
@@ -132,7 +132,7 @@ def _check_options(override: Override, composer: Composer) -> None:
 
 
 def _likely(group: str, known: Iterable[str]) -> Iterable[str]:
-    """The options that a mistyped one may stand for: whoever names an ablation does not mean none."""
+    """Return the options that a mistyped one may mean; for an ablation, "none" is not among them."""
     return (name for name in known if (group, name) != (ablations.GROUP, "none"))
 
 
@@ -149,7 +149,7 @@ def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
 
 
 def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
-    """How a user's own option is given; empty where the name is near a known one, so probably mistyped."""
+    """Return advice on giving an option of one's own; empty if the name is probably a mistyped known one."""
     if group == "map" and Path(name).suffix:
         return f"; a map file of your own is given by map=file map.path={name}"
     if nearest(name, known):

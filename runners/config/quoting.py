@@ -1,4 +1,4 @@
-"""Texts in Hydra's override grammar and back, and `lme` commands that a shell runs as they are printed."""
+"""Quote texts in Hydra's override grammar and back, and print `lme` commands that a shell runs as printed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from hydra.errors import HydraException
 
 
 def quoted(text: str) -> str:
-    """`text` as a string in Hydra's override grammar, with any characters."""
+    """Return any `text` as a string in Hydra's override grammar."""
     return QuotedString(text, Quote.single).with_quotes()
 
 
 def unquoted(value: str) -> str:
-    """The value of an override without its quotes, if it has any."""
+    """Return the value of an override without its quotes, if it has any."""
     try:
         read = OverridesParser.create().parse_override(f"key={value}").value()
     except HydraException:
@@ -26,12 +26,12 @@ def unquoted(value: str) -> str:
 
 
 def override(key: str, value: str | Path) -> str:
-    """The override `key=value` of a text, quoted for Hydra where it would read something else."""
+    """Return the override `key=value` of a text, quoted for Hydra where it would read something else."""
     return f"{key}={element(str(value))}"
 
 
 def element(text: str) -> str:
-    """A text as a value in Hydra's override grammar, quoted only where Hydra would read something else."""
+    """Return a text as a value in Hydra's override grammar, quoted only where Hydra would read something else."""
     try:
         read: object = OverridesParser.create().parse_override(f"key={text}").value()
         plain = isinstance(read, str) and read == text and not text.startswith("~")
@@ -41,9 +41,9 @@ def element(text: str) -> str:
 
 
 def lme_command(command: str, *words: str | Path, folders: Sequence[Path] = ()) -> str:
-    """The line `lme COMMAND WORDS` for a shell. Every command that lme prints or writes is made here.
+    """Return the line `lme COMMAND WORDS` for a shell. Every command that lme prints or writes is made here.
 
-    folders: the config folders, the shipped one first, of which the command needs the user's own.
+    folders: config folders, the shipped one first; the line names the user's own.
     """
     # A path that begins with a dash would be read as an option.
     plain = [f"./{word}" if isinstance(word, Path) and str(word).startswith("-") else word for word in words]
@@ -52,12 +52,12 @@ def lme_command(command: str, *words: str | Path, folders: Sequence[Path] = ()) 
 
 
 def resume_command(command: str, directory: Path) -> str:
-    """The command that resumes the run in `directory`, which holds the flags that it was started with."""
+    """Return the command that resumes the run in `directory`, which holds the flags that it was started with."""
     return lme_command(command, override("resume", directory))
 
 
 def _for_shell(word: str) -> str:
-    """A word in quotes for the shell, if it needs them; what a terminal does not print is escaped, as in $'\\x1b'."""
+    """Quote a word for the shell if needed; what a terminal does not print is escaped, as in $'\\x1b'."""
     if word.isprintable():
         return shlex.quote(word)
     return "$'{}'".format("".join(map(_escaped, word)))

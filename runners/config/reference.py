@@ -21,13 +21,13 @@ _NOTES = {
 
 
 def pages() -> dict[str, str]:
-    """The reference: a page for the commands, and one for each config group, by name."""
+    """Return the reference: a page for the commands, and one for each config group, by name."""
     configs = shipped()
     return {"commands": _commands(configs)} | {group: _group(configs, group) for group in groups(configs)}
 
 
 def groups(configs: Catalogue) -> list[str]:
-    """The config groups of all commands, in the order in which they are first used."""
+    """Return the config groups of all commands, in the order of their first use."""
     used = [group for command in schema.COMMANDS for group in configs.groups(command) if "@" not in group]
     return list(dict.fromkeys(used))
 
@@ -60,7 +60,7 @@ def _group(configs: Catalogue, group: str) -> str:
 
 
 def _files(configs: Catalogue, group: str) -> dict[str, str]:
-    """The options of a group, those in its folders after the others, each with its file."""
+    """Return the options of a group, each with its file; those in subfolders come last."""
     inner = sorted({each.name for folder in configs.folders for each in (folder / group).glob("*/")})
     options = [*configs.options(group)]
     options += [f"{name}/{option}" for name in inner for option in configs.options(f"{group}/{name}")]
@@ -102,7 +102,7 @@ def _code(text: str | None) -> str:
 
 
 def _plain(comment: str) -> str:
-    """A comment without emphasis, links and tags: the `_target_` of a key is none."""
+    """Escape the marks of emphasis, links and tags: a comment means them literally, as in _target_."""
     return without_markup(comment, "_*<[")
 
 

@@ -1,4 +1,4 @@
-"""The shape of every command's config, and the resolvers of its interpolations."""
+"""Schema of every command's config, and the resolvers of its interpolations."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from lme.types import Feedback
 
 
 class Record(StrEnum):
-    """What becomes of an episode besides its record. Hydra knows the members by name, hence the small letters."""
+    """Output of an episode besides its record. Hydra knows the members by name, hence the lower case."""
 
     none = auto()
     mcap = auto()
 
 
 class Explain(StrEnum):
-    """Which episodes get an explainer page."""
+    """Episodes that get an explainer page."""
 
     none = auto()
     failures = auto()
@@ -35,7 +35,7 @@ class Explain(StrEnum):
 class SystemConfig:
     """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config.
 
-    filter: what the planner's commands go through; empty for nothing. feedback: from where commands ramp.
+    filter: filter of the planner's commands; empty for none. feedback: velocity from which commands ramp.
     """
 
     seed: int
@@ -51,7 +51,7 @@ class SystemConfig:
 
 @dataclass(slots=True, kw_only=True)
 class DriveConfig(SystemConfig):
-    """A system and where it drives: all that an episode depends on, besides its world and run.
+    """A system and the worlds that it drives: all that an episode depends on, besides its world and run.
 
     crowd: people added to the worlds; empty for none.
     """
@@ -64,7 +64,7 @@ class DriveConfig(SystemConfig):
 
 @dataclass(slots=True, kw_only=True)
 class RecordedConfig(DriveConfig):
-    """The part of a driving run's config that `launch.json` keeps. table: rows of a sweep's table."""
+    """Part of a driving run's config that `launch.json` keeps. table: rows of a sweep's table."""
 
     people: People = People.truth
     scale: dict[str, float] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class RecordedConfig(DriveConfig):
 
 @dataclass(slots=True, kw_only=True)
 class EpisodesConfig(DriveConfig):
-    """Episodes that a command drives. executor: who drives them. resume: false, true or a directory."""
+    """Episodes that a command drives. executor: config of what runs them. resume: false, true or a directory."""
 
     resume: Any
     executor: dict[str, Any]
@@ -91,9 +91,9 @@ class ReportConfig(EpisodesConfig):
 
 @dataclass(slots=True, kw_only=True)
 class EvalConfig(ReportConfig):
-    """`lme eval`. people: whom the system sees. scale: factors on the guide's parameters, by name.
+    """Config of `lme eval`. people: source of the people that the system sees. scale: factors on parameters by name.
 
-    costmap_range: [m] up to which a guide's map marks and clears what scans see; None: the guide's own ranges.
+    costmap_range: range [m] to which a guide's costmap marks and clears obstacles; None: the guide's own ranges.
     """
 
     people: People = People.truth
@@ -103,7 +103,7 @@ class EvalConfig(ReportConfig):
 
 @dataclass(slots=True)
 class TrialReward:
-    """What a failed episode is worth (paper eq. 1), and how long one may take."""
+    """Reward of a failed episode (paper eq. 1), and the longest duration of an episode."""
 
     crash: float
     timeout: float
@@ -112,7 +112,7 @@ class TrialReward:
 
 @dataclass(slots=True, kw_only=True)
 class HeldOutConfig(ReportConfig):
-    """What is found in some worlds and evaluated in others. name: of the result; held_out: map sets by name."""
+    """Search in some worlds, with evaluation in others. name: that of the result; held_out: map sets by name."""
 
     name: str | None
     held_out: dict[str, Any] = field(default_factory=dict)
@@ -120,7 +120,7 @@ class HeldOutConfig(ReportConfig):
 
 @dataclass(slots=True)
 class RaceConfig:
-    """Rungs of the race. candidates: how many enter each rung. worlds: how many more of each family they drive."""
+    """Rungs of the race. candidates: number in each rung. worlds: number that each rung adds of each family."""
 
     candidates: list[int]
     worlds: list[int]
@@ -142,17 +142,17 @@ class DisturbanceRanges:
 
     @property
     def any(self) -> bool:
-        """Return whether something is drawn."""
+        """Return whether any disturbance is drawn."""
         return any(getattr(self, field.name) is not None for field in fields(self))
 
 
 @dataclass(slots=True, kw_only=True)
 class TrainConfig(HeldOutConfig):
-    """`lme train`. space: nested as the config that it searches.
+    """Config of `lme train`. space: nested like the config that it searches.
 
-    map: the only one to train on; empty: the families of `training`. training_robots: of families with their own.
-    training_radius: [m] greatest outer radius of a robot, of families that are narrow.
-    race: None: the best trial of the search is the result.
+    map: the only one to train on; empty: the families of `training`. training_robots: robots of families with their
+    own. training_radius: greatest outer radius [m] of a robot in each narrow family. race: None if the best trial of
+    the search is the result.
     """
 
     map: dict[str, Any] = field(default_factory=dict)
@@ -174,7 +174,7 @@ class TrainConfig(HeldOutConfig):
 
 
 class Device(StrEnum):
-    """Where torch computes. auto: on a GPU if there is one."""
+    """Device of torch. auto: a GPU if there is one."""
 
     auto = "auto"
     cpu = "cpu"
@@ -183,7 +183,7 @@ class Device(StrEnum):
 
 @dataclass(slots=True)
 class RobotRanges:
-    """Lowest and highest value of what differs from robot to robot; None: the value of the job's robot."""
+    """Lowest and highest values that differ from robot to robot; None: the value of the job's robot."""
 
     v_max: list[float] | None = None  # [m/s]
     omega_max: list[float] | None = None  # [rad/s]
@@ -195,7 +195,7 @@ class RobotRanges:
 
 @dataclass(slots=True, kw_only=True)
 class LearnConfig(HeldOutConfig):
-    """`lme learn`. training: map sets by name; guides: shares by name; start: a network to continue from."""
+    """Config of `lme learn`. training: map sets by name; guides: shares by name; start: network to continue from."""
 
     learner: dict[str, Any]
     training: dict[str, Any]
@@ -210,7 +210,7 @@ class LearnConfig(HeldOutConfig):
 
 @dataclass(slots=True, kw_only=True)
 class ReplayConfig(SystemConfig):
-    """`lme replay`. goal: a point [x, y], a topic, or nothing; topics, frames, scan: see runners.recordings."""
+    """Config of `lme replay`. goal: a point [x, y], a topic, or none; topics, frames, scan: see runners.recordings."""
 
     bag: str | None
     list: bool
@@ -232,7 +232,10 @@ class ReplayConfig(SystemConfig):
 
 @dataclass(slots=True, kw_only=True)
 class LiveCommandConfig(DriveConfig):
-    """`lme live`. live: the node or the simulated robot; topics, frames, scan: see runners.ros and lme.live."""
+    """Config of `lme live`. live: the node or the simulated robot.
+
+    topics, frames, scan: see runners.ros and lme.live.
+    """
 
     live: dict[str, Any]
     ros: int | None
@@ -245,7 +248,7 @@ class LiveCommandConfig(DriveConfig):
 
 @dataclass(slots=True, kw_only=True)
 class PlayConfig(DriveConfig):
-    """`lme play`. run: of each world, for its random numbers; port: of the page; browser: whether to open it."""
+    """Config of `lme play`. run: number in each world; port: that of the page; browser: whether to open it."""
 
     people: People = People.truth
     scale: dict[str, float] = field(default_factory=dict)
@@ -256,7 +259,7 @@ class PlayConfig(DriveConfig):
 
 @dataclass(slots=True, kw_only=True)
 class FigureConfig(EpisodesConfig):
-    """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
+    """Config of `lme figure`. figure: kind and settings; run: directory whose records are drawn, or none."""
 
     figure: dict[str, Any]
     run: str | None
@@ -285,5 +288,5 @@ def register() -> None:
 
 
 def _sweep(options: Sequence[str], without: Collection[str] = ()) -> str:
-    """The options of a list as a sweep: "a,b" for [a, b]; "null" for none, which chooses nothing."""
+    """Return the options of a list as a sweep: "a,b" for [a, b]; "null", which chooses nothing, for none."""
     return ",".join(option for option in options if option not in without) or "null"

@@ -1,4 +1,4 @@
-"""The search space: config keys and their ranges, nested in `space` as in the config."""
+"""Search space: config keys and their ranges, nested in `space` as in the config."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ Space = dict[str, Range]  # by dotted config key
 
 
 def read_space(config: TrainConfig, ablated: Collection[str] = ()) -> Space:
-    """The ranges of a composed config's `space`, without the parameters and keys that an ablation fixes.
+    """Read the ranges of a composed config's `space`, without the parameters and keys that an ablation fixes.
 
     ablated: dotted keys that the ablation's file sets.
 
-    Raises InputError where there is none, for a key that the config has not or that holds no number, and for a
-    range that is empty or, if logarithmic, not positive.
+    Raises InputError if there is none, for a key that the config lacks or that holds no number, and for a range that
+    is empty or, if logarithmic, not positive.
     """
     fixed = {*ablated, *(f"{PARAMETERS}{name}" for name in config.ablation)}
     space = {key: found for key, found in _ranges(config.space, "") if key not in fixed}
@@ -51,7 +51,7 @@ def read_space(config: TrainConfig, ablated: Collection[str] = ()) -> Space:
 
 
 def own_values(config: TrainConfig, space: Space) -> dict[str, float]:
-    """The config's own values of the keys of the space, if they lie in the ranges."""
+    """Return the config's own values of the keys of the space, if they lie in the ranges."""
     known = dict(flatten(asdict(config)))
     return {
         key: float(known[key])
@@ -61,7 +61,7 @@ def own_values(config: TrainConfig, space: Space) -> dict[str, float]:
 
 
 def with_values(config: C, values: Mapping[str, Any]) -> C:
-    """A copy of a config with other values under these dotted keys."""
+    """Return a copy of a config with other values under these dotted keys."""
     changed = copy.deepcopy(config)
     for key, value in values.items():
         *path, name = key.split(".")

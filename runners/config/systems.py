@@ -20,7 +20,7 @@ PAIR = ("guide", "planner")  # the groups that a system chooses
 class System:
     """A named pair. label: its name in tables.
 
-    global_planner: whether it plans on a map. published: by map, the robots and [mean, deviation] of each metric.
+    global_planner: whether the guide plans on a map. published: robots and [mean, deviation] of each metric, by map.
     """
 
     label: str
@@ -31,13 +31,13 @@ class System:
 
     @property
     def name(self) -> str:
-        """The label without what it says of its settings in brackets."""
+        """Label without its settings in brackets."""
         return self.label.partition(" (")[0]
 
 
 @cache
 def systems(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, System]:
-    """Every named pair of the config folders by the name of its file; read once.
+    """Return every named pair of the config folders by the name of its file; read once.
 
     Raises InputError for a file that does not describe a pair.
     """
@@ -53,10 +53,10 @@ def systems(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, System]:
 
 
 def label(guide: str, planner: str, known: Iterable[System], changed: bool = False) -> str:
-    """What tables call a pair: the label of the first of the `known` that is this pair, or "guide+planner".
+    """Return a pair's name in tables: the label of the first `known` system with this pair, or "guide+planner".
 
-    changed: whether its settings are not those of its files. A label that names them, such as
-    "DWA (textbook)", then says "(changed)".
+    changed: whether its settings differ from those of its files. A label that names settings, such as
+    "DWA (textbook)", then ends with "(changed)".
     """
     for system in known:
         if (system.guide, system.planner) == (guide, planner):

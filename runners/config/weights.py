@@ -1,4 +1,4 @@
-"""The weight sets that guides take, and the scale of their parameters in words."""
+"""Weight sets that guides take, and the scale of their parameters in words."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from lme.guides.lme.weight_files import PUBLISHED
 from runners.config.flatten import flatten
 
 PARAMETERS = "${parameters:}"  # the parameters of a guide, by the key `weights`
-TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
+TIMES = "\u00d7"  # escaped, since × looks like the letter x
 
 
 def own_weights(guide: Mapping[str, Any]) -> str | None:
-    """The weight set that a guide's config, not resolved, names as its own; None if its parameters do not follow it."""
+    """Return the weight set of a guide's unresolved config; None if its parameters do not follow a weight set."""
     return guide.get("weight_set", PUBLISHED) if guide.get("parameters") == PARAMETERS else None
 
 
 def takes_weights(node: Mapping[str, Any]) -> bool:
-    """Return whether a config, not resolved, interpolates the key `weights`."""
+    """Return whether an unresolved config interpolates the key `weights`."""
     return any(value in (PARAMETERS, "${weights}") for _, value in flatten(node))
 
 
@@ -32,11 +32,11 @@ def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
 
 
 def scale_in_words(scale: Mapping[str, float]) -> str:
-    """A scale as a table shows it: "a_close × 0.5", several with commas between; empty where it changes nothing."""
+    """Return a scale as a table shows it, "a_close × 0.5", separated by commas; empty if it changes nothing."""
     return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items() if factor != 1)
 
 
 def scale_from_words(text: str) -> dict[str, float]:
-    """The scale of a text that `scale_in_words` made."""
+    """Return the scale of a text from `scale_in_words`."""
     pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
     return {name: float(factor) for name, factor in pairs}

@@ -1,4 +1,4 @@
-"""Numbers of worlds as people write them: `0-49`, `7`, or a list of both, `[0-9,20,30-39]`."""
+"""World numbers as users write them: `0-49`, `7`, or a list of both, `[0-9,20,30-39]`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
 
-MAX_WORLDS = 1_000_000  # of a range: a list of more fills the memory
+MAX_WORLDS = 1_000_000  # of a range: a longer list would fill the memory
 _SETS = ("held_out", "training")  # map sets by name, besides `map` itself
 _RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 
@@ -17,7 +17,7 @@ _RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 def expand_worlds(config: DictConfig) -> None:
     """Write out the ranges of every map set's `worlds` in a composed config.
 
-    What a list of numbers gives stays as it is. Raises InputError.
+    A list of numbers stays as it is. Raises InputError.
     """
     for key in ("map", *(f"{name}.{place}" for name in _SETS for place in _names(config, name))):
         node = OmegaConf.select(config, key)
@@ -26,9 +26,9 @@ def expand_worlds(config: DictConfig) -> None:
 
 
 def parse_worlds(given: Any, key: str) -> Any:
-    """The numbers of worlds in their order; anything that holds no text and is not a number stays as it is.
+    """Return the numbers of worlds in order; anything that holds no text and is not a number stays as it is.
 
-    key: of `given`, for messages. Raises InputError for a text that is not a number or a range, for a range that
+    key: key of `given`, for messages. Raises InputError for a text that is not a number or a range, for a range that
     runs backwards, and for a world that is listed twice.
     """
     items = list(given) if isinstance(given, list | tuple) or OmegaConf.is_list(given) else [given]
@@ -43,7 +43,7 @@ def parse_worlds(given: Any, key: str) -> Any:
 
 
 def _numbers(item: Any, key: str) -> range | list[Any]:
-    """The numbers that an item of the list stands for; an item that is not text stays as it is."""
+    """Return the numbers that an item of the list stands for; an item that is not text stays as it is."""
     if not isinstance(item, str):
         return [item]
     found = _RANGE.fullmatch(item.strip())

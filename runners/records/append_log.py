@@ -1,4 +1,4 @@
-"""The append log of a run: one line of JSON per finished episode, appended when the episode ends.
+"""Append log of a run: one line of JSON per finished episode, appended when the episode ends.
 
 A line counts once its newline is on disk. Arrays are stored byte for byte, so an episode that is read back equals
 the episode that was written.
@@ -27,14 +27,14 @@ from runners.records.episode_record import COLUMNS, TEXTS, EpisodeKey, EpisodeRe
 APPEND_LOG = "parts/episodes.jsonl"
 
 _BLOCK = 1 << 20  # bytes
-_FOREIGN_BYTES = 2**20  # read of a line that is no episode, to see where it ends
-_LINE_BYTES = 2**28  # of an episode; one of a million steps has about 2**27
+_FOREIGN_BYTES = 2**20  # of a line that is not an episode, read to find its end
+_LINE_BYTES = 2**28  # longest line of an episode; one of a million steps has about 2**27
 
 
 class LogEntry(NamedTuple):
-    """One line, by column name. Another version of the program may have written it, with other columns.
+    """One line by column name. Another version of the program may have written it, with other columns.
 
-    row: of `episodes.parquet`. trajectory: 1-D arrays of equal length.
+    row: the episode's row of `episodes.parquet`. trajectory: 1-D arrays of equal length.
     """
 
     row: dict[str, Any]
@@ -42,24 +42,24 @@ class LogEntry(NamedTuple):
 
     @property
     def key(self) -> EpisodeKey:
-        """Which episode this is."""
+        """Key of the episode."""
         return EpisodeKey.of(self.row)
 
     @property
     def steps(self) -> int:
-        """Rows of the trajectory."""
+        """Number of rows of the trajectory."""
         return len(next(iter(self.trajectory.values()), ()))
 
 
 def entry_of(result: EpisodeResult) -> LogEntry:
-    """The entry of an episode."""
+    """Return the log entry of an episode."""
     from lme.navigation.episode import TRAJECTORY_COLUMNS
 
     return LogEntry(result.record.columns(), dict(zip(TRAJECTORY_COLUMNS, result.trajectory.T, strict=True)))
 
 
 def encode(entry: LogEntry) -> bytes:
-    """The line of an episode. An array is [dtype, base64 of its bytes]: exact, and shorter than decimal digits."""
+    """Encode an episode as a line. An array is [dtype, base64 of its bytes]: exact, and shorter than decimals."""
     arrays = {
         name: [array.dtype.str, base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()]
         for name, array in entry.trajectory.items()
@@ -69,18 +69,18 @@ def encode(entry: LogEntry) -> bytes:
 
 
 class AppendLog:
-    """An append log, read in the order of the keys; if a key occurs twice, the first line counts.
+    """Append log that is read in the order of the keys; if a key occurs twice, the first line counts.
 
     Memory holds only the key and the offset of each line, 24 bytes. A last line without a newline is ignored.
     keys: (N, 2) world and run, sorted. layouts: every combination of (name, dtype) of trajectory columns.
     """
 
     def __init__(self, lines: BinaryIO, path: Path) -> None:
-        """Raises InputError for a line that is not an episode."""
+        """Index the lines. Raises InputError for a line that is not an episode."""
         self._lines, self._path = lines, path
         self.layouts: set[tuple[tuple[str, str], ...]] = set()
         index = np.array(self._index(), dtype=np.int64).reshape(-1, 3)  # world, run, first byte
-        order = np.lexsort((index[:, 1], index[:, 0]))  # stable
+        order = np.lexsort((index[:, 1], index[:, 0]))  # stable: of equal keys the first line stays first
         first = np.ones(len(order), dtype=bool)
         first[1:] = (np.diff(index[order, :2], axis=0) != 0).any(axis=1)
         self._order = order[first]
@@ -88,7 +88,7 @@ class AppendLog:
         self.keys = index[self._order, :2]
 
     def entries(self, wanted: Container[EpisodeKey] | None = None) -> Iterator[LogEntry]:
-        """Entries in the order of the keys; all, or the `wanted` ones. Raises InputError."""
+        """Yield all entries, or the `wanted` ones, in the order of the keys. Raises InputError."""
         for number, start, key in zip(self._order, self._starts, self.keys.tolist(), strict=True):
             if wanted is None or EpisodeKey(*key) in wanted:
                 self._lines.seek(start)
@@ -131,13 +131,13 @@ def _decode(line: bytes, path: Path, number: int) -> LogEntry:
 
 
 def _layout(trajectory: dict[str, tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """Names and types of the columns. Raises ValueError or TypeError for what Parquet cannot hold."""
+    """Return names and types of the columns. Raises ValueError or TypeError for what Parquet cannot hold."""
     "".join(trajectory).encode()  # JSON may hold half characters
     return tuple((name, _dtype(kind).str) for name, (kind, _) in trajectory.items())
 
 
 def _dtype(kind: str) -> np.dtype[Any]:
-    # NumPy would evaluate a string with a comma.
+    # NumPy would parse a string with a comma as a structured type.
     if not re.fullmatch(r"[<>|=]?[fiu]\d\d?", kind):
         raise ValueError(f"{kind} is not a type of number")
     return np.dtype(kind)

@@ -1,4 +1,4 @@
-"""Collect the records of all runs below some folders."""
+"""Collect the records of all runs below given folders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# What the files of a run that somebody has changed can raise: a part is missing, or is of another type.
+# Errors from files of a run that somebody has changed: a part is missing, or has another type.
 NOT_AS_WRITTEN = (
     ValueError,
     TypeError,
@@ -35,7 +35,7 @@ class Collected(NamedTuple):
 
 
 def collect(folders: Iterable[Path]) -> Collected:
-    """The records of every run in or below the folders, finished or not.
+    """Return the records of every run in or below the folders, finished or not.
 
     Below a folder, only a directory with a launch record is a run: MLflow keeps copies of records without one.
     Raises InputError for a folder that does not exist or has no run below it.
@@ -57,7 +57,7 @@ def _runs_below(folder: Path) -> list[Path]:
 
 
 def _add(run_dir: Path, found: Collected) -> None:
-    """Read a run, once, whatever path names it."""
+    """Read a run, only once if several paths lead to it."""
     if any(run_dir.samefile(known) for known in found.frames):
         return
     try:
@@ -71,5 +71,5 @@ def _add(run_dir: Path, found: Collected) -> None:
 
 
 def not_as_written(run_dir: Path, error: Exception) -> str:
-    """What is said of a run whose files hold what lme does not write."""
+    """Return the message about a run whose files hold what lme does not write."""
     return f"{run_dir}: cannot be read ({type(error).__name__}: {str(error).partition(chr(10))[0]:.200})"

@@ -1,4 +1,4 @@
-"""The record of one episode. The fields are the columns of `episodes.parquet`, in the order of the file."""
+"""Record of one episode. The fields are the columns of `episodes.parquet`, in the order of the file."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class EpisodeKey:
 
     @classmethod
     def of(cls, row: Mapping[str, Any]) -> Self:
-        """The key of a row of `episodes.parquet` or `trajectories.parquet`."""
+        """Return the key of a row of `episodes.parquet` or `trajectories.parquet`."""
         return cls(int(row["world"]), int(row["run"]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunLabels:
-    """The columns that name what was run; the same in all episodes of a run.
+    """Columns that name what was run; they are the same in all episodes of a run.
 
-    people: whom the system sees: truth, tracked or none.
-    subset: of the map's worlds; CUSTOM_SUBSET if the config names the worlds, empty for a map without subsets.
+    people: the people that the system sees: truth, tracked or none.
+    subset: that of the map's worlds; CUSTOM_SUBSET if the config names the worlds, empty for a map without subsets.
     """
 
     system: str
@@ -88,11 +88,11 @@ class EpisodeRecord(RunLabels):
 
     @property
     def key(self) -> EpisodeKey:
-        """Which episode this is."""
+        """Key of the episode."""
         return EpisodeKey(self.world, self.run)
 
     def columns(self) -> dict[str, Any]:
-        """The row by column name."""
+        """Return the row by column name."""
         row = {name: getattr(self, name) for name in COLUMNS}
         return (
             row | {f"world_{name}": value for name, value in self.world_measures.items()} | dict(self.social)
@@ -101,7 +101,7 @@ class EpisodeRecord(RunLabels):
 
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
-    """What a worker returns for one episode. trajectory: (T, 10), see `lme.navigation.episode.Episode`."""
+    """Result that a worker returns for one episode. trajectory: (T, 10), see `lme.navigation.episode.Episode`."""
 
     record: EpisodeRecord
     trajectory: Floats

@@ -1,4 +1,4 @@
-"""Records as files for other programs: CSV, JSON lines, or Parquet with some of the columns."""
+"""Export records as files for other programs: CSV, JSON lines, or Parquet with some of the columns."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Write = Callable[
 
 
 def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
-    """The records of a run as its file holds them; those of several runs with the columns that tell them apart."""
+    """Yield the records of a run as its file holds them; for several runs, with the columns that tell them apart."""
     found = episode_tables(run_dirs)
     if len(found) == 1:
         yield found[0][0]
@@ -44,13 +44,13 @@ def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
 
 
 def with_run_dir(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table]:
-    """The tables with the column `run_dir` before the others."""
+    """Yield the tables with the column `run_dir` before the others."""
     for table in tables:
         yield _with_columns(table, {"run_dir": str(run_dir)}).select(["run_dir", *table.column_names])
 
 
 def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Table]:
-    """The tables with these columns, in this order; with all columns if none are named.
+    """Yield the tables with these columns in this order, or with all columns if none are named.
 
     Raises InputError for a column that does not exist or is named twice, and for tables whose columns differ from
     those of the first.

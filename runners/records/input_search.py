@@ -1,4 +1,4 @@
-"""Finds the user's own files that the jobs of a command read.
+"""Find the user's own files that the jobs of a command read.
 
 These are the files that the config names (maps with their pictures, tracks, networks, weights), the options of
 --config-dir, and the source of own classes and criteria, with what it imports from the user's own folders.
@@ -50,12 +50,12 @@ _NOT_READ = (
     "executor",
     "tracking",
     "hydra",
-)  # no inputs of a drive
+)  # keys whose values are not inputs of a drive
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
 
 
 def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) -> list[Input]:
-    """The user's own files that these jobs read. Raises InputError for one that cannot be read."""
+    """Return the user's own files that these jobs read. Raises InputError for one that cannot be read."""
     found: dict[tuple[str, str], Input] = {}
     budget = [_MOST]
     for job in jobs:
@@ -77,7 +77,7 @@ def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) ->
 
 
 def _named(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """(dotted key, text, the mapping that it is in) for every text of a job's config that may name an input."""
+    """Yield (dotted key, text, mapping that holds it) for every text of a job's config that may name an input."""
 
     def walk(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         for name, value in node.items():
@@ -91,7 +91,7 @@ def _named(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, A
 
 
 def _files_of(path: Path, key: str, node: Mapping[str, Any]) -> tuple[dict[str, Path], str]:
-    """The files that belong to an input by their paths among the copies, and the path of the input itself there."""
+    """Return the files of an input by their paths among the copies, and the path of the input itself there."""
     if path.is_file():
         return _with_companions(path, PurePosixPath(path.name)), path.name
     if last_part(key) == "paths":
@@ -107,7 +107,7 @@ def _files_of(path: Path, key: str, node: Mapping[str, Any]) -> tuple[dict[str, 
 
 
 def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
-    """The published files of the BARN worlds that are driven; none if the folder holds others."""
+    """Return the published files of the BARN worlds that are driven; none if the folder holds other files."""
     from lme.worlds.barn.files import find_worlds, path_file
     from runners.config.instantiate import build
 
@@ -119,7 +119,7 @@ def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
 
 
 def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
-    """A file and those that it leads to: the picture of a ROS map, the weights beside an ONNX file."""
+    """Return a file and those that it refers to: the picture of a ROS map, the weights beside an ONNX file."""
     picture = picture_of(path)
     if picture is not None:
         place = name.parent / (picture if is_beside(picture) else Path(picture).name)
@@ -131,7 +131,7 @@ def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
 
 
 def _input(key: str, given: str, name: str, files: Mapping[str, Path], budget: list[int]) -> Input:
-    """budget: bytes that may still be copied, in a list that this changes."""
+    """Describe the files of an input. budget: bytes that may still be copied; the one-item list is updated."""
     found = {}
     for place, path in sorted(files.items()):
         try:
@@ -147,7 +147,7 @@ def _input(key: str, given: str, name: str, files: Mapping[str, Path], budget: l
 
 
 def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict[str, Path]:
-    """The files below --config-dir of the options that these jobs chose, with those that they inherit."""
+    """Return the files below --config-dir of the options that these jobs chose, with those that they inherit."""
     found: dict[str, Path] = {}
     for job in jobs:
         catalogue, own = Catalogue(job.folders), job.folders[1:]
@@ -166,7 +166,7 @@ def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict
 
 
 def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
-    """The source of the user's own modules that these jobs name, with what it imports from the user's own folders."""
+    """Return the sources of the user's own modules that these jobs name, and of the own modules that they import."""
     texts = (
         text
         for job in jobs
@@ -189,7 +189,7 @@ def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
 
 
 def _own_source(module: str) -> Path | None:
-    """The source of a module that is the user's own; None for an installed one, or one that is not there."""
+    """Return the source of a module of the user's own; None for a module that is installed or does not exist."""
     top = module.partition(".")[0]
     if top in ("", "lme", "runners", "__main__") or top in sys.stdlib_module_names:
         return None
@@ -202,7 +202,7 @@ def _own_source(module: str) -> Path | None:
 
 
 def _origin(module: str) -> str | None:
-    """Where a module would be imported from, found without importing anything."""
+    """Return the file that a module would be imported from, without importing anything."""
     spec: ModuleSpec | None = None
     places: list[str] | None = None
     name = ""
@@ -223,7 +223,7 @@ def _is_installed(path: Path) -> bool:
 
 
 def _imported(file: Path, module: str) -> list[str]:
-    """The modules that a source file may import, by name."""
+    """Return the names of the modules that a source file may import."""
     try:
         tree = ast.parse(file.read_bytes())
     except (SyntaxError, ValueError, OSError):

@@ -1,8 +1,8 @@
-"""What a run has read from the user's own files: copies beside its records, so that its directory is complete.
+"""Copies of the user's own files that a run has read, beside its records, so that its directory is complete.
 
 `input_search.gather` finds the files. `keep` copies them, once for a sweep, into inputs/DIGEST/, and `launch.json`
-holds the list. `located` and `provide_code` lead to the copies again, and `check_unchanged` compares them with today's
-files.
+holds the list. `located` and `provide_code` later lead to the copies, and `check_unchanged` compares them with the
+files as they are then.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from runners.records import trust
 from runners.records.whole_file import replacing
 
 FOLDER = "inputs"  # in the directory of a run or of a sweep
-LARGEST = 64 * 2**20  # [bytes] of a file that is copied
+LARGEST = 64 * 2**20  # [bytes] largest file that is copied
 CODE, OPTIONS, WEIGHTS = "code", "--config-dir", "weights"  # keys of inputs that no path in the config names
 PATHS = ("path", "paths", "source")  # keys that name a file or a folder
 
@@ -43,7 +43,7 @@ C = TypeVar("C")
 
 @dataclass(slots=True)
 class InputFile:
-    """source: its absolute path at launch. sha256, size: of its content then. copy: SHA-256 of the copy, if any."""
+    """source: absolute path at launch. sha256, size: those of its content then. copy: SHA-256 of the copy, or ""."""
 
     source: str
     sha256: str
@@ -53,7 +53,7 @@ class InputFile:
 
 @dataclass(slots=True)
 class Input:
-    """What one value of the config names. key, given: the value's key and the value. name: within the copies.
+    """The files that one value of the config names. key, given: the value's key and text. name: path in the copies.
 
     digest: the folder of the copies. files: by their paths in it.
     """
@@ -66,7 +66,7 @@ class Input:
 
 
 def keep(inputs: Sequence[Input], directory: Path) -> None:
-    """Copy the files into the directory of a run or of a sweep, unless that of which it is a part has them.
+    """Copy the files into the directory of a run or of a sweep, unless it or a directory above has them.
 
     Raises InputError if that cannot be done.
     """
@@ -91,7 +91,7 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
 
 
 def sentence(inputs: Sequence[Input]) -> str:
-    """What a run says when it starts, since whoever is sent its folder gets these files; empty if there are none."""
+    """Return the notice at the start of a run that anyone who is sent its folder gets these files; empty for none."""
     files = {file.source: file for each in inputs for file in each.files.values()}
     kept = dict.fromkeys(Path(source).name for source, file in files.items() if file.copy)
     large = dict.fromkeys(Path(source).name for source, file in files.items() if not file.copy)
@@ -105,10 +105,10 @@ def sentence(inputs: Sequence[Input]) -> str:
 
 
 def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
-    """A recorded config, or a part of it, whose paths lead to the copies.
+    """Return a recorded config, or a part of it, whose paths lead to the copies.
 
-    directory: of the run or the recording. Where today's file differs from the copy, a warning says that the copy is
-    used. Raises InputError for a copy that is missing or damaged, and UntrustedError for a file outside the run.
+    directory: that of the run or the recording. Where today's file differs from the copy, a warning says that the
+    copy is used. Raises InputError for a missing or damaged copy, and UntrustedError for a file outside the run.
     """
     known = {(last_part(each.key), each.given): each for each in inputs}
 
@@ -121,7 +121,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
             return [moved(child, key) for child in value]
         if (
             not isinstance(value, str) or key == WEIGHTS
-        ):  # the parameters of a weight set are recorded themselves
+        ):  # the config records the parameters of a weight set themselves
             return value
         own = known.get((last_part(key), value))
         if own is not None:
@@ -133,7 +133,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
 
 
 def as_at_launch(config: C, inputs: Sequence[Input], directory: Path) -> C:
-    """The config of a job that begins: its paths lead to the copies of files that have changed since the launch.
+    """Return the config of a starting job with paths to the copies of files that changed since the launch.
 
     Own code that has changed is imported from its copy.
     """
@@ -147,7 +147,7 @@ def as_at_launch(config: C, inputs: Sequence[Input], directory: Path) -> C:
 
 
 def changed_files(each: Input) -> list[str]:
-    """The files that today are missing or differ from what they were at launch."""
+    """Return the files that are now missing or differ from what they were at launch."""
     return [file.source for file in each.files.values() if not _is_same(file)]
 
 
@@ -162,9 +162,9 @@ def is_lost(each: Input) -> bool:
 
 
 def check_unchanged(saved: Sequence[Input], now: Sequence[Input], directory: Path) -> None:
-    """Raise InputError, naming the file, unless a run that is resumed reads today what it read before.
+    """Raise InputError, naming the file, unless a run that is resumed reads the same content as before.
 
-    saved: of the run in this directory, or of its whole sweep. now: of the same command line today.
+    saved: inputs of the run in this directory, or of its whole sweep. now: inputs of the same command line today.
     """
     for each, name in differing(saved, now):
         file = each.files[name]
@@ -176,7 +176,7 @@ def check_unchanged(saved: Sequence[Input], now: Sequence[Input], directory: Pat
 
 
 def differing(saved: Sequence[Input], now: Sequence[Input]) -> list[tuple[Input, str]]:
-    """The files that both have read and that differ: the saved input, and the name of the file in it."""
+    """Return the files that both have read and that differ, as the saved input and the name of the file in it."""
     today = {(each.key, each.given): each.files for each in now}
     return [
         (each, name)
@@ -188,7 +188,7 @@ def differing(saved: Sequence[Input], now: Sequence[Input]) -> list[tuple[Input,
 
 
 def options_folder(inputs: Sequence[Input], directory: Path) -> Path | None:
-    """The copy of the user's own options that a run has used; None if it has none."""
+    """Return the copy of the user's own options that a run has used; None if it has none."""
     own = next((each for each in inputs if each.key == OPTIONS), None)
     return None if own is None else _copies(own, directory)
 
@@ -196,7 +196,7 @@ def options_folder(inputs: Sequence[Input], directory: Path) -> Path | None:
 def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = False) -> None:
     """Import a run's own code from its copies, unless the same code is importable today.
 
-    is_running: the run is that of this process, which has loaded the code before it changed. Raises InputError if
+    is_running: whether the run is that of this process, which loaded the code before it changed. Raises InputError if
     another version of it is loaded already.
     """
     for each in (each for each in inputs if each.key == CODE):
@@ -213,7 +213,10 @@ def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = Fa
 
 
 def from_record(values: Any) -> list[Input]:
-    """The inputs that `launch.json` lists. Raises ValueError, TypeError or KeyError for what `gather` cannot make."""
+    """Return the inputs that `launch.json` lists.
+
+    Raises ValueError, TypeError or KeyError for entries that `gather` cannot have made.
+    """
     found = []
     for value in values:
         files = {name: InputFile(**file) for name, file in value["files"].items()}
@@ -233,7 +236,7 @@ def from_record(values: Any) -> list[Input]:
 
 
 def path_of(key: str, given: str) -> Path | None:
-    """The file or folder that a value names; None if it names none."""
+    """Return the file or folder that a value names; None if it names none."""
     with suppress(OSError, ValueError):
         if key == WEIGHTS:
             return find_weights(given)
@@ -247,7 +250,7 @@ def path_of(key: str, given: str) -> Path | None:
 
 
 def picture_of(path: Path) -> str | None:
-    """The picture that a ROS map names; None for another file."""
+    """Return the picture that a ROS map names; None for any other file."""
     if path.suffix.lower() not in (".yaml", ".yml") or path.stat().st_size > LARGEST:
         return None
     with suppress(InputError):
@@ -264,7 +267,7 @@ def is_beside(picture: str) -> bool:
 
 
 def content_of(path: Path) -> bytes:
-    """The content of a copy: that of the file, except that a ROS map names the copy of its picture."""
+    """Return the content of a copy: that of the file, except that a ROS map names the copy of its picture."""
     picture = picture_of(path)
     if picture is None or is_beside(picture):
         return path.read_bytes()
@@ -274,7 +277,7 @@ def content_of(path: Path) -> bytes:
 
 
 def _place(each: Input, directory: Path) -> str:
-    """Where an input is read: at its own place if it is there as it was and may be used, else from its copy."""
+    """Return the path to read an input from: its own if the file is unchanged and may be used, else its copy's."""
     changed = changed_files(each)
     if not changed and _is_at_home(each) and (trust.is_trusted(directory) or not _is_copied(each)):
         return each.given
@@ -289,7 +292,7 @@ def _place(each: Input, directory: Path) -> str:
 
 
 def _is_at_home(each: Input) -> bool:
-    """Return whether the value leads to the files that it led to at launch, which it may not from another folder."""
+    """Return whether the value leads to the same files as at launch; from another folder it may not."""
     path = path_of(each.key, each.given)
     if path is None or not each.files:
         return False
@@ -304,7 +307,7 @@ def _say_copy(differing: Sequence[str], folder: Path) -> None:
 
 
 def _copies(each: Input, directory: Path) -> Path | None:
-    """The folder with the copies of an input, checked; None if there is none. Raises InputError for a damaged one."""
+    """Return the checked folder with the copies of an input; None if there is none. Raises InputError for damage."""
     here = directory.absolute()
     for place in (here, *here.parents[:_ABOVE]):
         folder = place / FOLDER / each.digest
@@ -351,7 +354,7 @@ def _is_importable(each: Input) -> bool:
 
 
 def _check_loaded(each: Input) -> None:
-    """Raise InputError if another version of a run's own code is loaded, as that of the run before."""
+    """Raise InputError if another version of a run's own code is loaded, such as that of the previous run."""
     for name, file in each.files.items():
         module = sys.modules.get(name.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
         origin = getattr(module, "__file__", None)
@@ -362,7 +365,7 @@ def _check_loaded(each: Input) -> None:
 
 
 def _is_same(file: InputFile) -> bool:
-    """Return whether a source is today what it was."""
+    """Return whether a source is unchanged since the launch."""
     path = Path(file.source)
     with suppress(OSError, ValueError):
         return _is_regular(path) and path.stat().st_size == file.size and sha_of(path) == file.sha256
@@ -390,5 +393,5 @@ def last_part(key: str) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """The first few names, and the number of the others."""
+    """Return the first few names, and the number of the others."""
     return ", ".join([*names[:8], *([f"{len(names) - 8} more"] if len(names) > 8 else [])])

@@ -1,4 +1,4 @@
-"""How a run was started: `launch.json`, in every directory of a run or of a sweep.
+"""Launch record `launch.json`, which every directory of a run or of a sweep holds.
 
 Two runs have the same fingerprint if their configs differ only in keys that cannot change a result.
 """
@@ -33,22 +33,22 @@ from runners.records.whole_file import write_atomically
 LAUNCH = "launch.json"
 # Keys that cannot change a result.
 NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
-# Values of keys that older runs lack; left out, so that these can be resumed.
+# Values of keys that older runs lack; they are left out, so that these runs can be resumed.
 DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}, "filter": {}}
-_SHOWN = 3  # most differing keys that a message names
+_SHOWN = 3  # number of differing keys that a message names at most
 
 
 @dataclass(slots=True)
 class Launch:
-    """How a run was started.
+    """Record of how a run was started.
 
-    configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the option of
-    every config group. changes: keys whose values differ from those in their options' files. Both are in the order of
-    configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the user's own
-    options. job: its number within a sweep. num_jobs: of the whole sweep. num_worlds: that a run of `lme eval` was to
-    drive; None for a sweep. inputs: the user's own files that were read. started: date and time. code: the version that
-    drove it, as text. seal: by which a user's own runs are known. directory: in which it was found, which is not
-    recorded.
+    configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the option
+    of every config group. changes: keys whose values differ from those in their options' files. Both are in the order
+    of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: folder of the
+    user's own options. job: number within a sweep. num_jobs: size of the whole sweep. num_worlds: number of worlds
+    that a run of `lme eval` was to drive; None for a sweep. inputs: the user's own files that were read. started:
+    date and time. code: the version that drove it, as text. seal: signature by which a user's own runs are known.
+    directory: where the record was found; it is not recorded.
     """
 
     command: str
@@ -76,18 +76,18 @@ class Launch:
 
     @property
     def config(self) -> RecordedConfig:
-        """The config of the run, or of the first job. Raises as `recorded_config` does."""
+        """Config of the run, or of the first job. Raises as `recorded_config` does."""
         return recorded_config(self.configs[0], self.directory, self.inputs)
 
     @property
     def worlds_config(self) -> RecordedConfig:
-        """The config without the system, which is all that drawing the worlds needs. Raises as `config` does."""
+        """Config without the system, which is enough to draw the worlds. Raises as `config` does."""
         nothing: dict[str, Any] = {"guide": {}, "planner": {}, "filter": {}}
         return recorded_config({**self.configs[0], **nothing}, self.directory, self.inputs)
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The config folders, the shipped one first. The user's own one is the copy that the run holds, if it does."""
+        """Config folders, the shipped one first; the user's own one is the copy in the run, if there is one."""
         own = None if self.directory is None else inputs.options_folder(self.inputs, self.directory)
         if own is None and self.config_dir and (self.directory is None or trust.is_trusted(self.directory)):
             own = Path(self.config_dir)
@@ -100,15 +100,15 @@ class Launch:
 
     @property
     def command_line(self) -> str:
-        """The command that starts the run again, as a line for a shell."""
+        """Command that starts the run again, as a line for a shell."""
         flags = ["-m"] * self.multirun + (["--config-name", self.config_name] if self.config_name else [])
-        # One job of a sweep, though its experiment or its config may ask for the whole sweep.
+        # The experiment or config of a sweep's job may ask for the whole sweep: run this job alone.
         files = self.config_name or any(word.lstrip("+").startswith("experiment=") for word in self.overrides)
         alone = ["hydra.mode=RUN"] * (self.job is not None and bool(files))
         return lme_command(self.command, *flags, *self.overrides, *alone, folders=self.folders)
 
     def write(self, directory: Path, anew: bool = False) -> None:
-        """Write `launch.json` atomically. Unless it begins anew, a run keeps what was true when it began.
+        """Write `launch.json` atomically. Unless `anew`, a run keeps the changes, inputs, date and code of its start.
 
         Raises InputError if the directory cannot be written, or if a damaged one is there.
         """
@@ -123,19 +123,19 @@ class Launch:
             raise directory_error(directory, "written", error) from error
 
     def _text(self, *, sealed: bool = False) -> str:
-        """The text of `launch.json`, or what its seal is for."""
+        """Return the text of `launch.json`, or the text that its seal signs."""
         fields = dataclasses.asdict(self)
         del fields["directory"]
         return json.dumps(fields if sealed else {**fields, "seal": ""}, indent=1, sort_keys=True)
 
 
 def read_launch(directory: Path) -> Launch | None:
-    """The launch of a run directory; None if it holds none. Raises InputError for one that is damaged."""
+    """Return the launch of a run directory; None if it holds none. Raises InputError for a damaged one."""
     try:
         text = read_bytes(directory / LAUNCH)
     except InputError:
         raise
-    except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: no name of a file
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: not a possible file name
         return None
     except OSError as error:
         raise InputError(f"{directory}: its {LAUNCH} cannot be read ({error.strerror})") from error
@@ -150,7 +150,7 @@ def read_launch(directory: Path) -> Launch | None:
 
 
 def trust_flags(directory: Path) -> list[str]:
-    """What a command that builds the classes of a run needs: `--trust` if one of them is not lme's, else nothing."""
+    """Return the flags for a command that builds a run's classes: `--trust` unless they are all lme's."""
     launch = read_launch(directory)
     return [trust.FLAG] if launch is not None and any(trust.foreign(launch.configs[0])) else []
 
@@ -158,12 +158,12 @@ def trust_flags(directory: Path) -> list[str]:
 def recorded_config(
     values: Mapping[str, Any], directory: Path | None = None, kept: Sequence[Input] = ()
 ) -> RecordedConfig:
-    """The typed config from what `identity` returned, which may come from anyone: all that is built from a run is
-    built from this.
+    """Return the typed config from what `identity` returned, which may come from anyone.
 
-    directory: of the run or the recording; None for one that this process has made. kept: what the run has read; the
-    paths lead to its copies. Raises InputError if the config is not complete, and UntrustedError if it names code that
-    is not lme's, or a file outside the run.
+    Everything that is built from a run is built from this config. directory: that of the run or the recording; None
+    for one that this process has made. kept: the files that the run has read; the paths lead to their copies. Raises
+    InputError if the config is incomplete, and UntrustedError if it names code that is not lme's, or a file outside
+    the run.
     """
     names = [field.name for field in dataclasses.fields(RecordedConfig)]
     chosen = {name: values[name] for name in names if name in values}
@@ -184,9 +184,9 @@ def launch_of(
     config_name: str | None,
     kept: Sequence[Input] | None = None,
 ) -> Launch:
-    """The launch of a run, or of a sweep's jobs.
+    """Return the launch of a run, or of a sweep's jobs.
 
-    overrides: those that decide results. kept: what the run reads; None to look for it.
+    overrides: those that decide results. kept: the files that the run reads; None to search for them.
     """
     from runners.config import build
 
@@ -211,7 +211,7 @@ def launch_of(
 
 
 def identity(config: SystemConfig) -> dict[str, Any]:
-    """What decides the results of a config, as plain JSON values."""
+    """Return the part of a config that decides its results, as plain JSON values."""
     return {
         key: _canonical(value)
         for key, value in dataclasses.asdict(config).items()
@@ -220,13 +220,13 @@ def identity(config: SystemConfig) -> dict[str, Any]:
 
 
 def fingerprint(configs: Sequence[Mapping[str, Any]], multirun: bool) -> str:
-    """SHA-256 of the identity of a run, or of the identities of a sweep's jobs in order."""
+    """Return the SHA-256 of the identity of a run, or of the identities of a sweep's jobs in order."""
     value = list(configs) if multirun else configs[0]
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """ "key: old there, new now" for every key in which two identities differ."""
+    """Yield "key: old there, new now" for every key in which two identities differ."""
     before, after = dict(flatten(old)), dict(flatten(new))
     for key in sorted(before.keys() | after.keys()):
         if before.get(key) != after.get(key):
@@ -234,19 +234,19 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]
 
 
 def shortened(found: Sequence[str]) -> str:
-    """The first few changes, and the number of the others."""
+    """Return the first few changes, and the number of the others."""
     more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     return f"{'; '.join(found[:_SHOWN])}{more}"
 
 
 def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Dotted keys and values that all identities have in common."""
+    """Return the dotted keys and values that all identities have in common."""
     first, *others = (dict(flatten(config)) for config in configs)
     return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
 
 
 def directory_error(directory: Path, what: str, error: OSError) -> InputError:
-    """what: cannot be done with the directory, "read" or "written"."""
+    """Return the error of a directory that cannot be "read" or "written"; what: one of these words."""
     return InputError(
         f"output directory {directory}: cannot be {what} ({error.strerror}): "
         "choose another with hydra.run.dir=PATH"
@@ -254,7 +254,7 @@ def directory_error(directory: Path, what: str, error: OSError) -> InputError:
 
 
 def _is_complete(launch: Launch) -> bool:
-    """Return whether a launch that was read holds what `launch_of` writes, for every job."""
+    """Return whether a launch that was read holds, for every job, what `launch_of` writes."""
     texts = [launch.command, launch.fingerprint, launch.started, launch.code]
     texts += [launch.config_dir or "", launch.config_name or ""]
     numbers = (launch.job, launch.num_jobs, launch.num_worlds)
@@ -282,7 +282,7 @@ def _is_list_of(kind: type, value: Any) -> bool:
 
 
 def _canonical(value: Any) -> Any:
-    """Equal values in the same form, fit for JSON: 4.0 becomes 4, and infinity becomes text."""
+    """Return equal values in the same form, fit for JSON: 4.0 becomes 4, and infinity becomes text."""
     if isinstance(value, dict):
         return {str(key): _canonical(child) for key, child in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""The files of a learned network: `weights.npz` and its card, in the run's directory and under its name."""
+"""Files of a learned network: `weights.npz` and its card, in the run's directory and under its name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PACKAGES = ("numpy", "numba", "torch")
 def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:
     """Copy the network of a run to outputs/weights/NAME.npz and write its card next to both.
 
-    about: entries of the card. use: the command that drives with the network. Returns the files in `run_dir`.
+    about: entries of the card. use: command that drives with the network. Returns the files in `run_dir`.
     Raises OSError.
     """
     content = {"name": name, **about, "versions": versions(*_PACKAGES)}
@@ -37,7 +37,7 @@ def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> li
 
 
 def check_name(name: str, training: str) -> None:
-    """Raise InputError unless `name` is free, or holds a network of the same training. training: a fingerprint."""
+    """Raise InputError unless `name` is free, or holds a network of the same training. training: its fingerprint."""
     registered_name.check_name(name, ".npz", "a network", shipped_networks())
     path = REGISTERED / f"{name}.npz"
     if path.exists() and read_key(_card(name), "training") != training:

@@ -1,4 +1,4 @@
-"""The two Parquet files of a run, `episodes.parquet` and `trajectories.parquet`.
+"""Parquet files of a run, `episodes.parquet` and `trajectories.parquet`.
 
 Control steps are read and written in blocks of whole episodes, so a run of any length needs little memory.
 """
@@ -29,13 +29,13 @@ STEP_KEY = (*KEY_COLUMNS, "step")
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """A Parquet file of records, or these columns of it. Raises InputError if it is not one."""
+    """Read a Parquet file of records, or these columns of it. Raises InputError if it is not one."""
     with _opened(path) as file:
         return _validated(file.read(columns), path)
 
 
 def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
-    """The row groups that are not empty; only those that may hold one of the sorted `worlds`."""
+    """Yield the row groups that are not empty; with sorted `worlds`, only those that may hold one of them."""
     with _opened(path, STEP_KEY) as file:
         for number in range(file.num_row_groups):
             if worlds is None or _may_hold(file, number, worlds):
@@ -47,7 +47,7 @@ def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
 def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
     column = file.schema_arrow.get_field_index("world")
     chunk = file.metadata.row_group(group).column(column)
-    # Arrow would abort the process on reading the statistics of such a column.
+    # If the two types differ, reading the statistics of the column would make Arrow abort the process.
     if chunk.physical_type != file.schema.column(column).physical_type:
         raise OSError(f"row group {group} holds world as {chunk.physical_type}")
     found = chunk.statistics
@@ -86,7 +86,7 @@ def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> No
 
 
 def _has_right_type(column: pa.Field) -> bool:
-    """Return whether a column has one of the types that it may have; pandas may have rewritten the file."""
+    """Return whether a column has one of its allowed types; pandas may have rewritten the file."""
     import pyarrow.types as types
 
     held = column.type.value_type if types.is_dictionary(column.type) else column.type
@@ -100,7 +100,7 @@ def _has_right_type(column: pa.Field) -> bool:
 
 
 def _validated(table: pa.Table, path: Path) -> pa.Table:
-    """The table, after a check of its values, which Arrow would not decode before they are used."""
+    """Return the table after a check of its values, which Arrow would decode only when they are used."""
     table.validate(full=True)
     for name in (*KEY_COLUMNS, "outcome"):
         if name in table.column_names and table[name].null_count:
@@ -115,7 +115,7 @@ _BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of traj
 
 
 def keys_of(run_dir: Path) -> set[EpisodeKey]:
-    """Keys of the episodes in the Parquet file of a run."""
+    """Return the keys of the episodes in the Parquet file of a run."""
     path = run_dir / EPISODES
     return _keys_in(read_table(path, KEY_COLUMNS)) if path.is_file() else set()
 
@@ -126,12 +126,12 @@ def lacks_steps(run_dir: Path) -> bool:
 
 
 def keys_not_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
-    """Keys of the append log that are not `done`."""
+    """Return the keys of the append log that are not `done`."""
     return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in done}
 
 
 def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
-    """Episodes of the run's Parquet file and of its append log, sorted by key, each once."""
+    """Return the episodes of the run's Parquet file and append log, each once, sorted by key."""
     path = run_dir / EPISODES
     known = [read_table(path)] if path.is_file() else []
     new = keys_not_in(log, set().union(*map(_keys_in, known)))
@@ -140,7 +140,7 @@ def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
 
 
 def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKey] | None = None) -> pa.Table:
-    """Control steps in the run's Parquet file and of its append log, sorted; those of each episode once.
+    """Return the control steps of the run's Parquet file and append log, sorted; each episode's only once.
 
     wanted: the episodes; None for all.
     """
@@ -166,7 +166,7 @@ def write_files(run_dir: Path, log: AppendLog) -> None:
     import pyarrow.parquet as pq
 
     # Trajectories first: an episode is complete once it is in episodes.parquet.
-    # Through Python files: their OSError has the errno that tells a full disk from other causes.
+    # Written through Python's files, whose OSError has the errno that tells a full disk from other causes.
     with (
         _explain_conflicts(run_dir),
         replacing(run_dir / TRAJECTORIES) as draft,
@@ -183,7 +183,7 @@ def write_files(run_dir: Path, log: AppendLog) -> None:
 
 
 def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
-    """The episodes in the two files, if there are any, as they were in the append log."""
+    """Yield the episodes in the two files, if there are any, as they were in the append log."""
     if not (run_dir / EPISODES).is_file():
         return
     table = read_table(run_dir / EPISODES).to_pylist()
@@ -198,7 +198,7 @@ def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
 
 
 def _blocks(entries: Iterable[LogEntry]) -> Iterator[list[LogEntry]]:
-    """Lists of entries, each with about `_BLOCK_STEPS` control steps in total."""
+    """Yield lists of entries, each with about `_BLOCK_STEPS` control steps in total."""
     block: list[LogEntry] = []
     steps = 0
     for entry in entries:
@@ -219,7 +219,7 @@ def _rows(block: Sequence[LogEntry]) -> pa.Table:
 
 
 def _episodes(tables: Sequence[pa.Table]) -> pa.Table:
-    """One table of episodes: known columns in their order, then the others by name; sorted by key."""
+    """Return one table of episodes: known columns in their order, then the others by name; sorted by key."""
     import pyarrow as pa
 
     joined = pa.concat_tables(tables, promote_options="permissive") if tables else pa.table({})
@@ -230,7 +230,7 @@ def _episodes(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _step_schema(log: AppendLog) -> pa.Schema:
-    """All trajectory columns of the log; those that this version knows if the log is empty."""
+    """Return the schema of all trajectory columns of the log or, if it is empty, of those that this version knows."""
     import pyarrow as pa
 
     from lme.navigation.episode import TRAJECTORY_COLUMNS
@@ -249,7 +249,7 @@ def _step_schema(log: AppendLog) -> pa.Schema:
 
 
 def _steps(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
-    """The control steps of the entries, in their order."""
+    """Return the control steps of the entries, in their order."""
     import pyarrow as pa
 
     tables = [schema.empty_table()]
@@ -264,7 +264,7 @@ def _steps(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
 
 
 def _steps_in_file(path: Path, wanted: Collection[EpisodeKey]) -> Iterator[pa.Table]:
-    """The control steps of the wanted episodes, by row group."""
+    """Yield the control steps of the wanted episodes, by row group."""
     import pyarrow as pa
 
     if not path.is_file() or not wanted:
@@ -275,7 +275,7 @@ def _steps_in_file(path: Path, wanted: Collection[EpisodeKey]) -> Iterator[pa.Ta
 
 
 def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
-    """The control steps of every episode in turn; a row group may end within an episode."""
+    """Yield the control steps of every episode in turn; a row group may end within an episode."""
     import pyarrow as pa
 
     rest = None
@@ -305,26 +305,26 @@ def _explain_conflicts(run_dir: Path) -> Iterator[None]:
 
 
 def _keys_in(table: pa.Table) -> set[EpisodeKey]:
-    """Keys of a table of episodes."""
+    """Return the keys of a table of episodes."""
     return set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
 
 
 def _keys(table: pa.Table) -> Ints:
-    """World and run of each row (N, 2)."""
+    """Return world and run of each row (N, 2)."""
     return np.column_stack([table[name].to_numpy() for name in KEY_COLUMNS]).astype(np.int64)
 
 
 def _codes(keys: Ints) -> Ints:
-    """World and run (N, 2) as one number, in the same order."""
+    """Return world and run (N, 2) as one number each (N,), which sorts in the same order."""
     return (keys[:, 0] << 32) + keys[:, 1]
 
 
 def _trajectory(steps: pa.Table) -> dict[str, NDArray[Any]]:
-    """The columns of an episode, without those that it lacks."""
+    """Return the columns of an episode, without those that it lacks."""
     names = [name for name in steps.column_names if name not in STEP_KEY]
     return {name: steps[name].to_numpy() for name in names if steps[name].null_count < len(steps)}
 
 
 def _in_order(names: set[str], known: Sequence[str]) -> list[str]:
-    """Known columns in their order, then the others by name."""
+    """Return known columns in their order, then the others by name."""
     return [name for name in known if name in names] + sorted(names - set(known))

@@ -1,8 +1,8 @@
-"""The records of a run: written while it lasts, read for tables and figures.
+"""Records of a run: written while it lasts, read for tables and figures.
 
 While a run lasts, each finished episode is one line of the append log, `parts/episodes.jsonl`. `RecordWriter.merge`
-moves the episodes to `episodes.parquet` and `trajectories.parquet` and removes the append log. At whatever moment a
-run is killed, every finished episode is in one of the two places or in both. Readers take the union.
+moves the episodes to `episodes.parquet` and `trajectories.parquet` and removes the append log. Whenever a run
+is killed, every finished episode is in one of the two places or in both. Readers take the union.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-# Columns, equal in all episodes of a run.
+# Columns with the same value in all episodes of a run.
 PLANNED_WORLDS, PLANNED_EPISODES = "planned_worlds", "planned_episodes"
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
 
@@ -57,7 +57,7 @@ class RecordsWriteError(OSError):
 
 
 class RecordWriter:
-    """Adds finished episodes to the records of a run directory.
+    """Writer that adds finished episodes to the records of a run directory.
 
     Use as a context manager. Only one process can hold a run directory at a time. Raises InputError if the directory
     cannot be written or another process holds it.
@@ -99,7 +99,7 @@ class RecordWriter:
         self._file.close()
 
     def done(self) -> set[EpisodeKey]:
-        """Keys of the episodes recorded so far."""
+        """Return the keys of the episodes recorded so far."""
         return self._done
 
     def append(self, result: EpisodeResult) -> None:
@@ -129,7 +129,7 @@ class RecordWriter:
                     raise self._gone() from None
                 raise self._write_error(Path(error.filename or self._run_dir), error) from None
         try:
-            self._log.unlink()  # a reader that has it open can continue
+            self._log.unlink()  # a reader that has the file open can read on
         except OSError:  # Windows keeps a file that is open
             with contextlib.suppress(OSError):
                 self._file.truncate(0)
@@ -164,7 +164,7 @@ class RecordWriter:
 
 
 def find_runs(paths: Iterable[Path]) -> list[Path]:
-    """The run directories among `paths`. The directory of a sweep stands for its runs.
+    """Return the run directories among `paths`. The directory of a sweep stands for its runs.
 
     Numbered directories come in numerical order. Raises InputError for a path without records.
     """
@@ -182,9 +182,9 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
-    """Records of one or more runs, finished or not: one row per episode, with the column `run_dir`.
+    """Read the records of one or more runs, finished or not: one row per episode, with the column `run_dir`.
 
-    What the launch records say about the runs becomes columns: see `_columns_of`.
+    Facts from the launch records of the runs become further columns: see `_columns_of`.
     Raises InputError for a file that is missing or has no records.
     """
     import pandas as pd
@@ -198,7 +198,7 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
 
 
 def _people(frame: pd.DataFrame) -> pd.Series | str:
-    """Whom the system saw in each episode; before records had this column it was whoever was there."""
+    """Return the people that the system saw in each episode: in records without the column, those really there."""
     truth = str(DEFAULTS["people"])
     return frame["people"].fillna(truth) if "people" in frame else truth
 
@@ -212,7 +212,7 @@ def planned(episodes: pd.DataFrame, column: str) -> int:
 
 
 def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, object]]]:
-    """Of each run: the records as its files hold them, and the columns that `read_episodes` adds.
+    """Return, for each run, the records as its files hold them and the columns that `read_episodes` adds.
 
     Raises as `read_episodes` does.
     """
@@ -235,7 +235,7 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
 
 
 def read_record(run_dir: Path, key: EpisodeKey) -> dict[str, Any]:
-    """The record of one episode by column. Raises InputError if the run has none."""
+    """Return the record of one episode by column. Raises InputError if the run has none."""
     import pyarrow.compute as pc
 
     with log_of(run_dir) as log:
@@ -250,9 +250,9 @@ def read_record(run_dir: Path, key: EpisodeKey) -> dict[str, Any]:
 def read_trajectories(
     run_dirs: Sequence[Path], episodes: Collection[EpisodeKey] | None = None
 ) -> pd.DataFrame:
-    """Trajectories of one or more runs, finished or not: one row per control step, with the column `run_dir`.
+    """Read the trajectories of one or more runs, finished or not: one row per control step, with column `run_dir`.
 
-    episodes: those to read, of each run; None for all, which takes 9 kB of memory for an episode of 70 steps.
+    episodes: those to read of each run; None for all, which takes 9 kB of memory for an episode of 70 steps.
     """
     import pandas as pd
 
@@ -274,7 +274,7 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
 
 
 def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
-    """The append log of a run, finished or not. Raises InputError if there is no run, or none that Arrow can open."""
+    """Open the append log of a run, finished or not. Raises InputError if no run is there or Arrow cannot open it."""
     try:
         str(run_dir).encode()
     except UnicodeEncodeError:
@@ -285,16 +285,18 @@ def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
 
 
 def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
-    """For each run, the columns that its launch record adds to its episodes."""
+    """Return, for each run, the columns that its launch record adds to its episodes."""
     changed = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
     return [{} if launch is None else _columns_of(launch, changed) for launch in launches]
 
 
 def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
-    """sim: the simulator. filter: of the commands, if there is one. crowd: people added to the worlds, if any.
+    """Return the columns that a launch record adds to the episodes of its run.
+
+    sim: the simulator. filter: that of the commands, if there is one. crowd: people added to the worlds, if any.
     scale: factors on parameters. changes: keys whose values differ from those in the files of the chosen options, as
     text. Every key that some run has `changed` is a column too, by its dotted name. So are the numbers of worlds and
-    episodes that the run was planned to drive. What robot and map are by their values: see `_likeness`.
+    episodes that the run was planned to drive, and the columns of `_likeness`.
     """
     values = dict(flatten(launch.configs[0]))
     config, choices = launch.configs[0], launch.choices[0]
@@ -311,7 +313,7 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
 
 
 def _planned(launch: Launch) -> dict[str, int]:
-    """The numbers of worlds and episodes that a run of `lme eval` was to drive; a killed run has driven fewer."""
+    """Return how many worlds and episodes a run of `lme eval` was to drive; a killed run has driven fewer."""
     if launch.command != "eval":
         return {}
     num_worlds, runs = launch.num_worlds, launch.configs[0].get("runs")
@@ -327,8 +329,11 @@ def _planned(launch: Launch) -> dict[str, int]:
 
 
 def _likeness(launch: Launch) -> dict[str, str]:
-    """robot_like: the robots, with spaces between, that have the values of the run's own; see `robots_like`.
-    robot_difference: from the shipped robot of its name. map_like: the shipped map set that it drives, by its values.
+    """Return the columns that identify robot and map by their values, whatever they are called.
+
+    robot_like: names, separated by spaces, of the robots with the values of the run's own; see `robots_like`.
+    robot_difference: difference from the shipped robot of its name. map_like: the shipped map set with the values of
+    the run's own.
     """
     config, choices = launch.configs[0], launch.choices[0]
     robot, map_set = (node if isinstance(node, dict) else {} for node in map(config.get, ("robot", "map")))

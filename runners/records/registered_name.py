@@ -1,4 +1,4 @@
-"""Names in outputs/weights/: of learned parameters, NAME.yaml, and of networks, NAME.npz."""
+"""Names in outputs/weights/: NAME.yaml for learned parameters, NAME.npz for networks."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, rea
 
 
 def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:
-    """Raise InputError unless `name` can name a file that can be written and that no shipped file hides.
+    """Raise InputError unless `name` names a file that can be written and that no shipped file hides.
 
-    what: the content of a shipped file, for the message.
+    what: content of a shipped file, for the message.
     """
     if not name or Path(name).name != name or name.startswith("."):
         raise InputError(f"{key} is {name!r}: must be a plain file name without {ending}")
@@ -32,7 +32,7 @@ def check_name(name: str, ending: str, what: str, shipped: Container[str], key: 
 
 
 def read_key(path: Path, key: str) -> Any:
-    """The value of a key in a YAML file; None if there is no such file or key."""
+    """Return the value of a key in a YAML file; None if there is no such file or key."""
     content: Any = None
     with suppress(OSError, ValueError, yaml.YAMLError):
         text = read_text(path, YAML_BYTES)

@@ -1,4 +1,4 @@
-"""The directories of runs: where a run writes, and which directory `resume=` continues."""
+"""Directories of runs: the one that a run writes to, and the one that `resume=` continues."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OUTDATED = "the options that it was started with have changed since"
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
-    """The newest directory with the launch's fingerprint. Raises InputError if there is none."""
+    """Return the newest directory with the launch's fingerprint. Raises InputError if there is none."""
     pattern = f"*-{_fingerprint_suffix(launch)}*"
     folder = root / launch.command
     for directory in sorted(folder.glob(pattern), reverse=True):
@@ -59,7 +59,7 @@ def check_same(launch: Launch, directory: Path) -> None:
 
 
 def _outdated(saved: Launch, launch: Launch, directory: Path) -> InputError:
-    """The options in the files have changed. Some jobs of a sweep may still be the same."""
+    """Return the error that options in the files have changed; some jobs of a sweep may still be the same."""
     if len(saved.configs) == len(launch.configs):
         held = f"a run with another config ({_changes(saved, launch)})"
     else:
@@ -121,10 +121,10 @@ def locked(run_dir: Path) -> Iterator[None]:
 
 
 def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
-    """The directories of a sweep's jobs, in the order of the jobs.
+    """Return the directories of a sweep's jobs, in the order of the jobs.
 
-    num_jobs: the number that the command line implies; a sweeper plugin may run more. A folder beyond them without
-    records was left by a larger sweep that was stopped.
+    num_jobs: number that the command line implies; a sweeper plugin may run more. A folder with a higher number and
+    without records was left by a larger sweep that was stopped.
     """
     places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
     found = [(read_launch(place), place) for place in places]
@@ -133,9 +133,9 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
 
 
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
-    """Make the directory of a new run, with its `launch.json` and copies of the user's own files, and say which.
+    """Make the directory of a new run, with its `launch.json` and copies of the user's own files; name these.
 
-    Returns `given`, or a new one under `root`.
+    Returns `given`, or a new directory under `root`.
 
     Raises InputError if it cannot be written, already holds a run, or belongs to a running process.
     """
@@ -158,7 +158,7 @@ def _check_free(directory: Path) -> None:
 
 
 def _new_directory(launch: Launch, root: Path) -> Path:
-    """A new directory, named by date, time and fingerprint; with a number if another run has that name."""
+    """Make a new directory, named by date, time and fingerprint; with a number if another run has that name."""
     name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_fingerprint_suffix(launch)}"
     for candidate in _numbered(root / launch.command / name):
         with contextlib.suppress(FileExistsError):

@@ -1,4 +1,4 @@
-"""What a run may execute: lme's own classes and nothing else, unless the user trusts whoever made it.
+"""Code that a run may execute: lme's own classes and nothing else, unless the user trusts whoever made the run.
 
 A run directory and a recording hold a config, which can name any class. Its values are data until `check_config` has
 seen them: every reader that builds something from a run goes through `launch_record.recorded_config`, which calls it.
@@ -30,16 +30,16 @@ _OUTSIDE = re.compile(
 _WRITTEN_OUT = re.compile(r"_target_|criteria\W")  # in an override whose value is a mapping
 _KEY_BYTES = 32
 
-_trusted: list[Path | None] = []  # what may be executed in this process; None: every run
+_trusted: list[Path | None] = []  # directories of runs that may execute their code; None: all runs
 
 
 class UntrustedError(InputError):
-    """A run names what is not executed without --trust."""
+    """A run names code or a file that is not used without --trust."""
 
 
 @contextlib.contextmanager
 def trusting(directory: Path | None) -> Iterator[None]:
-    """Execute what the runs in or below a directory name; None: what any run names."""
+    """Within the block, execute the code that runs in or below a directory name; None: that of any run."""
     _trusted.append(directory if directory is None else directory.resolve())
     try:
         yield
@@ -59,7 +59,7 @@ def is_trusted(directory: Path | None) -> bool:
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """("a.b", value) for every leaf of nested mappings and lists; the items of a list have its key."""
+    """Yield ("a.b", value) for every leaf of nested mappings and lists; the items of a list have its key."""
     if isinstance(value, Mapping):
         for name, child in value.items():
             yield from leaves(child, f"{key}.{name}" if key else str(name))
@@ -71,9 +71,9 @@ def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def check_config(values: Mapping[str, Any], directory: Path | None) -> None:
-    """Check what a run has recorded, or a part of it, before anything is built from it.
+    """Check the config that a run has recorded, or a part of it, before anything is built from it.
 
-    directory: of the run or the recording. Raises UntrustedError for a class or function that is not lme's, and
+    directory: that of the run or the recording. Raises UntrustedError for a class or function that is not lme's, and
     InputError for an interpolation: a command records values only.
     """
     for key, value in leaves(values):
@@ -94,14 +94,14 @@ def check_code(values: Mapping[str, Any], directory: Path | None) -> None:
 
 
 def foreign(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Every key of a config that names a class or function that is not lme's, with its value."""
+    """Yield every key of a config that names a class or function that is not lme's, with its value."""
     for key, value in leaves(values):
         if isinstance(value, str) and "${" not in value and _is_foreign(key, value):
             yield key, value
 
 
 def check_words(words: Sequence[str], directory: Path) -> None:
-    """The same for the overrides of a run. Those of Hydra's own part can name callbacks, launchers and sweepers."""
+    """Check the overrides of a run likewise. Those of Hydra's own part can name callbacks, launchers and sweepers."""
     if is_trusted(directory):
         return
     for word in words:
@@ -116,7 +116,7 @@ def check_words(words: Sequence[str], directory: Path) -> None:
 
 
 def sign(text: str) -> str:
-    """A seal by which this user's runs are known again; empty where the user's key cannot be kept."""
+    """Return a seal by which this user's runs are recognised; empty where the user's key cannot be stored."""
     key = _key()
     return hmac.new(key, text.encode(), hashlib.sha256).hexdigest() if key else ""
 
@@ -138,7 +138,7 @@ def _name(directory: Path | None) -> str:
 
 
 def _key() -> bytes:
-    """The user's key, which is made when it is first needed; empty if there is no place for it."""
+    """Return the user's key, which is made when it is first needed; empty if it cannot be stored."""
     with contextlib.suppress(OSError, RuntimeError):
         base = os.environ.get("XDG_STATE_HOME", "")
         folder = (Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state") / "lme-nav"
@@ -149,7 +149,7 @@ def _key() -> bytes:
             draft.touch(mode=0o600)
             draft.write_bytes(secrets.token_bytes(_KEY_BYTES))
             try:
-                os.link(draft, path)  # whole, or not at all: several processes may come first
+                os.link(draft, path)  # atomic: several processes may make the key at the same time
             finally:
                 draft.unlink()
         key = path.read_bytes()

@@ -17,14 +17,14 @@ _SHOWN = 8  # digits of a commit, as text
 
 
 class Commit(NamedTuple):
-    """The commit of a checkout. changed: whether its files have uncommitted changes."""
+    """Commit of a checkout. changed: whether its files have uncommitted changes."""
 
     number: str
     changed: bool
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """The versions of Python, lme, and each of the packages that is installed, by name."""
+    """Return the versions of Python, lme, and each of the packages that is installed, by name."""
     found = {"python": platform.python_version(), "lme": lme.__version__}
     for package in packages:
         with suppress(PackageNotFoundError):
@@ -34,7 +34,7 @@ def versions(*packages: str) -> dict[str, str]:
 
 @cache
 def commit() -> Commit | None:
-    """The commit of this file's checkout; None in an installed wheel."""
+    """Return the commit of this file's checkout; None in an installed wheel."""
     try:
         if Path(_git("rev-parse", "--show-toplevel")).resolve() != _ROOT:
             return None
@@ -45,7 +45,7 @@ def commit() -> Commit | None:
 
 
 def code() -> str:
-    """The version of lme and its commit as text: "lme 0.2.0, commit 1ec8305b, changed"."""
+    """Return the version of lme and its commit as text: "lme 0.2.0, commit 1ec8305b, changed"."""
     found = commit()
     parts = [] if found is None else [f"commit {found.number[:_SHOWN]}", *["changed"] * found.changed]
     return ", ".join([f"lme {lme.__version__}", *parts])

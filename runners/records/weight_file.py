@@ -1,4 +1,4 @@
-"""The weight file of a training: a YAML file that `lme eval weights=…` and the library load."""
+"""Weight file of a training: a YAML file that `lme eval weights=…` and the library load."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def write_weights(
 
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:
-    """The guide's parameters, with the values found; {} for a guide without parameters."""
+    """Return the guide's parameters with the values found; {} for a guide without parameters."""
     found = {
         key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
     }
@@ -60,7 +60,7 @@ def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[st
 
 
 def check_name(name: str, study: str) -> None:
-    """Raise InputError unless `name` is free, or holds weights of the same study. study: a fingerprint."""
+    """Raise InputError unless `name` is free, or holds weights of the same study. study: its fingerprint."""
     registered_name.check_name(name, ".yaml", "a weight set", shipped_weights())
     path = REGISTERED / f"{name}.yaml"
     if path.exists() and read_key(path, "study") != study:
@@ -68,7 +68,7 @@ def check_name(name: str, study: str) -> None:
 
 
 def settings(values: Mapping[str, float]) -> list[str]:
-    """The overrides that set the values found for keys that are not parameters of the guide."""
+    """Return the overrides that set the values found for keys that are not parameters of the guide."""
     return [f"{key}={value!r}" for key, value in _others(values).items()]
 
 

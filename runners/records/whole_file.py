@@ -1,7 +1,7 @@
 """Atomic writes: a reader finds the old file or the new one, never a part of it.
 
-What lme names itself in a run's directory is replaced, whatever it is: a link there may come from somebody else. What
-the user names (`output_file`, `output_path`) is followed where it is a link.
+A path that lme itself names in a run's directory is replaced, whatever it is: a link there may come from somebody
+else. A path that the user names (`output_file`, `output_path`) is followed if it is a link.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from lme.errors import InputError
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 STALE_S = 60.0  # a draft untouched for this long belongs to a process that was killed
 _HOST = socket.gethostname()
-_LINKS = 40  # in a row that Linux follows
+_LINKS = 40  # links in a row that Linux follows
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give the path of a draft to write. When the `with` ends, the draft replaces `path`.
+    """Yield the path of a draft to write. When the `with` ends, the draft replaces `path`.
 
     The draft has the suffix of `path` and is in the same folder; the file keeps its permissions. If an exception ends
     the `with`, the draft is removed and `path` stays as it was. An OSError about the draft names `path` instead.
@@ -52,9 +52,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def output_file(path: Path) -> Iterator[Path]:
-    """Give the path of a draft to write, for a file, pipe or device that the user named.
+    """Yield the path of a draft to write, for a file, pipe or device that the user named.
 
-    When the `with` ends, the draft replaces the file that `path` leads to, or is copied into what is no file, such as
+    When the `with` ends, the draft replaces the file that `path` leads to, or is copied into a pipe or device such as
     /dev/stdout. If an exception ends the `with`, nothing is written. An OSError names `path`.
     """
     descriptor = _descriptor(path)
@@ -78,9 +78,9 @@ def output_file(path: Path) -> Iterator[Path]:
 
 
 def output_path(path: Path, key: str) -> Path:
-    """The file that a path of the user leads to, for `replacing`: a link stays, and its target is replaced.
+    """Return the file that a user's path leads to, for `replacing`: a link stays, and its target is replaced.
 
-    Raises InputError for a file that may not be written, a pipe or a device. key: what the path was given as.
+    Raises InputError for a file that may not be written, a pipe or a device. key: name under which it was given.
     """
     try:
         if _is_special(path):
@@ -91,10 +91,10 @@ def output_path(path: Path, key: str) -> Path:
 
 
 def is_standard_output(path: Path) -> bool:
-    """Return whether a path, such as /dev/stdout, leads to where this process prints."""
+    """Return whether a path, such as /dev/stdout, leads to this process's standard output."""
     try:
         return os.path.samestat(path.stat(), os.fstat(sys.stdout.fileno()))
-    except (OSError, ValueError):  # not there, or closed
+    except (OSError, ValueError):  # no such path, or a closed stream
         return False
 
 
@@ -105,7 +105,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def what_is_full(error: OSError, place: object) -> str:
-    """ "disk full while writing" a place, and whether it may be a limit instead; empty for another error."""
+    """Return "disk full while writing PLACE", and whether a limit may be the cause; empty for another error."""
     if error.errno not in DISK_FULL:
         return ""
     limit = " (or it is larger than ulimit -f allows)" if error.errno == errno.EFBIG else ""
@@ -113,7 +113,7 @@ def what_is_full(error: OSError, place: object) -> str:
 
 
 def obstacle(path: Path) -> Path | None:
-    """What prevents writing a file: itself, or the nearest folder above it that exists; None if nothing does."""
+    """Return the path that prevents writing a file: itself, or the nearest existing folder above it; None if none."""
     nearest = next(folder for folder in path.absolute().parents if os.access(folder, os.F_OK))
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         return nearest
@@ -130,7 +130,7 @@ def _is_special(path: Path) -> bool:
 
 
 def _followed(path: Path) -> Path:
-    """Where a path leads through links; the last may dangle. Raises OSError for a read-only file or a folder."""
+    """Return the target of a path; it need not exist. Raises OSError for a read-only file or a folder."""
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
@@ -148,7 +148,7 @@ def _keep_mode(path: Path, draft: Path) -> None:
 
 
 def _descriptor(path: Path) -> int | None:
-    """The open file of this process that a path such as /dev/stdout or /dev/fd/63 names; None for any other path."""
+    """Return the open file of this process that a path such as /dev/fd/63 or /dev/stdout names; None for others."""
     for _ in range(_LINKS):
         folder = Path(os.path.realpath(path.parent))
         if folder == Path(f"/proc/{os.getpid()}/fd") and path.name.isdecimal():
@@ -160,7 +160,7 @@ def _descriptor(path: Path) -> int | None:
 
 
 def _remove_stale_drafts(path: Path) -> None:
-    """Remove drafts of killed processes: on this machine those not running, from other machines the old ones."""
+    """Remove drafts of killed processes: those of processes of this machine that do not run, and all old ones."""
     for draft in path.parent.glob(f".{glob.escape(path.name)}.*.new{glob.escape(path.suffix)}"):
         with contextlib.suppress(OSError):  # another process may have removed it
             writer = draft.name.removeprefix(f".{path.name}.{_HOST}.").partition(".")[0]
