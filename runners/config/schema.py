@@ -210,7 +210,7 @@ class LearnConfig(HeldOutConfig):
 
 @dataclass(slots=True, kw_only=True)
 class ReplayConfig(SystemConfig):
-    """Config of `lme replay`. goal: a point [x, y], a topic, or none; topics, frames, scan: see runners.recordings."""
+    """Config of `lme replay`. goal: point [x, y], topic, or none; topics, frames, scan: see runners.recordings."""
 
     bag: str | None
     list: bool

@@ -1,4 +1,4 @@
-"""The words with which `lme eval` drives what a job has trained."""
+"""Overrides with which `lme eval` drives what a job has trained."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _OPTIONS = ("robot", "system", *PAIR, "filter", "sim")
 
 
 def driven(job: Job[SystemConfig], command: str, values: Collection[str]) -> list[str]:
-    """The overrides that choose what drives, without those of the keys `values`, which have been trained.
+    """Return the overrides that choose the driving system, without those of the trained keys `values`.
 
-    An experiment, or a config of the user's own, may have chosen it instead, so it is named where it is not the
-    default of `command`. The pair is always named where the values are not a guide's parameters alone.
+    An experiment, or a config of the user's own, may have chosen parts of the system instead, so a part is named if
+    it is not the default of `command`. The pair is always named if more than a guide's parameters was trained.
     """
     keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
     trained = {*values, *(PARAMETERS.rstrip(".") for key in values if key.startswith(PARAMETERS))}

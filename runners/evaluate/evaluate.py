@@ -41,7 +41,7 @@ def validate(job: Job[EvalConfig]) -> None:
 
 
 def _check_drawn(job: Job[EvalConfig]) -> None:
-    """Raise InputError for what a map set that draws a robot for every episode cannot do, or would not use."""
+    """Raise InputError for keys that a map set that draws a robot per episode cannot support, or does not use."""
     maps = build.map_set(job.config)
     if not isinstance(maps, DrawsRobots):
         return
@@ -70,7 +70,7 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
 
 
 def _chosen_robot(job: Job[EvalConfig]) -> dict[str, str]:
-    """The robot that the command line names, if it does."""
+    """Return the choice of a robot on the command line, if there is one."""
     words = (word.lstrip("+").partition("=") for word in job.overrides)
     return {key: value for key, _, value in words if key == "robot"}
 
@@ -112,7 +112,7 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
 
 
 def run_and_report(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
-    """Run the missing episodes and report; returns the records, the rows of the table, and all files.
+    """Run the missing episodes and report; return the records, the rows of the table, and all files.
 
     progress: show a bar.
     """
@@ -147,13 +147,13 @@ def drive(
 
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
-    """The labels of the run's records: a resumed run keeps its names, even if the files in `conf/` have new ones."""
+    """Return the labels of the run's records: a resumed run keeps its names, even if files in `conf/` changed."""
     first = read_episodes([run_dir]).iloc[0].dropna()
     return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
 
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
-    """Write tables and picture from the records alone; returns the records, the rows of the table, and all files."""
+    """Write tables and picture from the records alone; return the records, the table's rows, and all files."""
     from runners.reports.analysis.summary import summarise
     from runners.reports.analysis.tables import write_tables
     from runners.reports.plots.paths import draw_run
@@ -167,7 +167,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
 
 
 def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
-    """A film of the first episode, if something moves in its world."""
+    """Draw an animation of the first episode, if something moves in its world."""
     world = maps.numbers[0]
     if not maps.task(world).world.movers:
         return []
@@ -179,13 +179,13 @@ def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
 
 
 def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
-    """Where recordings are written, and the config that they hold; None to write none."""
+    """Return the directory and the config for recordings; None to write none."""
     if not isinstance(config, ReportConfig) or config.record is Record.none:
         return None
     return Recordings(run_dir / recorder.FOLDER, identity(config))
 
 
 def _by_run(maps: MapSet, runs: int) -> Iterator[EpisodeKey]:
-    """The episodes run by run, so that a partial run covers the map set; none is held in memory."""
+    """Yield the episodes run by run, so that a partial run covers the map set; they are never all in memory."""
     worlds = sorted(maps.numbers)
     return (EpisodeKey(world, run) for run in range(runs) for world in worlds)

@@ -54,13 +54,13 @@ def figure(job: Job[FigureConfig]) -> None:
 
 
 def draw_sweep(job: Job[FigureConfig], driven: Sequence[Path]) -> None:
-    """Draw one figure of all jobs of a sweep. job: its first."""
+    """Draw one figure of all jobs of a sweep. job: the first one."""
     assert job.sweep_dir is not None
     _draw(job, driven, job.sweep_dir)
 
 
 def worlds_of(world: Any) -> list[int]:
-    """The requested worlds: numbers, ranges, or a list of them; null for none. Raises InputError."""
+    """Return the requested worlds: numbers, ranges, or a list of them; null for none. Raises InputError."""
     if world is None:
         return []
     numbers = parse_worlds(world, "world")
@@ -81,7 +81,7 @@ def _draw(job: Job[FigureConfig], driven: Sequence[Path], folder: Path) -> None:
 
 
 def _check_guide(job: Job[FigureConfig], kind: Kind) -> None:
-    """Raise InputError, before the drive, if the figure does not draw this guide. That of a sweep leaves it out."""
+    """Raise InputError before driving if the figure cannot draw this guide; a sweep's figure leaves it out."""
     if kind.guided is None or job.sweep_dir is not None:
         return
     try:
@@ -99,7 +99,7 @@ def _drive(job: Job[FigureConfig]) -> None:
 
 
 def _remove_unless_drawn(run_dir: Path) -> None:
-    """Remove the directory of a figure that was not drawn, unless it holds more than how it was started."""
+    """Remove the directory of a figure that was not drawn, unless it holds more than the launch record."""
     if {path.name for path in run_dir.iterdir()} <= {LAUNCH, ".hydra"}:
         shutil.rmtree(run_dir)
 
@@ -112,6 +112,6 @@ def _kind(job: Job[FigureConfig]) -> Kind:
 
 
 def _with_worlds(config: FigureConfig) -> FigureConfig:
-    """The config with the worlds to drive: those requested, those that the map set names, or its first."""
+    """Return the config with the worlds to drive: those requested, those that the map set names, or its first."""
     worlds = worlds_of(config.world) or config.map.get("worlds") or [build.map_set(config).numbers[0]]
     return replace(config, map={**config.map, "worlds": worlds})

@@ -1,4 +1,4 @@
-"""`lme.evaluate`: what `lme eval` does, called from Python, for a script or a notebook."""
+"""`lme.evaluate`: the command `lme eval` as a Python function, for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NAME = re.compile(r"[A-Za-z_][\w./-]*")
-_NOT_TEXT = ("true", "false", "null", "inf", "nan")  # to Hydra
-_IN_PYTHON = (  # what messages say of the command line, and the same in Python
+_NOT_TEXT = ("true", "false", "null", "inf", "nan")  # keywords of Hydra's grammar
+_IN_PYTHON = (  # wording of messages on the command line, and in Python
     (r"add -m to run each of them", "call lme.evaluate for each of them"),
     (r"several are a sweep: -m \S+", "call lme.evaluate for each of several"),
     (r"--config-dir DIR", "config_dir=DIR"),
@@ -54,7 +54,7 @@ def evaluate(
     config_dir: str | Path | None,
     progress: bool,
 ) -> pd.DataFrame:
-    """The records of one run; see `lme.evaluate`."""
+    """Return the records of one run; see `lme.evaluate`."""
     run_dir, folder = _path("into", into), _path("config_dir", config_dir)
     if resume and run_dir is None:
         raise InputError("resume=True: there is nothing to resume without into=DIR")
@@ -76,8 +76,8 @@ def _evaluate(
 
 
 def to_hydra(value: Any) -> str:
-    """A Python value in Hydra's grammar. Raises InputError for one that a config cannot hold."""
-    if hasattr(value, "tolist"):  # of NumPy
+    """Return a Python value in Hydra's grammar. Raises InputError for one that a config cannot hold."""
+    if hasattr(value, "tolist"):  # a value of NumPy
         value = value.tolist()
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
@@ -98,7 +98,7 @@ def to_hydra(value: Any) -> str:
 
 @contextlib.contextmanager
 def _in_pythons_words() -> Iterator[None]:
-    """Say in messages what the caller writes, where they say what the command line takes."""
+    """Translate messages about the command line into Python arguments."""
     try:
         yield
     except InputError as error:
@@ -115,7 +115,7 @@ def _path(keyword: str, given: str | Path | None) -> Path | None:
 
 
 def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | None) -> list[str]:
-    """Everything that the caller gave, as overrides. Raises InputError."""
+    """Return all arguments of the caller as overrides. Raises InputError."""
     for word in overrides:
         if not isinstance(word, str):
             raise InputError(f'{word!r}: must be text, key=value, such as "map=barn"')
@@ -124,7 +124,7 @@ def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | Non
 
 
 def _overrides(words: list[str]) -> list[str]:
-    """The overrides, without tracking unless they choose one. Raises InputError for a key that is a keyword here."""
+    """Return the overrides, with tracking=none if they choose none. Raises InputError for a key that is a keyword."""
     given = [word.partition("=")[0].lstrip("+") for word in words]
     for key, word in zip(given, words, strict=True):
         if key in _KEYWORDS:
@@ -133,7 +133,7 @@ def _overrides(words: list[str]) -> list[str]:
 
 
 def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
-    """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
+    """Return the job, composed and checked as on the command line. Raises InputError, also for a sweep."""
     if folder is not None:
         check_config_dir(folder, "config_dir=")
     with Composer("eval", folder and folder.resolve()) as composer:
@@ -167,7 +167,7 @@ def _evaluate_into(
     else:
         run_directories.make_fresh(record, run_dir)
     job = replace(job, run_dir=run_dir)
-    # The run's config is the one just composed.
+    # The run may be trusted: its config is the one just composed.
     with trust.trusting(run_dir), closed_by(start_tracking(job)) as tracking:
         frame, _, artifacts = run_and_report(job, progress)
         tracking.finish(metrics(frame), artifacts)
@@ -175,7 +175,7 @@ def _evaluate_into(
 
 
 def _records(run_dir: Path) -> pd.DataFrame:
-    """The episodes of a finished run, with the columns of its file."""
+    """Return the episodes of a finished run, with the columns of its file."""
     ((table, _),) = episode_tables([run_dir])
     frame: pd.DataFrame = table.to_pandas()
     return frame

@@ -1,4 +1,4 @@
-"""The columns that name what a job drives."""
+"""Columns that name what a job drives."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from runners.config.quoting import resume_command
 from runners.config.schema import DriveConfig
 from runners.records.episode_record import CUSTOM_SUBSET, RunLabels
 
-DRAWN = "drawn"  # instead of the name of a robot, where every episode has another
+DRAWN = "drawn"  # instead of a robot's name, if every episode has another robot
 
 
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
-    """What every record of the job says about system, robot and map. maps: the job's map set."""
+    """Return the names of system, robot and map for all records of the job. maps: the job's map set."""
     config = job.config
     guide, planner = _chosen("guide", job), _chosen("planner", job)
     return RunLabels(
@@ -39,7 +39,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
 
 
 def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
-    """The label of the chosen system if this is its pair, else of the named pair."""
+    """Return the label of the chosen system if this is its pair, else that of the named pair."""
     changed = any(key.startswith(("guide.", "planner.")) for key in job.changes)
     known = systems.systems(job.folders)
     chosen = [system for name, system in known.items() if name == job.choices.get("system")]
@@ -47,14 +47,14 @@ def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
 
 
 def _chosen(group: str, job: Job[DriveConfig]) -> str:
-    """The option of a group; of a user's own class, its name."""
+    """Return the option of a group, or the name of a user's own class."""
     node = {"guide": job.config.guide, "planner": job.config.planner}[group]
     option = job.choices[group]
     return str(node["_target_"]).rpartition(".")[2] if option == CUSTOM else option
 
 
 def _ablation(job: Job[DriveConfig]) -> str:
-    """The option, or the options joined by +. If a file chooses several, the parameters that they set."""
+    """Return the option, or several joined by +. If a file chooses several, return the parameters that they set."""
     return job.choices.get("ablation") or SEVERAL.join(job.config.ablation)
 
 

@@ -1,4 +1,4 @@
-"""The results of a sweep: one table, one chart, and one tracked run."""
+"""Results of a sweep: one table, one chart, and one tracked run."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 class Report(NamedTuple):
-    """What was written, and the lines to print below the table."""
+    """Files that were written, and the lines to print below the table."""
 
     files: list[Path]
     lines: list[str]
 
 
 def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
-    """Tabulate, draw, print and track all runs of a sweep. job: its first job."""
+    """Tabulate, draw, print and track all runs of a sweep. job: the first one."""
     from runners.reports.analysis.tables import print_table
 
     run_dirs = find_runs(run_dirs)
@@ -50,7 +50,7 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
 def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], folder: Path) -> Report:
     """Write the table and pictures of several runs into `folder`, and the studies that the records allow.
 
-    frame: their records. rows: of their table.
+    frame: their records. rows: those of their table.
     """
     from runners.reports.analysis.tables import write_tables
     from runners.reports.figures.trajectories import side_by_side_figure
@@ -66,7 +66,7 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], f
 
 
 def _studies(frame: pd.DataFrame, folder: Path) -> Report:
-    """The studies of systems, ablations, scales and values of a key, if the records have any."""
+    """Write the studies of systems, ablations, scales and values of a key, if the records have any."""
     from runners.reports.analysis import study
     from runners.reports.analysis.ablation import AblationStudy
     from runners.reports.analysis.comparison import Comparison
@@ -91,7 +91,7 @@ def _track(
     sweep_dir: Path,
     run_dirs: Sequence[Path],
 ) -> None:
-    """Track the sweep: what its jobs have in common, and the metrics of every row by its name."""
+    """Track the sweep: the config that its jobs share, and the metrics of every row by its name."""
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
     tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])

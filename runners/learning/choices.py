@@ -1,4 +1,4 @@
-"""The distribution over candidates from which a policy draws one."""
+"""Distribution over candidates from which a policy draws one."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from runners.learning.mixture import draw_index
 
 
 class ChoiceBatch(NamedTuple):
-    """The distributions of B choices among A candidates. logits: (B, A), −inf for those that may not be chosen."""
+    """Distributions of B choices among A candidates. logits: (B, A), −inf for candidates that must not be chosen."""
 
     logits: Tensor
 
     def with_min_sigma(self, sigma: float) -> ChoiceBatch:
-        """The same: a choice has no deviation."""
+        """Return the distributions themselves: a choice has no deviation."""
         return self
 
     def draw(self, generator: torch.Generator) -> Tensor:
-        """Numbers (B,) of candidates, drawn by their probability."""
+        """Draw candidate numbers (B,) by their probability."""
         return draw_index(self.logits, generator)
 
     def log_density(self, raw: Tensor) -> Tensor:
-        """Logarithm of the probability of candidates (B,): (B,)."""
+        """Return the logarithm of the probability of candidates (B,): (B,)."""
         return self.logits.log_softmax(-1).gather(1, raw[:, None])[:, 0]
 
     def actions(self, raw: Tensor) -> Tensor:
-        """The numbers themselves."""
+        """Return the numbers themselves."""
         return raw

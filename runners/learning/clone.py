@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Clone:
-    """Learns to do what an expert would do, by the likelihood of the expert's actions."""
+    """Learner that imitates an expert, by the likelihood of the expert's actions."""
 
     Config = CloneConfig
 

@@ -1,4 +1,4 @@
-"""Cloning in torch: the rounds of `clone.py`, what they collect, and the updates."""
+"""Cloning in torch: the rounds of `clone.py`, the data that they collect, and the updates."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _SHOWN_EVERY = 20  # updates
 
 
 class Data(NamedTuple):
-    """N steps. features: one array (N, …) for each input of the network; actions: (N, A) of the expert.
+    """N steps. features: one array (N, …) for each input of the network; actions: the expert's, (N, A).
 
-    outcomes: (E, 2) of the E episodes in which they were collected: 1 for a success, and the number of steps.
+    outcomes: (E, 2) for the E episodes that were driven: 1 for a success, else 0, and the number of steps.
     """
 
     features: tuple[Tensor, ...]
@@ -35,7 +35,7 @@ class Data(NamedTuple):
 
 
 class CloneTraining:
-    """Trains a network to do what an expert would do."""
+    """Training of a network to imitate an expert."""
 
     def __init__(self, config: CloneConfig) -> None:
         self._config = config
@@ -49,6 +49,7 @@ class CloneTraining:
             optimiser.load_state_dict(state["optimiser"])
             return int(state["rounds"])
 
+        # Rounds before the checkpoint are on disk; later ones collect, fit all data so far, validate and save.
         done = run.restore(take) or 0
         parts = [_read(_file(run, number)) for number in range(done)]
         for number in range(done, self._config.rounds):
@@ -59,7 +60,7 @@ class CloneTraining:
             run.save_checkpoint(number + 1, row, {"rounds": number + 1, "optimiser": optimiser.state_dict()})
 
     def _collect(self, run: Run, number: int) -> Data:
-        """The data of a round, collected now or before the training was killed."""
+        """Return the data of a round, which a killed training may have collected already."""
         path = _file(run, number)
         if not path.is_file():
             config = self._config
@@ -72,12 +73,13 @@ class CloneTraining:
         return _read(path)
 
     def _fit(self, run: Run, number: int, data: Data, optimiser: torch.optim.Optimizer) -> float:
-        """Train on all data so far; returns the mean loss of the last tenth of the updates."""
+        """Train on all data so far; return the mean loss of the last tenth of the updates."""
         config, generator = self._config, run.generator(number)
         updates, _ = config.in_round(number)
         losses = []
         run.network.train()
         for update in range(updates):
+            # Cosine decay of the learning rate, from lr to lr / 100 over the round.
             for group in optimiser.param_groups:
                 group["lr"] = config.lr * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * update / updates)))
             chosen = torch.randint(len(data.actions), (config.batch,), generator=generator)
@@ -141,7 +143,7 @@ def _write(path: Path, found: list[LessonResult], failures: bool) -> None:
 
 
 def _read(path: Path) -> Data:
-    """The steps in a file. Raises InputError if it is damaged or no file."""
+    """Read the steps in a file. Raises InputError if it is damaged or no file."""
     try:
         check_regular(path)
         with np.load(path) as file:

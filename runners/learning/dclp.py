@@ -31,7 +31,7 @@ from runners.learning.mixture import MixtureBatch
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, as commonly used for SAC
-# Initial weights. State inputs count about as much as the others; the components drive ahead, left, right and stop.
+# Initial weights: state inputs weigh about as much as the others; components drive ahead, left, right, and stop.
 _ALPHA = 0.3  # [m]
 _STATE_SCALE = (0.3, 0.7, 0.7, 0.4, 0.5, 0.25, 0.05, 0.04)
 _FIRST_ACTIONS = (
@@ -43,7 +43,7 @@ _FIRST_ACTIONS = (
 
 
 class DclpBody(nn.Module):
-    """The layers of the published network, with inputs besides the state or with other outputs."""
+    """Layers of the published network, optionally with inputs besides the state, or with other outputs."""
 
     def __init__(self, more_inputs: int, outputs: int) -> None:
         super().__init__()
@@ -58,11 +58,14 @@ class DclpBody(nn.Module):
             self.layer(_LAST).weight *= 0.1
 
     def layer(self, name: str) -> nn.Linear:
-        """One of `LAYERS`."""
+        """Return one of `LAYERS`."""
         return cast(nn.Linear, self.layers[name])
 
     def output(self, directions: Tensor, joint: Tensor) -> Tensor:
-        """directions: (B, 90, 6). joint: (B, J) state and further inputs, or (B, K, J) with K of them per scene."""
+        """Return the outputs (B, outputs) of B scenes, or (B, K, outputs).
+
+        directions: (B, 90, 6). joint: (B, J) state and further inputs, or (B, K, J) with K of them per scene.
+        """
         nearest = self._nearest(directions)
         if joint.dim() == 3:
             nearest = nearest[:, None].expand(-1, joint.shape[1], -1)
@@ -73,7 +76,8 @@ class DclpBody(nn.Module):
         return output
 
     def _nearest(self, directions: Tensor) -> Tensor:
-        """The largest of each feature over the directions: (B, 128)."""
+        """Return the maximum of each feature over the directions: (B, 128)."""
+        # The distance d enters as 1 / (d + α), with α learned; then three layers and the maximum over directions.
         distance = directions[..., DISTANCE, None]
         inverse = 1.0 / (distance + self.alpha).clamp(min=LEAST_DISTANCE)
         features = torch.cat((directions[..., :DISTANCE], inverse, directions[..., DISTANCE + 1 :]), -1)
@@ -84,13 +88,13 @@ class DclpBody(nn.Module):
 
 
 class DclpCritic(DclpBody):
-    """The value of a scene, or of an action in it, from layers like the policy's."""
+    """Critic: value of a scene, or of an action in it, from layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
         super().__init__(actions, 1)
 
     def forward(self, directions: Tensor, state: Tensor, *actions: Tensor) -> Tensor:
-        """Values (B,) from the policy's features, and from actions (B, A) if the critic takes them.
+        """Return values (B,) from the policy's features, and from actions (B, A) if the critic takes them.
 
         K actions per scene (B, K, A) give (B, K).
         """
@@ -101,7 +105,7 @@ class DclpCritic(DclpBody):
 
 
 class DclpNetwork(DclpBody):
-    """The published network. `weights` and `load` exchange the arrays of `SHAPES`."""
+    """Published network. `weights` and `load` exchange the arrays of `SHAPES`."""
 
     def __init__(self) -> None:
         super().__init__(0, COMPONENTS * MIXTURE)
@@ -110,27 +114,27 @@ class DclpNetwork(DclpBody):
             self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
 
     def forward(self, directions: Tensor, state: Tensor) -> MixtureBatch:
-        """directions: (B, 90, 6), state: (B, 8), as `DclpFeatures`."""
+        """Return the distributions of actions. directions: (B, 90, 6), state: (B, 8), as `DclpFeatures`."""
         output = self.output(directions, state).view(-1, COMPONENTS, MIXTURE)
         return MixtureBatch(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
 
     @staticmethod
     def interface(planner: DclpConfig, robot: Robot) -> DclpInterface:
-        """The network's inputs for a robot, and the meaning of its output."""
+        """Return the network's inputs for a robot, and the meaning of its output."""
         return DclpInterface(planner, robot)
 
     def trained_for(self, planner: DclpConfig, robots: Iterable[Robot]) -> None:
-        """Store the robots for which the network is trained: those with the lowest and the highest values."""
+        """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
         told = [told_values(DclpInterface(planner, robot).told) for robot in robots]
         self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
 
     @staticmethod
     def critic(actions: int) -> DclpCritic:
-        """A critic with the same inputs and `actions` numbers."""
+        """Return a critic with the same inputs and `actions` further numbers."""
         return DclpCritic(actions)
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays of a file. sharpness: of the draw of components, a factor on their logits."""
+        """Return the arrays of a file. sharpness: factor on the logits of the components."""
         found = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
@@ -150,15 +154,15 @@ class DclpNetwork(DclpBody):
                 layer.bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and actions with left and right swapped."""
+        """Return features and actions with left and right swapped."""
         directions, state = features
         across, turns = directions.new_ones(directions.shape[-1]), state.new_ones(state.shape[-1])
-        across[0] = turns[1] = turns[3] = -1.0  # cos to the right; bearing of the target; ω
+        across[0] = turns[1] = turns[3] = -1.0  # sign changes: cos to the right; bearing of the target; ω
         return (directions * across, state * turns), actions * actions.new_tensor([1.0, -1.0])
 
     @staticmethod
     def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
-        """The arrays of `SHAPES` in a file. Raises InputError."""
+        """Read the arrays of `SHAPES` in a file. Raises InputError."""
         return read_weights(path)
 
     @staticmethod
@@ -168,7 +172,7 @@ class DclpNetwork(DclpBody):
 
 
 def _linear(shape: tuple[int, ...]) -> nn.Linear:
-    """A layer with the initial weights of He et al. (2015), for ReLUs."""
+    """Return a layer with the initial weights of He et al. (2015) for ReLUs."""
     inputs, outputs = shape
     layer = nn.Linear(inputs, outputs)
     nn.init.kaiming_normal_(layer.weight, a=SLOPE)
@@ -177,4 +181,4 @@ def _linear(shape: tuple[int, ...]) -> nn.Linear:
 
 
 def _leaky(values: Tensor) -> Tensor:
-    return nn.functional.leaky_relu_(values, SLOPE)  # in place: half of the time is memory access
+    return nn.functional.leaky_relu_(values, SLOPE)  # in place, since half of the time is memory access

@@ -1,4 +1,4 @@
-"""Robots that a network drives to gain experience: many at once, by `lme.gym.fleet.Fleet`.
+"""Robots that a network drives to gain experience, many at once in `lme.gym.fleet.Fleet`.
 
 A step lasts from one answer of the network to the next: a control period for a planner's network, `guide.period` for a
 guide's.
@@ -42,11 +42,11 @@ _PLANNERS = 0x706C  # seeds the planners that drive to subgoals separately from 
 
 
 class Experience(NamedTuple):
-    """The result of a step of N robots, on the device of the network.
+    """Result of a step of N robots, on the device of the network.
 
-    features: of what they see next. rewards (N,): the sum over the step. terminated, truncated (N,) bool. ended (K,):
-    robots at the start of their next episode, with `last`, the features of what they saw at the end of the previous
-    one.
+    features: those of the next observations. rewards (N,): sums over the step. terminated, truncated (N,): bool.
+    ended (K,): numbers of the robots that are at the start of their next episode. last: features of these robots'
+    final observations in the previous episode.
     """
 
     features: Features
@@ -58,12 +58,12 @@ class Experience(NamedTuple):
 
 
 class Driving:
-    """N robots in training worlds, observed as the network's features, with the target as the place to go to."""
+    """N robots in training worlds, observed as the network's features, with the target as the subgoal."""
 
     def __init__(
         self, run: Run, num_robots: int, worlds: int, reward: Reward, curriculum: Curriculum, part: int
     ) -> None:
-        """part: of the training; each part has other episodes."""
+        """Prepare the worlds. part: part of the training; each has different episodes."""
         config = run.config
         self._config, self._reward, self._curriculum = config, reward, curriculum
         self._network, self._device = run.network, run.device
@@ -78,7 +78,7 @@ class Driving:
         self.recent: deque[bool] = deque(maxlen=_RECENT)
 
     def start(self, stage: int) -> Features:
-        """Begin episodes of a stage of the curriculum; returns what the robots see."""
+        """Begin episodes of a stage of the curriculum; return the features of the first observations."""
         self.stage = stage
         self.recent.clear()
         within = [*self._curriculum.within, None][stage]
@@ -98,9 +98,10 @@ class Driving:
         return self._features(self._views, range(self._num))
 
     def step(self, answers: Tensor) -> Experience:
-        """Drive until the next answer. answers: (N, …) of the network."""
+        """Drive until the next answer is due. answers: the network's, (N, …)."""
         for follower, answer in zip(self._followers, answers.cpu().double().numpy(), strict=True):
             follower.take(answer)
+        # A robot whose episode ends stands still, without reward, for the rest of the step.
         rewards, ends = np.zeros(self._num), _Ends(self._num)
         for _ in range(self._followers[0].steps):
             done = self._fleet.step(self._commands(ends.ended))
@@ -142,14 +143,14 @@ class Driving:
         self._returns[i] = 0.0
 
     def _commands(self, standing: Bools) -> Floats:
-        """Commands (N, 2); robots at the start of an episode stand still until the next answer."""
+        """Return commands (N, 2); robots at the start of an episode stand still until the next answer."""
         commands = np.zeros((self._num, 2))
         for i in np.flatnonzero(~standing).tolist():
             commands[i] = self._followers[i].command(self._observation(self._views, i))
         return commands
 
     def _take_ends(self, done: Transition, ends: _Ends) -> None:
-        """Note the episodes that have ended in a control period, and begin the next ones."""
+        """Record the episodes that ended in a control period, and begin the next ones."""
         for row, i in enumerate(done.ended.tolist()):
             if not ends.ended[i]:
                 seen = self._observation(done.last_views, row)
@@ -159,12 +160,12 @@ class Driving:
             self._followers[i] = self._follower(done.views, i)
 
     def _features(self, views: Views, robots: Iterable[int]) -> Features:
-        """Features of the rows of `views`, which are those of `robots`."""
+        """Return the features of the rows of `views`, which belong to `robots`."""
         seen = [(i, self._observation(views, row)) for row, i in enumerate(robots)]
         return self._stacked([self._followers[i].features(each, each.target) for i, each in seen])
 
     def _stacked(self, rows: Sequence[tuple[Floats, ...]]) -> Features:
-        """The features of robots, one after the other, as tensors."""
+        """Stack the features of robots into tensors with a leading robot axis."""
         return tuple(self._tensor(np.array(each, np.float32)) for each in zip(*rows, strict=True))
 
     def _tensor(self, array: NDArray[Any]) -> Tensor:
@@ -180,7 +181,7 @@ class Driving:
         return Observation(scan, views.targets[row], twist, limits, here, last_command=twist)
 
     def _follower(self, views: Views, row: int) -> Follower:
-        """The follower of a robot at the start of an episode."""
+        """Return the follower of a robot at the start of an episode."""
         robot = _robot(self._config, views, row)
         interface = self._network.interface(self._learned, robot)
         if not learns_guide(self._config):
@@ -191,7 +192,7 @@ class Driving:
 
 
 class _Ends:
-    """The episodes that ended in a step of N robots: whether, whether not for time, last features and results."""
+    """Episodes that ended in a step of N robots; `terminated` excludes timeouts."""
 
     def __init__(self, num: int) -> None:
         self.ended, self.terminated = np.zeros(num, dtype=bool), np.zeros(num, dtype=bool)
@@ -200,7 +201,7 @@ class _Ends:
 
 
 class _Worlds:
-    """The training map sets as one. Each world is built once, for all stages of the curriculum."""
+    """All training map sets as one. Each world is built once, for all stages of the curriculum."""
 
     def __init__(self, config: LearnConfig, places: list[tuple[str, int]]) -> None:
         self._config = config
@@ -209,7 +210,7 @@ class _Worlds:
         self.task = lru_cache(maxsize=None)(self._build)
 
     def with_tolerance(self, distance: float | None) -> MapSet:
-        """The same worlds, with success within this distance of the goal [m]; None: the map's own."""
+        """Return the same worlds with success within this distance [m] of the goal; None: the map's own."""
         return cast(MapSet, self if distance is None else _EasierWorlds(self, distance))
 
     def _build(self, number: int) -> Task:
@@ -241,7 +242,7 @@ def _simulator(config: LearnConfig) -> FastConfig:
 
 
 def _robot(config: LearnConfig, views: Views, row: int) -> Robot:
-    """The robot of a row: the job's robot, with the limits and the footprint drawn for it."""
+    """Return the robot of a row: the job's robot, with the limits and the footprint drawn for it."""
     values = dict(zip(Limits._fields, views.limits[row].tolist(), strict=False))
     if config.robots.length is not None:
         half_length, half_width, _ = views.boxes[row].tolist()

@@ -1,4 +1,4 @@
-"""A DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.graph`."""
+"""DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.graph`."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from runners.learning.mixture import MixtureBatch
 Arrays = Mapping[str, NDArray[np.float32]]
 
 SMALL = Sizes(channels=8, features=64, hidden=64)  # ASSUMED: two cores can train it in an hour
-_SIGMA = 0.3  # initial deviation of the actions
-_MEAN_MAX = 0.999  # of an output, since atanh(1) is infinite
+_SIGMA = 0.3  # initial standard deviation of the actions
+_MEAN_MAX = 0.999  # largest mean of an output, since atanh(1) is infinite
 
 
 class Normed(nn.Module):
-    """A convolution and its norm."""
+    """Convolution with its batch normalisation."""
 
     def __init__(self, layer: Convolution, channels: int) -> None:
         super().__init__()
@@ -41,13 +41,13 @@ class Normed(nn.Module):
         self.norm = nn.BatchNorm2d(outputs)
 
     def forward(self, x: Tensor) -> Tensor:
-        """x: (B, inputs, height, width)."""
+        """Return the normalised convolution of x: (B, inputs, height, width)."""
         found: Tensor = self.norm(self.convolution(x))
         return found
 
 
 class ResidualBlock(nn.Module):
-    """Three convolutions, and one parallel to them."""
+    """Residual block: three convolutions, and a shortcut parallel to them."""
 
     def __init__(self, residual: Residual, channels: int) -> None:
         super().__init__()
@@ -55,7 +55,7 @@ class ResidualBlock(nn.Module):
         self.around = nn.Identity() if residual.shortcut is None else Normed(residual.shortcut, channels)
 
     def forward(self, x: Tensor, start: Tensor | None = None) -> Tensor:
-        """start: input of the parallel convolution, if not x."""
+        """Return the block's output. start: input of the shortcut, if it is not x."""
         first, second, third = self.inside
         inside = third(second(first(x).relu()).relu())
         found: Tensor = (inside + self.around(x if start is None else start)).relu()
@@ -63,7 +63,7 @@ class ResidualBlock(nn.Module):
 
 
 class DrlVoBody(nn.Module):
-    """The layers of the published network in any size, with inputs besides the goal or with other outputs."""
+    """Layers of the published network in any size, optionally with inputs besides the goal or other outputs."""
 
     def __init__(self, sizes: Sizes, more_inputs: int, outputs: int) -> None:
         super().__init__()
@@ -81,7 +81,10 @@ class DrlVoBody(nn.Module):
         self.eval()
 
     def answer(self, sweeps: Tensor, pedestrians: Tensor, joint: Tensor) -> Tensor:
-        """sweeps: (B, 20, 80), pedestrians: (B, P, 4), joint: (B, J), or (B, K, J) with K of them per scene."""
+        """Return the outputs (B, outputs) of B scenes, or (B, K, outputs).
+
+        sweeps: (B, 20, 80), pedestrians: (B, P, 4), joint: (B, J), or (B, K, J) with K of them per scene.
+        """
         pairs = zip(sweeps.cpu().numpy(), pedestrians.cpu().numpy(), strict=True)
         image = torch.from_numpy(np.stack([image_of(*pair) for pair in pairs])).to(sweeps.device)
         seen = self._image_features(image)
@@ -92,7 +95,7 @@ class DrlVoBody(nn.Module):
         return found
 
     def _image_features(self, image: Tensor) -> Tensor:
-        """Image features (B, 8 c) of images (B, 3, 80, 80)."""
+        """Return image features (B, 8 c) of images (B, 3, 80, 80)."""
         layer_1_0, layer_1_1, layer_2, refinement_2, layer_3, refinement_3 = self.residuals
         stem = nn.functional.max_pool2d(self.stem(image).relu(), 3, 1, 1)
         first = layer_1_1(layer_1_0(stem))
@@ -102,13 +105,13 @@ class DrlVoBody(nn.Module):
 
 
 class DrlVoCritic(DrlVoBody):
-    """The value of a scene, or of an action in it, from layers like the policy's."""
+    """Critic: value of a scene, or of an action in it, from layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
         super().__init__(SMALL, actions, 1)
 
     def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor, *actions: Tensor) -> Tensor:
-        """Values (B,) from the policy's features, and from actions (B, A) if the critic takes them.
+        """Return values (B,) from the policy's features, and from actions (B, A) if the critic takes them.
 
         K actions per scene (B, K, A) give (B, K).
         """
@@ -119,9 +122,9 @@ class DrlVoCritic(DrlVoBody):
 
 
 class DrlVoNetwork(DrlVoBody):
-    """The published network in the size `SMALL`, or in that of the weights that it loads.
+    """Published network in the size `SMALL`, or in that of the weights that it loads.
 
-    Its output is a Gaussian about the clipped mean. The deviation is before tanh.
+    Its output is a Gaussian about the clipped mean. The standard deviation applies before tanh.
     """
 
     def __init__(self, sizes: Sizes = SMALL) -> None:
@@ -130,16 +133,19 @@ class DrlVoNetwork(DrlVoBody):
         self._trained = np.zeros(len(TOLD), np.float32)
 
     def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> MixtureBatch:
-        """sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `DrlVoFeatures`."""
+        """Return the distributions of actions.
+
+        sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `DrlVoFeatures`.
+        """
         mean = self.answer(sweeps, pedestrians, goal)
-        # a mean beyond the largest output is clipped, but its gradient is not
+        # Straight-through clip: the value of the mean is clipped, its gradient is not.
         mean = mean + (mean.clamp(-_MEAN_MAX, _MEAN_MAX) - mean).detach()
         mu = mean.atanh()[:, None]
         return MixtureBatch(mu.new_zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
 
     @staticmethod
     def interface(planner: DrlVoConfig, robot: Robot) -> DrlVoInterface:
-        """The network's inputs, and the meaning of its output."""
+        """Return the network's inputs, and the meaning of its output."""
         return DrlVoInterface(planner, robot)
 
     def trained_for(self, planner: DrlVoConfig, robots: Iterable[Robot]) -> None:
@@ -148,11 +154,11 @@ class DrlVoNetwork(DrlVoBody):
 
     @staticmethod
     def critic(actions: int) -> DrlVoCritic:
-        """A critic with the same inputs and `actions` numbers."""
+        """Return a critic with the same inputs and `actions` further numbers."""
         return DrlVoCritic(actions)
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays of a file. sharpness: ignored, because there is only one component."""
+        """Return the arrays of a file. sharpness: ignored, because there is only one component."""
         found = {name: tensor.detach().cpu().numpy().copy(order="C") for name, tensor in self._tensors()}
         return {**found, TRAINED: self._trained.copy()}
 
@@ -165,14 +171,14 @@ class DrlVoNetwork(DrlVoBody):
                 tensor.copy_(torch.from_numpy(weights[name]))
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and actions with left and right swapped."""
+        """Return features and actions with left and right swapped."""
         sweeps, pedestrians, goal = features
         across = actions.new_tensor([1.0, -1.0])
         return (sweeps.flip(-1), pedestrians * across.repeat(2), goal * across), actions * across
 
     @staticmethod
     def read(path: Path) -> Arrays:
-        """The arrays in a file. Raises InputError."""
+        """Read the arrays in a file. Raises InputError."""
         return read_weights(path)
 
     @staticmethod
@@ -181,7 +187,7 @@ class DrlVoNetwork(DrlVoBody):
         write_weights(weights, file)
 
     def _tensors(self) -> Iterator[tuple[str, Tensor]]:
-        """The tensors that a file holds, by name."""
+        """Yield the tensors that a file holds, by name."""
         for normed in (module for module in self.modules() if isinstance(module, Normed)):
             layer = normed.layer
             yield f"{net.EXTRACTOR}{layer.name}.weight", normed.convolution.weight

@@ -1,4 +1,4 @@
-"""What a robot does with the answers of its network, from one answer to the next."""
+"""Followers, which turn each answer of a robot's network into commands until the next answer."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from runners.workers.lessons import Interface
 
 
 class Follower(Protocol):
-    """One robot in one episode. steps: control periods between two answers."""
+    """Follower of answers, for one robot in one episode. steps: control periods between two answers."""
 
     steps: int
 
     def features(self, observation: Observation, target: Floats) -> tuple[Floats, ...]:
-        """The inputs of the network; called once before each answer."""
+        """Return the inputs of the network; called once before each answer."""
 
     def take(self, answer: Floats) -> None:
-        """Follow this answer until the next."""
+        """Follow this answer until the next one."""
 
     def command(self, observation: Observation) -> Twist:
-        """The command for one control period."""
+        """Return the command for one control period."""
 
 
 class CommandFollower:
-    """The answers of a planner's network are commands."""
+    """Follower of a planner's network, whose answers are commands."""
 
     steps = 1
 
@@ -43,7 +43,7 @@ class CommandFollower:
 
 
 class SubgoalFollower:
-    """The answers of a guide's network are subgoals, to which a planner drives."""
+    """Follower of a guide's network, whose answers are subgoals that a planner drives to."""
 
     def __init__(self, interface: SubgoalInterface, planner: Planner) -> None:
         self._interface, self._planner = interface, planner

@@ -1,4 +1,4 @@
-"""The largest of a linear layer's outputs over the rows of each scene, and its gradient."""
+"""Maximum of a linear layer's outputs over the rows of each scene, and its gradient."""
 
 import numpy as np
 from numba import njit
@@ -10,14 +10,15 @@ Rows = NDArray[np.int64]
 
 @njit(cache=True, error_model="numpy")
 def largest_rows(outputs: Array) -> tuple[Array, Rows]:
-    """The largest output over the K rows of each scene, and its first row. outputs (B, K, O): both (B, O)."""
+    """Return the largest output over the K rows of each scene, and its first row: both (B, O) of (B, K, O)."""
     scenes, rows, width = outputs.shape
     best, where = np.empty((scenes, width), np.float32), np.zeros((scenes, width), np.int64)
+    # best = max_k outputs[b, k, o], where = the first such k.
     for b in range(scenes):
         for o in range(width):
             best[b, o] = outputs[b, 0, o]
         for k in range(1, rows):
-            for o in range(width):  # no branch, for vectorisation
+            for o in range(width):  # without branches, so that it vectorises
                 value, larger = outputs[b, k, o], outputs[b, k, o] > best[b, o]
                 best[b, o] = value if larger else best[b, o]
                 where[b, o] = k if larger else where[b, o]
@@ -26,10 +27,11 @@ def largest_rows(outputs: Array) -> tuple[Array, Rows]:
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def largest_gradients(gradient: Array, inputs: Array, weight: Array, where: Rows) -> tuple[Array, Array]:
-    """Gradients of the inputs (B, K, I) and of the weight (O, I), of which only the largest rows have any.
+    """Return the gradients of the inputs (B, K, I) and of the weight (O, I); only the largest rows contribute.
 
-    gradient (B, O): of the largest outputs; where (B, O): their rows.
+    gradient (B, O): that of the largest outputs; where (B, O): their rows.
     """
+    # y_bo = w_o · x_b,k(b,o) gives dL/dx_bk = Σ_o g_bo w_o over the o with k(b,o) = k, dL/dw_o = Σ_b g_bo x_b,k(b,o).
     of_inputs, of_weight = np.zeros_like(inputs), np.zeros_like(weight)
     for b in range(len(gradient)):
         for o in range(len(weight)):

@@ -1,6 +1,6 @@
-"""The largest of a linear layer's outputs over the rows of each scene, in torch.
+"""Maximum of a linear layer's outputs over the rows of each scene, in torch.
 
-Nearly all rows have no gradient. On a CPU torch spends most of an update on them; a kernel leaves them out.
+Nearly all rows have no gradient. On a CPU torch spends most of an update on them; a kernel skips them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from runners.learning.kernels import largest_gradients, largest_rows
 
 
 def largest_output(inputs: Tensor, weight: Tensor) -> Tensor:
-    """The largest of `inputs @ weight.T` over the rows: (B, O). inputs (B, K, I), weight (O, I)."""
+    """Return the maximum of `inputs @ weight.T` over the rows: (B, O). inputs: (B, K, I), weight: (O, I)."""
     if inputs.device.type != "cpu":
         return (inputs @ weight.T).amax(1)
     apply: Any = _Largest.apply

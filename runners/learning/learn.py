@@ -78,7 +78,7 @@ def learn(job: Job[LearnConfig]) -> None:
 
 
 def network_name(job: Job[LearnConfig]) -> str:
-    """The name that the network is registered under."""
+    """Return the name that the network is registered under."""
     config = job.config
     if config.name is not None:
         return config.name
@@ -87,7 +87,7 @@ def network_name(job: Job[LearnConfig]) -> str:
 
 
 def _run_learner(job: Job[LearnConfig]) -> Run:
-    """The run after its last round or step."""
+    """Learn, and return the run after its last round or step."""
     from runners.learning.run import Run
 
     config = job.config
@@ -103,7 +103,7 @@ def _run_learner(job: Job[LearnConfig]) -> Run:
 
 
 def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
-    """What the workers need. Raises InputError for an option that does not exist or cannot be built."""
+    """Return the payload of the workers. Raises InputError for an option that does not exist or cannot be built."""
     config = replace(job.config, guides=job.config.guides or {job.choices["guide"]: 1.0})
     for name, share in config.guides.items():
         require(f"guides.{name}", share, above=0.0)
@@ -173,7 +173,7 @@ def _check_worlds(config: LearnConfig) -> None:
 
 
 def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> list[Path]:
-    """Write network and card under the run's name; returns the files in its directory."""
+    """Write network and card under the run's name; return the files in its directory."""
     config, name = job.config, network_name(job)
     last = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
     about = {
@@ -208,7 +208,7 @@ def _picture(run: Run) -> Path:
 
 
 def _rates_by_map(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
-    """The rates of each held-out map, for the card."""
+    """Return the rates of each held-out map, for the card."""
     from runners.reports.analysis.summary import metrics
 
     return {

@@ -1,4 +1,4 @@
-"""The networks that can be learned. To add one, add a line here and a class like those in `dclp.py`."""
+"""Networks that can be learned. To add one, add a line here and a class like those in `dclp.py`."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from lme.robots import Robot
 
 Arrays = Mapping[str, NDArray[np.float32]]
-_OF_GUIDES = "ppo"  # the learner of guides
-_PLANNERS = {  # by the planner's class: an option and the network
+_OF_GUIDES = "ppo"  # the only learner of guides
+_PLANNERS = {  # by the planner's class: an option of the group, and the network's class
     "lme.planners.dclp.Dclp": ("dclp", "runners.learning.dclp.DclpNetwork"),
     "lme.planners.drl_vo.DrlVo": ("drl_vo_small", "runners.learning.drl_vo.DrlVoNetwork"),
 }
@@ -35,90 +35,90 @@ _GUIDES = {
 
 
 class Distribution(Protocol):
-    """What a network answers for B scenes: `MixtureBatch`, or `ChoiceBatch` of a network that chooses."""
+    """Distributions that a network gives for B scenes: `MixtureBatch`, or `ChoiceBatch` if it chooses."""
 
     def with_min_sigma(self, sigma: float) -> Distribution:
-        """The same with no deviation below `sigma`."""
+        """Return the same distributions with no standard deviation below `sigma`."""
 
     def draw(self, generator: torch.Generator) -> Tensor:
-        """Numbers drawn from it, with B in front. generator: on the CPU."""
+        """Draw numbers, with B as first axis. generator: on the CPU."""
 
     def log_density(self, raw: Tensor) -> Tensor:
-        """Logarithm of the density of what was drawn: (B,)."""
+        """Return the logarithm of the density of drawn numbers: (B,)."""
 
     def actions(self, raw: Tensor) -> Tensor:
-        """The answers that these numbers mean to the interface."""
+        """Return the answers that these numbers mean to the interface."""
 
 
 class Learnable(Protocol):
-    """A network in torch, a `torch.nn.Module`, that a planner or a guide uses in numpy or by onnxruntime.
+    """Network in torch, a `torch.nn.Module`, that a planner or a guide runs in NumPy or onnxruntime.
 
-    Its interface has `features`; `__call__` takes its arrays as float32 with a batch axis in front.
-    A network with norms starts in the mode `eval`; only a learner that fits them switches to `train` and back.
+    Its interface has `features`; `__call__` takes these arrays as float32 with a batch axis in front.
+    A network with normalisation starts in the mode `eval`; only a learner that fits it switches to `train` and back.
     """
 
     def __call__(self, *features: Tensor) -> Distribution:
-        """The distribution of the answers."""
+        """Return the distribution of the answers."""
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays that a file holds. sharpness: of the draw of components, a factor on their logits."""
+        """Return the arrays that a file holds. sharpness: factor on the logits of the components."""
 
     def load(self, weights: Arrays) -> None:
-        """Set these arrays."""
+        """Set the network's arrays."""
 
     def trained_for(self, config: Any, robots: Iterable[Robot]) -> None:
-        """Store the robots for which the network is trained: those with the lowest and the highest values."""
+        """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
 
     @staticmethod
     def interface(config: Any, robot: Robot) -> Any:
-        """The network's inputs for a robot, and the meaning of its output. config: of the planner or the guide."""
+        """Return the network's inputs for a robot, and the meaning of its output. config: planner's or guide's."""
 
     @staticmethod
     def critic(actions: int) -> nn.Module:
-        """A network from the features, and a tensor (B, actions) unless `actions` is 0, to values (B,)."""
+        """Return a network that maps the features, and (B, actions) numbers unless `actions` is 0, to values (B,)."""
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and actions with left and right swapped."""
+        """Return features and actions with left and right swapped."""
 
     def to(self, device: torch.device) -> Any:
-        """Of torch."""
+        """Move to a device; a method of torch."""
 
     def eval(self) -> Any:
-        """Of torch: norms with the statistics of the training so far."""
+        """Normalise with the statistics of the training so far; a method of torch."""
 
     def train(self) -> Any:
-        """Of torch: norms with the statistics of the batch."""
+        """Normalise with the statistics of the batch; a method of torch."""
 
     def parameters(self) -> Iterator[nn.Parameter]:
-        """Of torch."""
+        """Yield the parameters; a method of torch."""
 
     def state_dict(self) -> dict[str, Any]:
-        """Of torch."""
+        """Return the state; a method of torch."""
 
     def load_state_dict(self, state_dict: Mapping[str, Any]) -> Any:
-        """Of torch."""
+        """Load a state; a method of torch."""
 
     @staticmethod
     def read(path: Path) -> Arrays:
-        """The arrays in a file. Raises InputError."""
+        """Read the arrays in a file. Raises InputError."""
 
     @staticmethod
     def write(weights: Arrays, file: IO[bytes]) -> None:
-        """Write a file."""
+        """Write the arrays to a file."""
 
 
 def learns_guide(config: LearnConfig) -> bool:
-    """Return whether the network is the guide's, and not the planner's."""
+    """Return whether the network is the guide's rather than the planner's."""
     return str(config.guide["_target_"]) in _GUIDES
 
 
 def learned_part(config: LearnConfig) -> str:
-    """The config group whose option has the network: guide or planner."""
+    """Return the config group whose option has the network, guide or planner."""
     return "guide" if learns_guide(config) else "planner"
 
 
 def check_learnable(config: LearnConfig, choices: Mapping[str, str]) -> None:
-    """Raise InputError unless guide or planner has a network that the learner can learn. choices: of options."""
+    """Raise InputError unless guide or planner has a network that the learner can learn. choices: by group."""
     if not learns_guide(config) and str(config.planner["_target_"]) not in _PLANNERS:
         known = ", ".join(option for option, _ in _PLANNERS.values())
         guides = ", ".join(option for option, _ in _GUIDES.values())
@@ -137,13 +137,13 @@ def check_learnable(config: LearnConfig, choices: Mapping[str, str]) -> None:
 
 
 def learned_config(config: LearnConfig) -> Any:
-    """The Config of the planner or the guide, without its weights, which are to be learned. Raises InputError."""
+    """Return the Config of the planner or guide, without the weights that are to be learned. Raises InputError."""
     part = learned_part(config)
     return configured({**getattr(config, part), "weights": None}, part)[1]
 
 
 def network_class(config: LearnConfig) -> type[Learnable]:
-    """The class of the network. Imports torch."""
+    """Return the class of the network. Imports torch."""
     networks = {**_PLANNERS, **_GUIDES}
     module, _, name = networks[str(getattr(config, learned_part(config))["_target_"])][1].rpartition(".")
     found: type[Learnable] = getattr(importlib.import_module(module), name)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Ppo(Reinforcement[PpoConfig]):
-    """Learns from its own driving by small changes of the policy."""
+    """Learner from its own driving, by small changes of the policy."""
 
     Config = PpoConfig
 

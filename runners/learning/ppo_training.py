@@ -1,4 +1,4 @@
-"""PPO in torch: how the robots drive, and the updates of policy and critic."""
+"""PPO in torch: driving of the robots, and updates of policy and critic."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from runners.learning.settings import PpoConfig
 class PpoStep(NamedTuple):
     """One or more steps of N robots, with N in front of every shape, or a batch of such steps.
 
-    features; raw: what was drawn, such as actions before tanh (N, 2); log_density (N,): of it when drawn; values (N,):
-    from the critic; rewards (N,); ended (N,): whether the episode ended.
+    features; raw: drawn numbers, such as actions before tanh (N, 2); log_density (N,): theirs when they were drawn;
+    values (N,): from the critic; rewards (N,); ended (N,): whether the episode ended.
     """
 
     features: Features
@@ -40,12 +40,12 @@ class Batch(NamedTuple):
     returns: Tensor
 
     def of(self, chosen: Tensor) -> Batch:
-        """Some of the steps."""
+        """Return the chosen steps."""
         return Batch(tuple(each[chosen] for each in self.features), *(each[chosen] for each in self[1:]))
 
 
 class PpoTraining:
-    """Trains a network by small changes of the policy that drives."""
+    """Training of a network by small changes of the policy that drives."""
 
     def __init__(self, config: PpoConfig) -> None:
         self._config = config
@@ -70,7 +70,7 @@ class PpoTraining:
     def _drive(
         self, policy: Learnable, parts: Parts, driving: Driving, features: Features
     ) -> tuple[Features, Batch]:
-        """Drive `horizon` steps; returns what the robots see then, and the steps."""
+        """Drive `horizon` steps; return the features of the next observations, and the steps."""
         steps = []
         critic = parts.modules["critic"]
         with torch.no_grad():
@@ -79,13 +79,14 @@ class PpoTraining:
                 raw, values = mixture.draw(parts.generator), critic(*features)
                 found = driving.step(mixture.actions(raw))
                 rewards = found.rewards
-                if len(found.ended):  # an episode that timed out would have continued
+                if len(found.ended):  # a timeout does not end the task: add γ V(last)
                     ongoing = found.truncated[found.ended].float() * critic(*found.last)
                     rewards[found.ended] += self._config.gamma * ongoing
                 ended = found.terminated | found.truncated
                 steps.append(PpoStep(features, raw, mixture.log_density(raw), values, rewards, ended))
                 features = found.features
             advantages = advantages_of(steps, critic(*features), self._config.gamma, self._config.decay)
+        # Join the steps into one batch, step by step, in which the advantages are in the same order.
         joined = [
             torch.cat([getattr(step, name) for step in steps]) for name in ("raw", "log_density", "values")
         ]
@@ -94,7 +95,7 @@ class PpoTraining:
         return features, Batch(inputs, raw, density, advantages, advantages + values)
 
     def _update(self, policy: Learnable, parts: Parts, batch: Batch, learn_policy: bool) -> dict[str, float]:
-        """Train on the steps `epochs` times; returns the mean losses. Stops the policy if it has changed too much."""
+        """Train on the steps `epochs` times; return the mean losses. The policy stops if it has changed too much."""
         found: dict[str, list[float]] = {"loss_policy": [], "loss_value": [], "kl": []}
         for _ in range(self._config.epochs):
             order = torch.randperm(len(batch.raw), generator=parts.generator)
@@ -114,7 +115,8 @@ class PpoTraining:
         return {name: fmean(values) for name, values in found.items() if values}
 
     def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
-        """The clipped loss, and the KL divergence from the policy that drove (Schulman's estimate)."""
+        """Return the clipped loss, and the KL divergence from the policy that drove (Schulman's estimate)."""
+        # r = π / π_old; loss = −E[min(r A, clip(r, 1 ± ε) A)]; KL ≈ E[r − 1 − log r].
         mixture = policy(*part.features).with_min_sigma(self._config.least_sigma)
         change = mixture.log_density(part.raw) - part.log_density
         ratio = change.exp()
@@ -126,10 +128,11 @@ class PpoTraining:
 
 
 def advantages_of(steps: list[PpoStep], values: Tensor, gamma: float, decay: float) -> Tensor:
-    """Generalised advantages (Schulman et al. 2015, arXiv:1506.02438) of T steps of N robots: (T·N,), step by step.
+    """Return generalised advantages (Schulman et al. 2015, arXiv:1506.02438) of T steps of N robots: (T·N,).
 
-    values: (N,) of what the robots see after the last step.
+    The order is step by step. values: (N,) of the observations after the last step.
     """
+    # Backwards: δ_t = r_t + γ V_{t+1} − V_t and A_t = δ_t + γ λ A_{t+1}, without the t+1 terms after an end.
     found, advantage = [], torch.zeros_like(values)
     for step in reversed(steps):
         goes_on = (~step.ended).float()

@@ -1,4 +1,4 @@
-"""The keys and properties that ppo and sac share. Nothing here imports torch."""
+"""Keys and properties that ppo and sac share. Nothing here imports torch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Settings = TypeVar("Settings", bound=ReinforcementConfig)
 
 
 class Reinforcement(Generic[Settings]):
-    """What ppo and sac have in common; each adds `learn`."""
+    """Common part of ppo and sac, which each add `learn`."""
 
     def __init__(self, config: Settings) -> None:
         self._config = config

@@ -1,4 +1,4 @@
-"""What ppo and sac share in torch: robots that drive, a curriculum, and an evaluation every `judge_every` steps."""
+"""Common part of ppo and sac in torch: driving robots, a curriculum, an evaluation every `judge_every` steps."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ Losses = Mapping[str, float]
 
 
 class Parts(NamedTuple):
-    """What a checkpoint holds besides the policy, by name, and the random numbers of the actions."""
+    """Content of a checkpoint besides the policy: modules and optimisers by name, and the actions' generator."""
 
     modules: Mapping[str, nn.Module]
     optimisers: Mapping[str, torch.optim.Optimizer]
     generator: torch.Generator
 
     def descend(self, optimiser: str, loss: Tensor, parameters: Iterable[nn.Parameter]) -> float:
-        """Take one optimiser step to reduce a loss; returns the loss."""
+        """Take one optimiser step to reduce a loss; return the loss."""
         return descend(self.optimisers[optimiser], loss, parameters, _GRADIENT_MAX)
 
     def state(self) -> dict[str, Any]:
-        """All of it, for a checkpoint."""
+        """Return the state of all parts, for a checkpoint."""
         modules = {name: module.state_dict() for name, module in self.modules.items()}
         optimisers = {name: optimiser.state_dict() for name, optimiser in self.optimisers.items()}
         return {**modules, **optimisers, "generator": self.generator.get_state()}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Restore what `state` returned."""
+        """Restore the parts from what `state` returned."""
         for name, module in self.modules.items():
             module.load_state_dict(state[name])
         for name, optimiser in self.optimisers.items():
@@ -48,7 +48,7 @@ class Parts(NamedTuple):
 
 
 class Advanced(NamedTuple):
-    """The result of one call of a learner. features: what the robots see now; steps: driven; losses: by name."""
+    """Result of one call of a learner. features: current ones; steps: number driven; losses: by name."""
 
     features: Features
     steps: int
@@ -63,9 +63,10 @@ def reinforce(
 ) -> None:
     """Let a learner drive and update, from a checkpoint if there is one, until `config.steps` are done.
 
-    names: of the losses. advance: takes what the robots see and the steps done so far. Episodes in progress when a run
-    is killed are not continued.
+    names: names of the losses. advance: takes the robots' features and the number of steps done so far. Episodes in
+    progress when a run is killed are not continued.
     """
+    # Restore the checkpoint; a new run starts with the validation of the initial network.
     done, stage, episodes = _restore(run, parts)
     driving = Driving(run, config.robots, config.worlds, config.reward, config.curriculum, done)
     if not run.rows:
@@ -74,6 +75,7 @@ def reinforce(
     features = driving.start(stage)
     losses: dict[str, list[float]] = defaultdict(list)
     began, judged = perf_counter(), done
+    # Advance, move up the curriculum, and validate and save every `judge_every` steps.
     while done < config.steps:
         advanced = advance(driving, features, done)
         features, done = advanced.features, done + advanced.steps
@@ -91,7 +93,7 @@ def reinforce(
 
 
 def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) -> None:
-    """Add a point to the curves and write the checkpoint."""
+    """Validate, add a point to the curves, and write the checkpoint."""
     row = {
         "steps": done,
         "episodes": driving.episodes,
@@ -106,7 +108,7 @@ def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) ->
 
 
 def _restore(run: Run, parts: Parts) -> tuple[int, int, int]:
-    """Steps, stage and episodes of the checkpoint; its other content goes into the parts."""
+    """Return steps, stage and episodes of the checkpoint, and restore the parts from it."""
 
     def take(state: dict[str, Any]) -> tuple[int, int, int]:
         parts.load(state)

@@ -1,4 +1,4 @@
-"""What every learner shares: the worlds, the evaluation, the curves, the checkpoint, and the best network so far."""
+"""Common part of all learners: worlds, evaluation, curves, checkpoint, and the best network so far."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ T = TypeVar("T")
 
 
 class Learner(Protocol):
-    """A learning algorithm; `conf/learner/` has one file for each."""
+    """Learning algorithm; `conf/learner/` has one file for each."""
 
     @property
     def total(self) -> int:
-        """Rounds or steps until the end."""
+        """Number of rounds or steps until the end."""
 
     @property
     def expert(self) -> Mapping[str, Any] | None:
         """Options of the planner and the guide of an expert to learn from, if there is one."""
 
     def check(self, config: LearnConfig) -> None:
-        """Raise InputError if it cannot learn with the config."""
+        """Raise InputError if the learner cannot learn with the config."""
 
     def learn(self, run: Run) -> None:
         """Continue from the checkpoint of the run until `total` is done."""
@@ -55,14 +55,14 @@ class Run:
     def __init__(
         self, config: LearnConfig, run_dir: Path, start: Path | None, drive: Map, progress: LearnProgress
     ) -> None:
-        """start: path of the initial weights; None: random ones. drive: maps lessons to their results."""
+        """Build the network. start: path of initial weights; None: random ones. drive: maps lessons to results."""
         torch.set_num_threads(config.threads)
         torch.manual_seed(config.seed)
         self.config = config
         self.run_dir = run_dir
         self.rows: list[Row] = []
         self.best: float | None = None
-        self.sharpness = 1.0  # of the draw of components while the network drives
+        self.sharpness = 1.0  # factor on the logits of components while the network drives
         self._drive = drive
         self._progress = progress
         self._seconds = 0.0
@@ -77,13 +77,13 @@ class Run:
 
     @property
     def seconds(self) -> float:
-        """Time spent on the training, also before it was resumed [s]."""
+        """Time spent on the training [s], including that before it was resumed."""
         return self._seconds + perf_counter() - self._began
 
     def restore(self, take: Callable[[dict[str, Any]], T]) -> T | None:
-        """Restore curves and network from the checkpoint; returns what `take` makes of the learner's state in it.
+        """Restore curves and network from the checkpoint; return what `take` makes of the learner's state in it.
 
-        None without a checkpoint. Raises InputError, naming the file, for a damaged one.
+        Returns None without a checkpoint. Raises InputError, naming the file, for a damaged one.
         """
         path = self.run_dir / CHECKPOINT
         if not path.is_file():
@@ -103,7 +103,7 @@ class Run:
     def save_checkpoint(self, done: int, row: Row | None, state: Mapping[str, Any]) -> None:
         """Write the checkpoint after `done` rounds or steps.
 
-        row: a point of the curves, with the `success` of `judge`, if the network was evaluated. state: what the
+        row: a point of the curves, with the `success` of `judge`, if the network was evaluated. state: all that the
         learner needs to continue, made of tensors, numbers, lists and mappings.
         """
         if row is not None:
@@ -127,7 +127,7 @@ class Run:
         self._progress.set_done(done, self.best)
 
     def write(self, name: str = PRESENT) -> str:
-        """Write the network in the format that planners and guides read; returns the path."""
+        """Write the network in the format that planners and guides read; return the path."""
         path = self.run_dir / name
         with replacing(path) as draft, draft.open("wb") as file:
             type(self.network).write(self.network.weights(self.sharpness), file)
@@ -138,7 +138,7 @@ class Run:
         self._progress.describe(doing)
 
     def judge(self) -> Row:
-        """Shares of outcomes in the validation episodes of the current network, and its success under each guide."""
+        """Validate the current network: return the shares of outcomes, and the success under each guide."""
         present = self.write()
         config = self.config
         places = self._places(0, config.validation)
@@ -152,17 +152,17 @@ class Run:
         return row
 
     def drive(self, lessons: Sequence[Lesson], doing: str) -> Iterator[LessonResult]:
-        """Drive the lessons; yields their results, in any order. doing: text for the progress bar."""
+        """Drive the lessons and yield their results in any order. doing: text for the progress bar."""
         for number, taught in enumerate(self._drive(lessons), 1):
             self.describe(f"{doing} {number}/{len(lessons)}")
             yield taught
 
     def places(self, first: int, count: int) -> list[tuple[str, int]]:
-        """Map sets and numbers of training worlds, from the `first` (from 0). None of them is a validation world."""
+        """Return map sets and numbers of training worlds, from the `first` (from 0); none is a validation world."""
         return self._places(self.config.validation + first, count)
 
     def guides(self, part: int, count: int) -> list[str]:
-        """Names of guides, drawn by their shares. part: of the training; each part draws other guides."""
+        """Draw names of guides by their shares. part: part of the training; each draws different guides."""
         names, shares = list(self.config.guides), np.array(list(self.config.guides.values()))
         rng = np.random.default_rng(np.random.SeedSequence([self.config.seed, part, _GUIDES]))
         return [names[i] for i in rng.choice(len(names), count, p=shares / shares.sum())]
@@ -172,13 +172,13 @@ class Run:
         return [(names[i % len(names)], self.config.first_world + i) for i in range(first, first + count)]
 
     def generator(self, part: int) -> torch.Generator:
-        """The random numbers of a part of the training, drawn on the CPU."""
+        """Return the generator of a part of the training, on the CPU."""
         words = np.random.SeedSequence([self.config.seed, part]).generate_state(1, np.uint64)
         return torch.Generator().manual_seed(int(words[0] >> np.uint64(1)))
 
 
 def device_of(name: str) -> torch.device:
-    """The device that a value of `device` names; auto: a GPU if there is one. Raises InputError without the GPU."""
+    """Return the device of a value of `device`; auto: a GPU if there is one. Raises InputError without the GPU."""
     found = torch.cuda.is_available()
     if name == "cuda" and not found:
         raise InputError("device is cuda: torch finds no GPU here; must be auto or cpu")
@@ -188,7 +188,7 @@ def device_of(name: str) -> torch.device:
 def descend(
     optimiser: torch.optim.Optimizer, loss: Tensor, parameters: Iterable[nn.Parameter], gradient_max: float
 ) -> float:
-    """Take one optimiser step; returns the loss. gradient_max: norm to which the gradient is clipped."""
+    """Take one optimiser step; return the loss. gradient_max: norm to which the gradient is clipped."""
     optimiser.zero_grad()
     torch.autograd.backward(loss)
     nn.utils.clip_grad_norm_(parameters, gradient_max)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Sac(Reinforcement[SacConfig]):
-    """Learns from a memory of its own driving, with a reward for exploration."""
+    """Learner from a memory of its own driving, with a reward for exploration."""
 
     Config = SacConfig
 

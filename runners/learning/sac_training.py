@@ -1,6 +1,6 @@
 """SAC in torch: the memory of steps, and the updates of policy and critics.
 
-The expectation over the components is exact: each counts with its probability, so only their Gaussians are sampled.
+The expectation over the components is exact: each has the weight of its probability, so only Gaussians are sampled.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ACTIONS = 2
 
 
 class ReplaySteps(NamedTuple):
-    """B steps: what was seen, the action before tanh, the reward, whether it was the end, and what was seen next."""
+    """B steps: features, actions before tanh, rewards, ends other than timeouts, and the next features."""
 
     features: Features
     raw: Tensor
@@ -33,7 +33,7 @@ class ReplaySteps(NamedTuple):
 
 
 class Replay:
-    """The last `capacity` steps, kept in main memory and sampled uniformly, for a network on a device."""
+    """Memory of the last `capacity` steps, kept on the CPU and sampled uniformly for a network on a device."""
 
     def __init__(self, capacity: int, device: torch.device) -> None:
         self._capacity, self._device = capacity, device
@@ -41,7 +41,7 @@ class Replay:
         self.count = 0
 
     def add(self, step: ReplaySteps) -> None:
-        """Add B steps, which replace the oldest."""
+        """Add B steps, which replace the oldest ones when the memory is full."""
         flat = [*step.features, step.raw, step.rewards, step.terminated, *step.following]
         if not self._arrays:
             self._arrays = [torch.empty((self._capacity, *each.shape[1:]), dtype=each.dtype) for each in flat]
@@ -51,16 +51,17 @@ class Replay:
         self.count += len(step.raw)
 
     def sample(self, size: int, generator: torch.Generator) -> ReplaySteps:
-        """B steps, each drawn from all that are stored."""
+        """Draw `size` steps, each uniformly from all that are stored."""
         chosen = torch.randint(min(self.count, self._capacity), (size,), generator=generator)
         rows = [array[chosen].to(self._device) for array in self._arrays]
+        # The order of the arrays: features, raw, rewards, terminated, following features.
         inputs = (len(rows) - 3) // 2
         raw, rewards, terminated = rows[inputs : inputs + 3]
         return ReplaySteps(tuple(rows[:inputs]), raw, rewards, terminated, tuple(rows[inputs + 3 :]))
 
 
 class SacTraining:
-    """Trains a network from a memory of its own driving."""
+    """Training of a network from a memory of its own driving."""
 
     def __init__(self, config: SacConfig) -> None:
         self._config = config
@@ -97,7 +98,7 @@ class SacTraining:
     def _drive(
         self, policy: Learnable, parts: Parts, driving: Driving, features: Features, replay: Replay
     ) -> Features:
-        """Drive one step and store it; returns what the robots see then."""
+        """Drive one step and store it; return the features of the next observations."""
         with torch.no_grad():
             raw = self._mixture(policy, features).draw(parts.generator)
         found = driving.step(raw.tanh())
@@ -110,7 +111,7 @@ class SacTraining:
     def _update(
         self, policy: Learnable, parts: Parts, batch: ReplaySteps, learn_policy: bool
     ) -> dict[str, float]:
-        """Update critics and targets, and the policy if it is time; returns the losses."""
+        """Update critics and their targets, and the policy if it is due; return the losses."""
         wanted = self._target_values(policy, parts, batch)
         critics = parts.modules["critics"]
         errors = [
@@ -124,6 +125,7 @@ class SacTraining:
             loss, entropy = self._policy_loss(policy, parts, batch)
             found["loss_policy"] = parts.descend("policy_optimiser", loss, policy.parameters())
             found["entropy"] = entropy
+        # Targets follow the critics: θ' ← θ' + polyak · (θ − θ').
         with torch.no_grad():
             pairs = zip(critics.parameters(), parts.modules["targets"].parameters(), strict=True)
             for new, target in pairs:
@@ -131,7 +133,7 @@ class SacTraining:
         return found
 
     def _target_values(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> Tensor:
-        """The critics' target values (B,): the reward and the value of what follows."""
+        """Return the critics' target values (B,): r + γ (1 − terminated) (min Q'(s', a') − α log π(a' | s'))."""
         config = self._config
         with torch.no_grad():
             mixture = self._mixture(policy, batch.following)
@@ -141,7 +143,8 @@ class SacTraining:
             return batch.rewards + config.gamma * (~batch.terminated).float() * worth
 
     def _policy_loss(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> tuple[Tensor, float]:
-        """The loss over all components by their probability, and the mean entropy."""
+        """Return the loss over all components, weighted by their probability, and the mean entropy."""
+        # loss = E[Σ_k π_k (α log π(a_k) − min Q(s, a_k))], with an action a_k from each component k.
         mixture = self._mixture(policy, batch.features)
         raw = mixture.draw_each(parts.generator)
         density = torch.stack([log_density_of_actions(mixture, each) for each in raw.unbind(1)], 1)
@@ -152,7 +155,7 @@ class SacTraining:
 
 
 def next_features(found: Experience) -> Features:
-    """What the robots see after a step, also where it ended an episode."""
+    """Return the features after a step: those of the final observation where it ended an episode."""
     seen = tuple(each.clone() for each in found.features)
     for each, last in zip(seen, found.last, strict=False):
         each[found.ended] = last
@@ -160,6 +163,6 @@ def next_features(found: Experience) -> Features:
 
 
 def lower_value(critics: nn.Module, features: Features, actions: Tensor) -> Tensor:
-    """The lower of both critics' values. actions: (B, 2), or (B, K, 2) for values (B, K)."""
+    """Return the lower of both critics' values. actions: (B, 2), or (B, K, 2) for values (B, K)."""
     first, second = (each(*features, actions) for each in critics.children())
     return torch.minimum(first, second)

@@ -11,9 +11,9 @@ from lme.gym.reward import Reward
 
 @dataclass(slots=True)
 class ExpertConfig:
-    """Options of planner and guide. guide: used if the network's subgoal is the target; None: the network's guide.
+    """Expert's options. guide: used if the network's subgoal is the target; None: the network's guide.
 
-    settings: keys of the planner whose values differ from those in the option's file.
+    settings: keys of the planner with other values than in the option's file.
     """
 
     planner: str = "dwa_tuned"
@@ -52,7 +52,7 @@ class CloneConfig:
             raise InputError(f"learner.updates is {self.updates}: must be [first, last], each at least 1")
 
     def in_round(self, number: int) -> tuple[int, float]:
-        """Updates of a round, counted from 0, and the expert's share of the driving."""
+        """Return the updates of a round, counted from 0, and the expert's share of the driving."""
         first, last = self.updates
         updates = round(first + (last - first) * number / max(self.rounds - 1, 1))
         return updates, 1.0 if number == 0 else max(self.beta**number, self.least_beta)
@@ -60,7 +60,7 @@ class CloneConfig:
 
 @dataclass(slots=True)
 class DclpReward(Reward):
-    """The reward with which DRL-DCLP was trained."""
+    """Reward with which DRL-DCLP was trained."""
 
     progress: float = 2.0
     success: float = 10.0
@@ -69,10 +69,10 @@ class DclpReward(Reward):
 
 @dataclass(slots=True)
 class Curriculum:
-    """Easier tasks first: in each stage, coming within `within` of the goal is a success.
+    """Easier tasks first: in each stage, reaching a distance `within` from the goal counts as success.
 
-    within: [m] of each stage; the last stage has the map's own tolerance. promote: success in the last hundred
-    episodes that ends a stage.
+    within: distance [m] of each stage; the last stage has the map's own tolerance. promote: share of successes in
+    the last hundred episodes that ends a stage.
     """
 
     within: list[float] = field(default_factory=list)

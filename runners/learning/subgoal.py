@@ -1,4 +1,4 @@
-"""The subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.network`."""
+"""Subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.network`."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ _MIRRORED_STATE = (
     1,
     1,
     -1,
-)  # sine of the target, ω, y of the last subgoal change their sign
+)  # signs of the sine of the target, ω, and y of the last subgoal change
 
 
 class SubgoalBody(nn.Module):
-    """The layers of the network, with inputs besides those that it sees or with other outputs."""
+    """Layers of the network, optionally with further inputs or with other outputs."""
 
     def __init__(self, more_inputs: int, outputs: int) -> None:
         super().__init__()
@@ -55,11 +55,11 @@ class SubgoalBody(nn.Module):
             nn.init.zeros_(self.layer(name).bias)
 
     def layer(self, name: str) -> nn.Linear:
-        """One of `LAYERS`."""
+        """Return one of `LAYERS`."""
         return cast(nn.Linear, self.layers[name])
 
     def output(self, scan: Tensor, free: Tensor, *more: Tensor) -> Tensor:
-        """scan: (B, BEARINGS), free: (B, CANDIDATES), more: (B, …), such as the state."""
+        """Return the outputs. scan: (B, BEARINGS), free: (B, CANDIDATES), more: (B, …), such as the state."""
         ways = free.view(-1, BEARINGS, len(RANGES)).mean(-1)
         values = torch.cat((scan, ways, *more), -1)
         for name in LAYERS[:-1]:
@@ -69,44 +69,47 @@ class SubgoalBody(nn.Module):
 
 
 class SubgoalCritic(SubgoalBody):
-    """The value of a scene, from layers like the policy's."""
+    """Critic: value of a scene, from layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
         super().__init__(actions, 1)
 
     def forward(self, scan: Tensor, free: Tensor, state: Tensor, *actions: Tensor) -> Tensor:
-        """Values (B,) from the policy's features, and from actions (B, A) if the critic takes them."""
+        """Return values (B,) from the policy's features, and from actions (B, A) if the critic takes them."""
         return self.output(scan, free, state, *actions)[:, 0]
 
 
 class SubgoalNetwork(SubgoalBody):
-    """The network that chooses subgoals. `weights` and `load` exchange the arrays of `SHAPES`."""
+    """Network that chooses subgoals. `weights` and `load` exchange the arrays of `SHAPES`."""
 
     def __init__(self) -> None:
         super().__init__(0, SHAPES[f"{LAYERS[-1]}.bias"][0])
         self._trained = np.zeros((len(TOLD), 2), np.float32)
 
     def forward(self, scan: Tensor, free: Tensor, state: Tensor) -> ChoiceBatch:
-        """scan: (B, BEARINGS), free: (B, CANDIDATES), state: (B, STATE_INPUTS), as `SubgoalFeatures`."""
+        """Return the distributions of choices.
+
+        scan: (B, BEARINGS), free: (B, CANDIDATES), state: (B, STATE_INPUTS), as `SubgoalFeatures`.
+        """
         return ChoiceBatch(self.output(scan, free, state).masked_fill(free == 0.0, -torch.inf))
 
     @staticmethod
     def interface(config: LearnedSubgoalConfig, robot: Robot) -> SubgoalInterface:
-        """The network's inputs for a robot, and the meaning of its choice."""
+        """Return the network's inputs for a robot, and the meaning of its choice."""
         return SubgoalInterface(config, robot)
 
     def trained_for(self, config: LearnedSubgoalConfig, robots: Iterable[Robot]) -> None:
-        """Store the robots for which the network is trained: those with the lowest and the highest values."""
+        """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
         told = [told_values(robot) for robot in robots]
         self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
 
     @staticmethod
     def critic(actions: int) -> SubgoalCritic:
-        """A critic with the same inputs and `actions` numbers."""
+        """Return a critic with the same inputs and `actions` further numbers."""
         return SubgoalCritic(actions)
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays of a file. sharpness: of the draw of candidates, a factor on their logits."""
+        """Return the arrays of a file. sharpness: factor on the logits of the candidates."""
         found: dict[str, NDArray[np.float32]] = {TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
@@ -124,7 +127,8 @@ class SubgoalNetwork(SubgoalBody):
                 self.layer(name).bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and candidates (B,) with left and right swapped."""
+        """Return features and candidates (B,) with left and right swapped."""
+        # Candidate number = bearing · len(RANGES) + range: mirror the bearing, keep the range.
         scan, free, state = features
         across = torch.from_numpy(mirrored_bearings()).to(scan.device)
         turned = free.view(-1, BEARINGS, len(RANGES))[:, across].flatten(1)
@@ -133,7 +137,7 @@ class SubgoalNetwork(SubgoalBody):
 
     @staticmethod
     def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
-        """The arrays of `SHAPES` in a file. Raises InputError."""
+        """Read the arrays of `SHAPES` in a file. Raises InputError."""
         return read_weights(path)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Tracks runs in MLflow, or not at all.
+"""Track runs in MLflow, or not at all.
 
 Importing MLflow and opening its store take seconds, so a thread does both while worker processes run the episodes.
 Tracking never stops a run: an error becomes a warning of one line, and the results stay on disk.
@@ -49,13 +49,13 @@ if TYPE_CHECKING:
 
 Series = Mapping[str, Sequence[float]]
 
-_SHOWN = 8  # most names in a message
-_CLOSE_S = 25.0  # an interrupted run waits no longer for a store: Slurm kills 30 s after SIGTERM
-_UPLOAD_S = 30.0  # that files may take which fail
+_SHOWN = 8  # names in a message at most
+_CLOSE_S = 25.0  # longest wait of an interrupted run: Slurm kills 30 s after SIGTERM
+_UPLOAD_S = 30.0  # time limit of uploads that fail
 
 
 class Tracking(Protocol):
-    """Logs one run. `start` returns at once; `finish` or `stop` is called once, at the end."""
+    """Log of one run. `start` returns at once; `finish` or `stop` is called once, at the end."""
 
     def start(
         self,
@@ -71,11 +71,11 @@ class Tracking(Protocol):
     ) -> None:
         """Log the results and close the run.
 
-        artifacts: files, and folders with their contents. series: one value per step from 0 on, by name.
+        artifacts: files, and folders with their contents. series: by name, one value for each step from 0 on.
         """
 
     def stop(self, state: str) -> None:
-        """Close a run that did not finish. state: KILLED or FAILED. After `finish`, nothing."""
+        """Close a run that did not finish. state: KILLED or FAILED. Do nothing after `finish`."""
 
 
 @contextlib.contextmanager
@@ -98,7 +98,7 @@ class NoTrackingConfig:
 
 
 class NoTracking:
-    """Logs nothing. The results are on disk anyway."""
+    """Tracking that logs nothing. The results are on disk anyway."""
 
     Config = NoTrackingConfig
 
@@ -112,20 +112,20 @@ class NoTracking:
         tags: Mapping[str, Any],
         sweep_dir: Path | None = None,
     ) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def finish(
         self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
     ) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def stop(self, state: str) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 @dataclass(slots=True)
 class MlflowConfig:
-    """uri: of the store, a database or a server. experiment: MLflow's name for a group of runs."""
+    """uri: that of the store, a database or a server. experiment: MLflow's name for a group of runs."""
 
     uri: str = DEFAULT_URI
     experiment: str = "lme"
@@ -138,7 +138,7 @@ class MlflowConfig:
 
 @dataclass(slots=True)
 class _OpenRun:
-    """A run in the store. parent: the run of its sweep. changed: what MLflow keeps in another form."""
+    """A run in the store. parent: the run of its sweep. changed: values that MLflow stores in another form."""
 
     client: MlflowClient
     run_id: str
@@ -147,7 +147,7 @@ class _OpenRun:
     changed: list[str] = field(default_factory=list)
 
     def close(self, state: str) -> None:
-        """Set how the run ended, a sweep's like its worst job; the last job of a sweep ends the sweep too."""
+        """Set the final state, for a sweep that of its worst job; the last job of a sweep closes the sweep too."""
         if self.parent is None or self.sweep_dir is None:
             self.client.set_terminated(self.run_id, worst_state(self.client, self.run_id, state))
         else:
@@ -156,7 +156,7 @@ class _OpenRun:
 
 
 class MlflowTracking:
-    """Logs a run in MLflow: parameters, metrics, files, commit and versions. A resumed run continues its MLflow run."""
+    """Tracking in MLflow: parameters, metrics, files, commit, versions. A resumed run continues its MLflow run."""
 
     Config = MlflowConfig
 
@@ -252,7 +252,7 @@ class MlflowTracking:
         self._run.changed += log_params(client, self._run.run_id, config)
 
     def _log_files(self, run: _OpenRun, artifacts: Sequence[Path]) -> dict[str, Exception]:
-        """Log files one by one; the names of those that could not be logged, and why.
+        """Log files one by one; return the names of those that could not be logged, and why.
 
         A store that does not answer costs time for every file, so after a while no more are tried.
         """
@@ -299,7 +299,7 @@ def _close_sweep(uri: str, parent: str, state: str) -> None:
 def sweep_closed(sweep_dir: Path, goes_on: bool) -> Iterator[None]:
     """Close the MLflow run of a sweep at the end of the block.
 
-    goes_on: whether its jobs go on by themselves if the block fails, and so close the sweep's run.
+    goes_on: whether the jobs continue by themselves if the block fails, and then close the sweep's run.
     """
     try:
         yield
@@ -311,7 +311,7 @@ def sweep_closed(sweep_dir: Path, goes_on: bool) -> Iterator[None]:
 
 
 def _in_time(uri: str, close: Callable[[], None]) -> None:
-    """Close runs, but do not wait for ever: this comes at the end of a command that is to end."""
+    """Close runs within a time limit, so that the command can end even if the store does not answer."""
     failures: list[Exception] = []
 
     def guarded() -> None:
@@ -333,7 +333,7 @@ def _in_time(uri: str, close: Callable[[], None]) -> None:
 
 
 def _files(paths: Sequence[Path], run_dir: Path) -> Iterator[tuple[Path, str | None]]:
-    """Every file of `paths` and of the folders among them, with its folder in MLflow."""
+    """Yield every file of `paths` and of the folders among them, with its folder in MLflow."""
     for path in paths:
         folder = _folder(path, run_dir)
         if not path.is_dir():
@@ -345,7 +345,7 @@ def _files(paths: Sequence[Path], run_dir: Path) -> Iterator[tuple[Path, str | N
 
 
 def _folder(path: Path, run_dir: Path) -> str | None:
-    """The folder of a file or folder within the run's directory; None at its top or elsewhere."""
+    """Return the folder of a path within the run's directory; None at its top or outside of it."""
     place = path.parent.relative_to(run_dir) if path.is_relative_to(run_dir) else Path()
     return place.as_posix() if place.parts else None
 
@@ -411,12 +411,12 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def environment_tags() -> dict[str, str]:
-    """Tags with what the results may depend on besides the config: commit, versions, platform."""
+    """Return tags of what the results may depend on besides the config: commit, versions, platform."""
     return {"platform": platform.platform(), **versions("numpy", "numba"), **_git_tags()}
 
 
 def _git_tags() -> dict[str, str]:
-    """Commit of the checkout, and whether it has uncommitted changes; {} in an installed wheel."""
+    """Return the commit of the checkout, and whether it has uncommitted changes; {} in an installed wheel."""
     found = commit()
     if found is None:
         return {}

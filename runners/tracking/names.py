@@ -14,7 +14,7 @@ _REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
 def fitting_names(names: Sequence[str]) -> list[str]:
-    """A name that MLflow accepts for each of the names; all differ, and those that it accepts stay as they are."""
+    """Return a different name that MLflow accepts for each of the names; accepted names stay as they are."""
     used = {name for name in names if _fits(name)}
     seen: set[str] = set()
     fitting = []
@@ -30,13 +30,13 @@ def fitting_names(names: Sequence[str]) -> list[str]:
 
 
 def fitting_text(value: object, length: int) -> str:
-    """A value as text that every store can hold: not too long, without passwords and unprintable halves."""
+    """Return a value as text that every store can hold: not too long, without passwords or lone surrogates."""
     text = masked_text(str(value)).replace("\0", "�")
     return text.encode(errors="replace").decode()[:length]
 
 
 def renamed(names: Iterable[str], fitting: Iterable[str]) -> list[str]:
-    """ "a as b" for every name that was changed."""
+    """Return "a as b" for every name that was changed."""
     return [f"{name!r:.80} as {new!r:.80}" for name, new in zip(names, fitting, strict=True) if name != new]
 
 
@@ -53,7 +53,7 @@ def _cleaned(name: str) -> str:
 
 
 def _unused(name: str, used: set[str]) -> str:
-    """The name, with a number if another has it already."""
+    """Return the name, with a number if another has it already."""
     number, new = 1, name
     while new in used:
         number += 1

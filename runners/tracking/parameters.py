@@ -1,4 +1,4 @@
-"""The parameters of a tracked run: its config, and by short names what one searches for."""
+"""Parameters of a tracked run: its config, and short names for what users search for."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ LABELS = ("system", "robot", "map", "ablation")
 
 
 def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
-    """The parameters by dotted key, with the labels as system=LME, robot=jackal, map=barn and ablation=none."""
+    """Return the parameters by dotted key, with labels such as system=LME, robot=jackal, map=barn, ablation=none."""
     return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}

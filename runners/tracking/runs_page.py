@@ -1,4 +1,4 @@
-"""The addresses of MLflow's page with tables of runs and their metrics.
+"""Addresses of MLflow's page with tables of runs and their metrics.
 
 MLflow's page opens without runs, and its tables without metrics. A shared view is a tag of its experiment, and an
 address can name it. `addresses` shares one view of every experiment. It asks the server, because importing MLflow takes
@@ -17,15 +17,15 @@ COLUMNS = ["tags.`system`", *(f"metrics.`{name}`" for name in METRICS), "tags.`m
 STATE = {
     "selectedColumns": COLUMNS,
     "columnOrder": COLUMNS,
-    "searchFilter": "tags.command != 'sweep'",  # a sweep's jobs have the metrics
-    "orderByKey": "tags.`mlflow.runName`",  # their dates; by creation, jobs would be hidden below their sweeps
+    "searchFilter": "tags.command != 'sweep'",  # the metrics belong to a sweep's jobs
+    "orderByKey": "tags.`mlflow.runName`",  # dates; sorted by creation, jobs are hidden below their sweeps
     "orderByAsc": False,
 }
 _TIMEOUT_S = 30.0
 
 
 class RunsPage(NamedTuple):
-    """The table of runs of one experiment."""
+    """Table of the runs of one experiment."""
 
     experiment: str
     address: str
@@ -41,7 +41,7 @@ def is_up(server: str) -> bool:
 
 
 def addresses(server: str) -> list[RunsPage]:
-    """The tables of all experiments that have runs, the latest experiment first.
+    """Return the tables of all experiments that have runs, the latest experiment first.
 
     server: its address, without a trailing slash. Raises OSError or ValueError if it does not answer as MLflow does.
     """
@@ -56,7 +56,7 @@ def addresses(server: str) -> list[RunsPage]:
 
 
 def _shared(server: str, experiment: dict[str, Any]) -> str:
-    """Share our view of the experiment; returns the end of its address, or "" if the store cannot be written."""
+    """Share our view of the experiment; return the end of its address, or "" if the store cannot be written."""
     tag = {"key": f"mlflow.sharedViewState.{VIEW}", "value": json.dumps(STATE)}
     try:
         _ask(server, "experiments/set-experiment-tag", experiment_id=experiment["experiment_id"], **tag)
@@ -66,7 +66,7 @@ def _shared(server: str, experiment: dict[str, Any]) -> str:
 
 
 def _ask(server: str, what: str, **content: Any) -> dict[str, Any]:
-    """The server's answer to a request of its REST interface."""
+    """Return the server's answer to a request of its REST interface."""
     request = urllib.request.Request(
         f"{server}/api/2.0/mlflow/{what}", json.dumps(content).encode(), {"Content-Type": "application/json"}
     )
@@ -75,5 +75,5 @@ def _ask(server: str, what: str, **content: Any) -> dict[str, Any]:
 
 
 def _opener_without_proxy() -> urllib.request.OpenerDirector:
-    """Opens addresses without the user's proxy: the server is on this machine."""
+    """Return an opener that ignores the user's proxy, since the server is on this machine."""
     return urllib.request.build_opener(urllib.request.ProxyHandler({}))

@@ -1,4 +1,4 @@
-"""MLflow stores: checks their URIs, creates them, and writes runs, parameters and metrics to them."""
+"""Check and create MLflow stores, and write runs, parameters and metrics to them."""
 
 from __future__ import annotations
 
@@ -67,22 +67,22 @@ def check_uri(key: str, uri: str) -> None:
 
 
 def sqlite_path(uri: str) -> Path | None:
-    """The file of an SQLite store; None for any other store."""
+    """Return the file of an SQLite store; None for any other store."""
     return Path(uri.removeprefix(SQLITE)) if uri.startswith(SQLITE) else None
 
 
 def unwritable(uri: str) -> Path | None:
-    """The file or folder that prevents writing to an SQLite store; None if nothing does, or for other stores."""
+    """Return the file or folder that prevents writing to an SQLite store; None if none does, or for other stores."""
     path = sqlite_path(uri)
     return None if path is None else obstacle(path)
 
 
 def open_client(uri: str) -> MlflowClient:
-    """A client of the store at `uri`. Creates an SQLite store that does not exist."""
+    """Return a client of the store at `uri`; create an SQLite store if it does not exist."""
     _quieten()
     from mlflow import MlflowClient
 
-    _quieten()  # again, because the import of MLflow sets logging levels
+    _quieten()  # again: importing MLflow has reset the logging levels
     path = sqlite_path(uri)
     if path is not None and not path.exists():
         _create_store(path)
@@ -109,9 +109,9 @@ def _create_store(path: Path) -> None:
 
 
 def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
-    """Id of the experiment, created if needed. Its files are stored next to the database, or by the server.
+    """Return the id of the experiment, created if needed. Its files are next to the database, or on the server.
 
-    Raises InputError for one that was deleted.
+    Raises InputError for a deleted experiment.
     """
     from mlflow.exceptions import MlflowException
 
@@ -138,7 +138,7 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
 
 
 def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tags: Mapping[str, Any]) -> str:
-    """Id of the MLflow run of `directory`, which now is running: the one noted there if it exists, else a new one."""
+    """Return the id of the MLflow run of `directory`, set to RUNNING: the run noted there, or else a new one."""
     directory.mkdir(parents=True, exist_ok=True)
     with _locked(directory):  # the jobs of a sweep may ask for its run at the same time
         note = directory / RUN_ID_FILE
@@ -158,7 +158,7 @@ def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tag
 
 
 def noted_run(directory: Path) -> tuple[str, str] | None:
-    """The store and the id of the MLflow run of `directory`; None if there is no such run.
+    """Return the store and the id of the MLflow run of `directory`; None if there is no such run.
 
     Raises ValueError or KeyError for a damaged note.
     """
@@ -170,11 +170,11 @@ def noted_run(directory: Path) -> tuple[str, str] | None:
 
 
 def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> None:
-    """Close the run of a sweep, with the worst state of its jobs, when the last of them has ended.
+    """Close the run of a sweep, with the worst state of its jobs, once all of them have ended.
 
     A launcher may run the jobs after the process that submitted them has ended, so every job looks at the others.
     """
-    from runners.records.launch_record import read_launch  # heavy: `lme doctor` answers without it
+    from runners.records.launch_record import read_launch  # slow to import, and `lme doctor` does not need it
 
     launch = read_launch(sweep_dir)
     started = sum(1 for _ in sweep_dir.rglob(f"*/{RUN_ID_FILE}"))
@@ -185,19 +185,19 @@ def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> No
 
 
 def children(client: MlflowClient, parent: str, state: str, most: int = 1) -> list[str]:
-    """Ids of runs of a sweep's jobs that are in this state, not more than `most`."""
+    """Return the ids of at most `most` runs of a sweep's jobs that are in this state."""
     experiment = client.get_run(parent).info.experiment_id
     wanted = f"tags.`{PARENT}` = '{parent}' and attributes.status = '{state}'"
     return [run.info.run_id for run in client.search_runs([experiment], wanted, max_results=most)]
 
 
 def worst_state(client: MlflowClient, parent: str, own: str) -> str:
-    """The worst state of the runs of a sweep's jobs, and of `own`."""
+    """Return the worst state of the runs of a sweep's jobs, and of `own`."""
     return next((state for state in (FAILED, KILLED) if own == state or children(client, parent, state)), own)
 
 
 def remove_duplicates(client: MlflowClient, run_id: str) -> None:
-    """Remove the other runs that the creation of this one left behind.
+    """Remove duplicates that the creation of this run left behind.
 
     MLflow repeats a request that gets no answer in time, and a server that was only slow then creates two runs.
     """
@@ -238,14 +238,14 @@ def _exists(client: MlflowClient, run_id: str) -> bool:
 
 
 def _run_name(directory: Path) -> str:
-    """The last two folders: date and time, or sweep and number."""
+    """Return the last two folders: date and time, or sweep and number."""
     return "/".join(directory.resolve().parts[-2:])
 
 
 def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> list[str]:
     """Log the parameters that the run does not have yet: MLflow does not allow changes.
 
-    Returns what became of those that MLflow cannot keep as they are.
+    Returns a description of each that MLflow cannot store as it is.
     """
     from mlflow.entities import Param
 
@@ -265,7 +265,7 @@ def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> 
 
 
 def log_metrics(client: MlflowClient, run_id: str, metrics: Mapping[str, float]) -> list[str]:
-    """Log numbers. Returns what became of those that MLflow cannot keep as they are."""
+    """Log numbers; return a description of each that MLflow cannot store as it is."""
     from mlflow.entities import Metric
 
     now = int(time.time() * 1000)

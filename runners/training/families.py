@@ -1,4 +1,4 @@
-"""The families of worlds that a training drives, and the worlds drawn from each."""
+"""Families of worlds that a training drives, and the worlds drawn from each."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _TRAINING = 0x7472  # seeds the draw of worlds separately from the episodes
 
 
 def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
-    """The map that was chosen, or the families of `training` that are wide enough for the robot.
+    """Return the chosen map, or the families of `training` that are wide enough for the robot.
 
-    A family's own robot drives it if it is larger than the one trained for. Raises InputError if none is left.
+    A family is driven by its own robot if that is larger than the one trained for. Raises InputError if none is left.
     """
     if config.map:
         return {choices["map"]: config}
@@ -40,7 +40,7 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
 
 
 def too_narrow(config: TrainConfig) -> list[str]:
-    """The families whose worlds are too narrow for the robot."""
+    """Return the families whose worlds are too narrow for the robot."""
     if config.map:
         return []
     return [name for name, radius in config.training_radius.items() if config.robot.hull.r_max > radius]
@@ -52,7 +52,7 @@ def _driver(config: TrainConfig, name: str) -> Robot:
 
 
 def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count: int) -> list[int]:
-    """The numbers of the worlds to train on, the same in every family: drawn once per seed, without those held out.
+    """Draw the numbers of the worlds to train on, once per seed and for all families, without those held out.
 
     held_out: configs whose maps have the worlds of the evaluation. The first numbers are the same for every `count`.
     Raises InputError if there are too few to draw from.
@@ -77,7 +77,7 @@ def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count:
 
 
 def with_worlds(trained: Families, worlds: Sequence[int]) -> Families:
-    """The families with these worlds. Raises InputError if one does not have them."""
+    """Return the families with these worlds. Raises InputError if one does not have them."""
     found = {
         name: replace(family, map={**family.map, "worlds": list(worlds)}) for name, family in trained.items()
     }

@@ -28,7 +28,7 @@ Places = Mapping[str, HeldOutConfig]
 
 
 def held_out_places(job: Job[HeldOutConfig]) -> Places:
-    """The maps of `held_out`, or else `map`."""
+    """Return the maps of `held_out`, or else `map`."""
     config = job.config
     places = config.held_out or {job.choices["map"]: config.map}
     return {name: replace(config, map=node) for name, node in places.items()}
@@ -44,9 +44,9 @@ def evaluate_held_out(
 ) -> pd.DataFrame:
     """Evaluate values on every held-out map, and return the records.
 
-    places: configs by name, each with its map and robot. values: by dotted config key. weights: the name that the
-    records have as `weights`. what: the values are, in words. Every map has its own directory in `below`, in that of
-    the training.
+    places: configs by name, each with its map and robot. values: by dotted config key. weights: name for the column
+    `weights` of the records. what: description of the values. Every map has its own directory in the folder `below`
+    of the training's.
     """
     from runners.records.records import read_episodes
 
@@ -88,7 +88,7 @@ def _evaluation(
     weights: str,
     below: str,
 ) -> Job[EvalConfig]:
-    """The job that evaluates the values on one map."""
+    """Return the job that evaluates the values on one map."""
     found = with_values(place_config, values)
     own_robot = place_config.robot is not job.config.robot
     names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(found)}
@@ -105,7 +105,7 @@ def _evaluation(
 
 
 def _choices(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, str]:
-    """The options of the evaluation: the place has a map of its own, and perhaps a robot."""
+    """Return the options of the evaluation: the place has its own map, and perhaps its own robot."""
     chosen = dict(job.choices)
     here = [f"map@{HELD_OUT}{place}", f"map@{TRAINING}{place}"]
     chosen["map"] = next((job.choices[key] for key in here if key in job.choices), place)
@@ -115,7 +115,7 @@ def _choices(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, 
 
 
 def _changes(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, Any]:
-    """The changed keys of the evaluation on one map: those of other maps say nothing about it."""
+    """Return the changed keys of the evaluation on one map, without those of other maps."""
     own = {f"{HELD_OUT}{place}.": "map.", f"{TRAINING}{place}.": "map."}
     own |= {f"{TRAINING_ROBOTS}{place}.": "robot."} if own_robot else {}
     foreign = [HELD_OUT, TRAINING, TRAINING_ROBOTS]
@@ -140,7 +140,7 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any], wh
     launch.write(job.run_dir)
     inputs.keep(launch.inputs, job.run_dir)
     labels = replace(run_labels(job, maps), map=place)
-    if _settings(values):  # its planner is no longer that of the named pair
+    if _settings(values):  # not the planner of the named pair any more
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
     pages.make_requested_pages(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
@@ -148,5 +148,5 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any], wh
 
 
 def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values found for keys that are not parameters of the guide."""
+    """Return the values found for keys that are not parameters of the guide."""
     return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}

@@ -1,4 +1,4 @@
-"""Opens the study of a run, or creates it, and checks that it is of the same search."""
+"""Open or create the study of a run, and check that it belongs to the same search."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 JOURNAL = "study.journal"
 _IDENTITY = "identity"
-# Keys that do not identify a study: the length of the search, and the use of its result.
+# Keys that do not identify a study: they set the length of the search, and the use of its result.
 _NOT_SEARCHED = ("trials", "runs", "held_out", "name", "storage", "study")
 
 
@@ -43,9 +43,9 @@ def open_study(
 ) -> Study:
     """Open the study of a run, or create it.
 
-    storage, name: as in the config. identity: of the config. first: values for the first trial; the search chooses
-    the others. restarts: number of searches that the trials belong to in turn. Raises InputError if the storage cannot
-    be used, or has a study of this name with another robot, map, search space or seed.
+    storage, name: as in the config. identity: that of the config. first: values of the first trial; the search
+    chooses the others. restarts: number of searches, among which the trials alternate. Raises InputError if the
+    storage cannot be used, or has a study of this name with another robot, map, search space or seed.
     """
     import optuna
 
@@ -95,7 +95,7 @@ def _create(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSample
 
 
 def _open_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.BaseSampler) -> Study:
-    """The study in a journal. Raises InputError if it is damaged."""
+    """Open the study in a journal. Raises InputError if it is damaged."""
     from optuna.storages import JournalStorage
 
     from runners.training.storage import Journal
@@ -118,7 +118,7 @@ def _no_flush() -> None:
     """Do nothing: a database needs no flush."""
 
 
-_POLL_S = 1.0  # between checks of the trials of other processes
+_POLL_S = 1.0  # [s] between checks of the trials of other processes
 
 
 def run_trials(
@@ -132,8 +132,8 @@ def run_trials(
     """Run trials until the study has `total`, starting with the unfinished ones of a killed run.
 
     If other processes run the last trials, wait for them, and take over those of a process that dies.
-    places: what every trial drives. run_all: maps attempts to scores, in any order. note: called with the number of
-    finished trials and the best reward so far.
+    places: families and worlds that every trial drives. run_all: maps attempts to scores, in any order. note: called
+    with the number of finished trials and the best reward so far.
     """
     with study.keep_alive():
         while study.num_told < total:

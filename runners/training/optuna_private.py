@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 def id_of(trial: optuna.Trial | FrozenTrial) -> int:
-    """The id of a trial in its storage."""
+    """Return the id of a trial in its storage."""
     return int(trial._trial_id)
 
 
 def resume_trial(study: optuna.Study, running: FrozenTrial) -> optuna.Trial:
-    """A trial that was asked for before and is still running, to suggest its values again."""
+    """Return a trial that was asked for before and is still running, to suggest its values again."""
     import optuna
 
     return optuna.trial.Trial(study, id_of(running))
@@ -39,7 +39,7 @@ def is_first(study: optuna.Study) -> bool:
 
 
 class Part:
-    """A study of which a sampler sees only some trials."""
+    """View of a study that shows a sampler only some of its trials."""
 
     def __init__(self, study: optuna.Study, includes: Callable[[FrozenTrial], bool]) -> None:
         self._study = study
@@ -52,5 +52,5 @@ class Part:
         return list(filter(self._includes, self._study._get_trials(*args, **keywords)))
 
     def get_trials(self, *args: Any, **keywords: Any) -> list[FrozenTrial]:
-        """The trials that belong to the part."""
+        """Return the trials that belong to the part."""
         return list(filter(self._includes, self._study.get_trials(*args, **keywords)))

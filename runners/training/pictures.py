@@ -1,4 +1,4 @@
-"""What is made of the trials of a search and its race: `trials.csv`, `race.csv`, and pictures."""
+"""Tables and pictures of the trials of a search and its race: `trials.csv`, `race.csv`, and figures."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def parameters_figure(
 ) -> Figure:
     """Draw the reward of every trial in the search against each of its values.
 
-    best: the number of the best trial. start: values by dotted key, where known. Both are marked. raced: numbers of the
+    best: number of the best trial. start: values by dotted key, if known. Both are marked. raced: numbers of the
     trials that entered the race.
     """
     rows = math.ceil(len(space) / _COLUMNS)
@@ -176,7 +176,7 @@ def _figure(height_in: float) -> tuple[Figure, Axes]:
 
 
 def _panel(axes: Axes, key: str, found: Range, trials: Sequence[Trial], raced: frozenset[int]) -> None:
-    """One parameter: its axis and the trials."""
+    """Draw one parameter: its axis and the trials."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=7.5, colors=INK)
     axes.set_xscale("log" if found.log else "linear")
@@ -203,7 +203,7 @@ def _line(axes: Axes, racer: Racer) -> None:
 
 
 def _look(racer: Racer) -> tuple[str, float]:
-    """Colour and width of a line."""
+    """Return colour and width of a racer's line."""
     if racer.number == START:
         return BEST, 2.0
     return (LINE, 2.0) if racer.end is End.won else (OBSTACLE, 0.8)
@@ -214,7 +214,7 @@ def _filling(racer: Racer) -> str:
 
 
 def _names(axes: Axes, found: Sequence[Racer], start: str, rungs: int) -> None:
-    """The names of the start and of those that came to the end, beside their lines, never over each other."""
+    """Write the names of the start and of the finalists beside their lines, without overlap."""
     low, high = axes.get_ylim()
     last = [racer for racer in found if len(racer.values) == rungs]
     height = -math.inf

@@ -1,4 +1,4 @@
-"""A race over worlds: the best candidates of a search drive more and more worlds, until the best one is known.
+"""Race over worlds: the best candidates of a search drive more and more worlds, until the best one is known.
 
 Every candidate drives the same worlds with the same random numbers, so differences are paired. A rung keeps the best
 candidates, without those that are worse than the best one beyond the noise of these differences, as in F-Race
@@ -25,7 +25,7 @@ from runners.training.samplers import restart_of
 from runners.workers.trials import Attempt, Place, Score
 
 START = -1  # the number of the starting weights, which are not a trial
-_FEWEST = 8  # worlds on which a difference can be beyond the noise
+_FEWEST = 8  # worlds; on fewer no difference counts as beyond the noise
 _NOISE = 2.0  # standard errors
 
 Drive = Callable[[Sequence[Attempt]], Iterable[Score]]
@@ -42,8 +42,8 @@ class Candidate(NamedTuple):
 class Rung:
     """One round of the race. values: mean rewards over `places` by number, the best first; places: all so far.
 
-    worse: numbers of those that are worse than the best one beyond the noise; none in the search, whose own worlds
-    favour those that it came to.
+    worse: numbers of the candidates that are worse than the best one beyond the noise; none in the search, since
+    its candidates were chosen on these very worlds.
     """
 
     places: tuple[Place, ...]
@@ -53,25 +53,25 @@ class Rung:
 
 @dataclass(frozen=True, slots=True)
 class Race:
-    """A finished race. rungs: the first one is the search. rewards: by candidate and place."""
+    """Finished race. rungs: the first one is the search. rewards: by candidate and place."""
 
     rungs: tuple[Rung, ...]
     rewards: Mapping[int, Mapping[Place, float]]
 
     @property
     def winner(self) -> int:
-        """The number of the best candidate of the last rung."""
+        """Number of the best candidate of the last rung."""
         return next(iter(self.rungs[-1].values))
 
     @property
     def best_trial(self) -> int:
-        """The number of the best candidate that is not the starting weights; START if there is no other."""
+        """Number of the best candidate that is not the starting weights; START if there is no other."""
         trials = (number for rung in reversed(self.rungs) for number in rung.values if number != START)
         return next(trials, START)
 
 
 def check_race(config: RaceConfig) -> None:
-    """Raise InputError for rungs that are none."""
+    """Raise InputError for invalid rungs."""
     if len(config.candidates) != len(config.worlds) or not config.worlds:
         raise InputError(
             f"race.candidates is {config.candidates} and race.worlds {config.worlds}: must have one number per rung; "
@@ -92,17 +92,20 @@ def run_race(
     drive: Drive,
     restarts: int = 1,
 ) -> Race:
-    """Race to the end.
+    """Run the whole race.
 
-    candidates: those of the search, and perhaps the start. scores: of the search. places: of the search, and of each
-    rung. drive: runs attempts. restarts: of the search; the best of each enter the first rung.
+    candidates: those of the search, and perhaps the start. scores: those of the search. places: those of the search,
+    and those that each rung adds. drive: runs attempts. restarts: number of searches; the best of each enter the
+    first rung.
     """
+    # Rung 0 is the search: only the start, which was no trial, still has to drive its worlds.
     rewards: dict[int, dict[Place, float]] = {each.number: {} for each in candidates}
     for score in scores:
         rewards[score.trial][score.place] = score.reward
     field, driven = list(candidates), tuple(places[0])
     _complete(field, driven, rewards, drive)
     rungs = [replace(_rung(field, driven, rewards), worse=frozenset())]
+    # Each rung keeps the best candidates, and adds worlds that all of them drive.
     for count, more in zip(config.candidates, places[1:], strict=True):
         kept = _survivors(rungs[-1], count, restarts if len(rungs) == 1 else 1)
         field = [each for each in field if each.number in kept]
@@ -113,7 +116,7 @@ def run_race(
 
 
 def mean_reward(rewards: Mapping[Place, float], places: Iterable[Place]) -> float:
-    """Mean of the families' mean rewards."""
+    """Return the mean of the families' mean rewards."""
     by_family: dict[str, list[float]] = {}
     for place in places:
         by_family.setdefault(place[0], []).append(rewards[place])
@@ -123,7 +126,7 @@ def mean_reward(rewards: Mapping[Place, float], places: Iterable[Place]) -> floa
 def _complete(
     field: Sequence[Candidate], places: Sequence[Place], rewards: dict[int, dict[Place, float]], drive: Drive
 ) -> None:
-    """Drive what the candidates have not driven yet."""
+    """Drive the places that the candidates have not driven yet, and add their rewards."""
     attempts = [
         Attempt(each.number, *place, tuple(each.values.items()))
         for each in field
@@ -145,9 +148,9 @@ def _rung(
 
 
 def _survivors(rung: Rung, count: int, restarts: int) -> set[int]:
-    """The best trials that are not worse than the best, at most `count`, and the start.
+    """Return at most `count` of the best trials that are not worse than the best beyond the noise, and the start.
 
-    restarts: as many trials of each of these searches, as far as there are.
+    restarts: number of searches, which contribute equally many trials if they have enough.
     """
     trials = [number for number in rung.values if number != START and number not in rung.worse]
     ranks = [itertools.count() for _ in range(restarts)]
@@ -161,6 +164,7 @@ def _is_worse(differences: Floats) -> bool:
     count = len(differences)
     if count < _FEWEST:
         return False
+    # Worse if mean + 2 s / √P < 0, with s the standard deviation of the differences.
     error = float(differences.std(ddof=1)) / math.sqrt(count)
     return float(differences.mean()) < -_NOISE * error
 
@@ -173,7 +177,7 @@ _LONGEST = 20  # characters of the name of the starting weights, which may be a 
 
 
 class End(StrEnum):
-    """Why a candidate went no further."""
+    """Reason why a candidate went no further."""
 
     won = "winner"
     finished = "finished"
@@ -183,7 +187,7 @@ class End(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Racer:
-    """A candidate. number: of its trial, or START. values: its mean reward by rung, as far as it came."""
+    """A candidate. number: that of its trial, or START. values: its mean rewards, for each rung that it drove."""
 
     number: int
     values: tuple[float, ...]
@@ -196,7 +200,7 @@ class Racer:
 
 
 def racers(race: Race) -> list[Racer]:
-    """All candidates: the winner first, then those that came furthest, then by their last value."""
+    """Return all candidates: the winner first, then by the number of rungs and by the last mean reward."""
     found = [_racer(race, number) for number in race.rungs[0].values]
     return sorted(
         found, key=lambda one: (one.end is not End.won, -len(one.values), -one.values[-1], one.number)
@@ -204,24 +208,24 @@ def racers(race: Race) -> list[Racer]:
 
 
 def name_of(number: int, start: str) -> str:
-    """A candidate in words. start: the name of the starting weights."""
+    """Return the name of a candidate. start: name of the starting weights."""
     short = start if len(start) <= _LONGEST else f"…{start[1 - _LONGEST :]}"
     return f"{short} (start)" if number == START else f"trial {number}"
 
 
 def worlds_by_family(rung: Rung) -> dict[str, int]:
-    """How many worlds of each family the candidates of a rung have driven."""
+    """Return the number of worlds of each family that the candidates of a rung have driven."""
     return dict(Counter(family for family, _ in rung.places))
 
 
 def driven_label(race: Race) -> str:
-    """What `worlds_driven` counts."""
+    """Return the label of the counts from `worlds_driven`."""
     several = len(worlds_by_family(race.rungs[0])) > 1
     return f"worlds {'of each family ' if several else ''}driven"
 
 
 def worlds_driven(rung: Rung) -> str:
-    """The same in words: "10" if the families have equally many, else "10 + 8"."""
+    """Return the worlds of each family as text: "10" if all have equally many, else "10 + 8"."""
     counts = list(worlds_by_family(rung).values())
     return " + ".join(map(str, counts if len(set(counts)) > 1 else counts[:1]))
 

@@ -1,4 +1,4 @@
-"""The scores of a race, on disk: one line of JSON per episode, appended when it ends."""
+"""Log of the scores of a race: one line of JSON per episode, appended when it ends."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ RACE_LOG = "race.jsonl"
 
 
 class RaceLog:
-    """The scores by candidate and place. Lines of a killed run are read first; use it as a context manager."""
+    """Scores by candidate and place. Lines of a killed run are read first; use it as a context manager."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError for a line that does not hold a score."""
+        """Read the existing lines. Raises InputError for a line that does not hold a score."""
         self._path = path
         self._scores: dict[tuple[int, str, int], Score] = {}
         self._file: TextIO | None = None
@@ -37,7 +37,7 @@ class RaceLog:
             self._file.close()
 
     def get(self, attempt: Attempt) -> Score | None:
-        """The score of an attempt, if it was driven."""
+        """Return the score of an attempt; None if it was not driven."""
         return self._scores.get((attempt.trial, attempt.family, attempt.world))
 
     def add(self, score: Score) -> None:
@@ -48,7 +48,7 @@ class RaceLog:
         self._keep(score)
 
     def __iter__(self) -> Iterator[Score]:
-        """All scores, in the order in which they were driven."""
+        """Iterate over all scores in the order in which they were driven."""
         return iter(self._scores.values())
 
     def _keep(self, score: Score) -> None:
@@ -69,13 +69,13 @@ SCORE_LOG = "scores.jsonl"
 
 
 class ScoreLog:
-    """One line per trial: its values and its scores. Lines of a killed run are read first.
+    """Log with one line per trial: its values and its scores. Lines of a killed run are read first.
 
-    path: None if the study itself is on that disk.
+    path: None if the study itself is in the run's directory.
     """
 
     def __init__(self, path: Path | None) -> None:
-        """Raises InputError for a line that does not hold scores."""
+        """Read the existing lines. Raises InputError for a line that does not hold scores."""
         self._path = path
         self._scores: dict[frozenset[tuple[str, float]], list[Any]] = {}
         if path is not None and path.is_file():
@@ -85,7 +85,7 @@ class ScoreLog:
                 self._scores[values] = scores
 
     def get(self, values: Mapping[str, float]) -> list[Any] | None:
-        """The scores of the trial with these values; equal values have equal scores."""
+        """Return the scores of the trial with these values, if there is one; equal values have equal scores."""
         return self._scores.get(frozenset(values.items()))
 
     def add(self, values: Mapping[str, float], scores: Sequence[Any]) -> None:

@@ -1,4 +1,4 @@
-"""The report of a training: two pictures, the pages of the worst held-out worlds, and report.html, from its records."""
+"""Report of a training from its records: two pictures, pages of the worst held-out worlds, and report.html."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def write_training_report(
     use: str,
     start_dir: Path,
 ) -> list[Path]:
-    """Write everything, and return the paths of the pictures and of the page; prints the latter.
+    """Write everything, print the path of the page, and return the paths of the pictures and of the page.
 
-    places: the held-out configs by map. start, frame: the records of the start and of the result, with rewards; the
-    same if the start won. use: the command that drives with the weights. start_dir: of the evaluation of the start.
+    places: held-out configs by map. start, frame: records of the start and of the result, with rewards; the same if
+    the start won. use: command that drives with the weights. start_dir: directory of the start's evaluation.
     """
     run_dir, is_start = job.run_dir, found.number == START
     start_values = _start_values(job.config, found.space)
@@ -107,17 +107,17 @@ def _start_values(config: TrainConfig, space: Space) -> dict[str, float | None]:
 def _figures(
     found: Found, start_values: Mapping[str, float | None], start: str, best: int
 ) -> dict[str, Figure]:
-    """The pictures on the page, by the names of their files. start: its name. best: number of the best trial."""
+    """Draw the page's pictures, by the names of their files. start: its name. best: number of the best trial."""
     from runners.training.pictures import parameters_figure, race_figure
 
     race = found.race
-    raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()  # in the first rung
+    raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()  # of the first rung
     parameters = parameters_figure(found.told, found.space, best, start_values, raced)
     return {"parameters": parameters, **({"race": race_figure(race, start)} if race is not None else {})}
 
 
 def _explain(job: Job[TrainConfig], frame: pd.DataFrame, worst: Sequence[WorstWorld]) -> None:
-    """Make the pages of these worlds; those that exist are kept."""
+    """Make the explainer pages of these worlds; existing pages are kept."""
     executor, made = instantiate.build(job.config.executor, "executor"), list[pages.Page]()
     for run_dir in dict.fromkeys(world.run_dir for world in worst):
         keys = {world.key for world in worst if world.run_dir == run_dir}
@@ -126,7 +126,7 @@ def _explain(job: Job[TrainConfig], frame: pd.DataFrame, worst: Sequence[WorstWo
         where = {key: page_path(run_dir, key) for key in keys}
         made += pages.make_pages(run_dir, chosen, where, executor, keep=True)
         pages.index(run_dir)
-        write_table(job, run_dir)  # which names the pages
+        write_table(job, run_dir)  # again, since the table lists the pages
     missing = [page for page in made if page.problem]
     if missing:
         warnings.warn(
@@ -143,7 +143,7 @@ def _facts(job: Job[TrainConfig], trials: int) -> str:
 
 
 def _held_out(verdict: Verdict) -> list[HeldOut]:
-    """One row per map, and one of all worlds, in which every world counts the same."""
+    """Return one row per map, and one of all worlds, in which every world counts the same."""
     return [_row(place, each) for place, each in {**verdict.by_place, "all": verdict.overall}.items()]
 
 
@@ -171,7 +171,7 @@ def _commands(
     start_dir: Path,
     worst: WorstWorld,
 ) -> dict[str, str]:
-    """What one can do next, by what it is for."""
+    """Return the commands that are useful next, by their purpose."""
     run_dir = job.run_dir
     words = {}
     if found.number != START:

@@ -1,4 +1,4 @@
-"""The report of a training as one HTML file: is the result better, where it comes from, and where it fails."""
+"""Report of a training as one HTML file: whether the result is better, how it was found, and where it fails."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ _IMPORTANCE_NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class TrainingReport:
-    """What the page shows.
+    """Content of the page.
 
-    title, facts: its heading. sentence, sign: the verdict, and -1, 0 or 1. start: the name of the starting weights.
-    winner: number of the result's trial, or START. best: of the best trial, also where the start won.
-    training_reward, training_worlds: of the result, where it was found. gap: this reward minus the mean of the held-out
-    maps' rewards. held_out: the last row is of all maps. figures: "parameters", and "race" if there was one.
-    regressions: episodes that fail where the start succeeded. commands: what one can do next, by what it is for.
-    files: of the run, to link.
+    title, facts: its heading. sentence, sign: the verdict, and -1, 0 or 1. start: name of the starting weights.
+    winner: number of the result's trial, or START. best: number of the best trial, even if the start won.
+    training_reward, training_worlds: reward and worlds of the result in training. gap: this reward minus the mean of
+    the held-out maps' rewards. held_out: the last row is of all maps. figures: "parameters", and "race" if there was
+    one. regressions: number of episodes that fail where the start succeeded. commands: those that are useful next, by
+    their purpose. files: files of the run to link.
     """
 
     title: str
@@ -119,7 +119,7 @@ def _verdict(report: TrainingReport) -> str:
 
 
 def _tiles(report: TrainingReport) -> Iterator[str]:
-    """The four figures that one looks for first."""
+    """Yield the four most important numbers."""
     overall = report.held_out[-1]
     is_start = report.winner == START
     yield _tile(
@@ -143,7 +143,7 @@ def _tile(name: str, value: str, below: str) -> str:
 
 
 def _picture(figure: Figure, about: str) -> str:
-    """A picture inside the page. As an image its styles are its own, which the page's policy would refuse."""
+    """Return a picture as an embedded image; inline, the page's content policy would refuse its styles."""
     data = b64encode(picture(figure, "svg")).decode("ascii")
     width = round(figure.get_figwidth() * _PX_PER_IN)
     return (

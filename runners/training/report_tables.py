@@ -1,4 +1,4 @@
-"""The tables on the page of a training: held-out worlds, rungs, candidates, parameters and the worst worlds."""
+"""Tables on the page of a training: held-out worlds, rungs, candidates, parameters and the worst worlds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from runners.reports.analysis.shared_worlds import WorstWorld
 from runners.reports.analysis.summary import DASH, TIMES
 from runners.training.race import START, End, Race, name_of, racers, worlds_by_family, worlds_driven
 
-_DIGITS = 4  # significant ones, of a parameter
+_DIGITS = 4  # significant digits of a parameter
 _LEFT = (
     "difference",
     "Worlds driven so far",
@@ -45,7 +45,7 @@ class HeldOut(NamedTuple):
 
 
 def held_out_table(rows: Sequence[HeldOut], is_start: bool) -> str:
-    """One line per map, then all if there are several. is_start: the start is the result, with nothing to compare."""
+    """Write one line per map, and one of all if there are several. is_start: the start won, so nothing differs."""
     rows = rows if len(rows) > 2 else rows[:1]
     if is_start:
         lines = [[_th(row.place), _episodes(row), rounded(row.success), rounded(row.reward)] for row in rows]
@@ -71,7 +71,7 @@ def held_out_table(rows: Sequence[HeldOut], is_start: bool) -> str:
 
 
 def rung_table(race: Race, start: str) -> str:
-    """One line per rung: what was driven, who was dropped after it, and the best and the start so far."""
+    """Write one line per rung: worlds driven, candidates dropped after it, and the best and the start so far."""
     found, started = racers(race), START in race.rungs[0].values
     lines = []
     for index, rung in enumerate(race.rungs):
@@ -100,7 +100,7 @@ def rung_table(race: Race, start: str) -> str:
 
 
 def candidate_table(race: Race, start: str) -> str:
-    """One line per candidate that raced, with its mean reward after each rung, the best first."""
+    """Write one line per candidate that raced, with its mean reward after each rung, the best first."""
     lines = [
         [
             _th(name_of(racer.number, start), "start" if racer.number == START else ""),
@@ -122,9 +122,9 @@ def parameter_table(
     name: str,
     importances: Mapping[str, float],
 ) -> str:
-    """One line per searched key: both values, the range, and the importance of the key.
+    """Write one line per searched key: both values, the range, and the importance of the key.
 
-    best: values of the best trial. name: what it is called.
+    best: values of the best trial. name: heading of their column.
     """
     lines = []
     for key, bounds in space.items():
@@ -141,7 +141,7 @@ def parameter_table(
 
 
 def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
-    """One line per world, with a link to its page if it has one. place: the folder that links start from."""
+    """Write one line per world, with a link to its page if it has one. place: folder that links start from."""
     compared = any(world.start_failed is not None for world in worlds)
     lines = []
     for world in worlds:
@@ -159,22 +159,22 @@ def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
 
 
 def short(key: str) -> str:
-    """A dotted key without what all parameters of a guide have in common."""
+    """Return a dotted key without the prefix that all parameters of a guide share."""
     return key.removeprefix(PARAMETERS)
 
 
 def rounded(value: float) -> str:
-    """A rate or a reward, with a typographic minus."""
+    """Return a rate or a reward as text, with a typographic minus."""
     return f"{value:.3f}".replace("-", "\u2212")
 
 
 def breakable(text: str) -> str:
-    """Text as HTML that may break between the words of a key or a path, and not within them."""
+    """Return text as HTML whose lines may break between the words of a key or a path, but not within them."""
     return "<wbr>".join(map(html_text, re.split(r"(?<=[._/=:,])(?=\w)", text)))
 
 
 def _table(heads: Sequence[str], lines: Iterable[Sequence[str]], kind: str, above: str = "") -> str:
-    """Lines of cells; a cell that begins with <th is one already. Numbers are on the right, other columns left."""
+    """Return lines of cells as HTML; a cell may already be a <th>. Numbers are aligned right, other columns left."""
     sides = [' class="left"' if head in _LEFT else "" for head in heads]
     head = "".join(f'<th scope="col"{side}>{head}</th>' for head, side in zip(heads, sides, strict=True))
     body = "\n".join(f"<tr>{''.join(map(_cell, line, sides))}</tr>" for line in lines)

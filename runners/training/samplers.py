@@ -1,4 +1,4 @@
-"""Optuna's samplers, which propose the next trial, with a new seed for every trial.
+"""Optuna's samplers, which propose the next trial, seeded anew for every trial.
 
 A sampler is made from the seed and the number of the trial. All other state is in the study, so a killed study
 resumes with the same proposals.
@@ -32,10 +32,10 @@ class Search(Protocol):
 
     @property
     def batch(self) -> int:
-        """Number of trials proposed before any of their rewards is known."""
+        """Number of trials that are proposed before any of their rewards is known."""
 
     def sampler(self, seed: int) -> BaseSampler:
-        """A new sampler."""
+        """Return a new sampler."""
 
 
 @dataclass(slots=True)
@@ -158,10 +158,10 @@ def per_trial(
     first: Mapping[str, float] | None = None,
     restarts: int = 1,
 ) -> BaseSampler:
-    """A sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would.
+    """Return a sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would.
 
-    first: values of trial 0; the search chooses the others. restarts: number of searches, to which trials belong in
-    turn (`restart_of`); each knows its own trials alone.
+    first: values of trial 0; the search chooses the others. restarts: number of searches, among which the trials
+    alternate (`restart_of`); each search knows only its own trials.
     """
     from optuna.samplers import BaseSampler as Base
 
@@ -170,13 +170,14 @@ def per_trial(
         _sampler: BaseSampler
 
         def _sampler_for(self, trial: FrozenTrial) -> BaseSampler:
+            # A trial asks for its parameters one by one: keep its sampler until the next trial.
             number = _origin(trial)
             if number != self._number:
                 self._number, self._sampler = number, _make_quietly(make, trial_seed(seed, number))
             return self._sampler
 
         def _known(self, study: Study, trial: FrozenTrial) -> Any:
-            """The study as the search of this trial knows it."""
+            """Return the study with only the trials that this trial's search knows."""
             mine = restart_of(_origin(trial), restarts)
             return (
                 Part(study, lambda other: restart_of(_origin(other), restarts) == mine)
@@ -185,6 +186,7 @@ def per_trial(
             )
 
         def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
+            # Without relative parameters Optuna samples each independently, which gives trial 0 its fixed values.
             if first and _origin(trial) == 0:
                 return {}
             return self._sampler_for(trial).infer_relative_search_space(self._known(study, trial), trial)
@@ -206,18 +208,18 @@ def per_trial(
 
 
 def _origin(trial: FrozenTrial) -> int:
-    """Number of the trial, or of the original trial of a killed process that this one repeats."""
-    # RetryHeartbeatStaleTrialCallback writes this name.
+    """Return the number of the trial or, for a repeat, of the killed process's original trial."""
+    # Optuna's RetryHeartbeatStaleTrialCallback sets this attribute.
     return int(trial.system_attrs.get("failed_trial", trial.number))
 
 
 def restart_of(number: int, restarts: int) -> int:
-    """The search that trial `number` belongs to."""
+    """Return the search that trial `number` belongs to."""
     return number % restarts
 
 
 def trial_seed(seed: int, number: int) -> int:
-    """A 32-bit seed from the study's seed and the trial's number."""
+    """Return a 32-bit seed from the study's seed and the trial's number."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
 
 

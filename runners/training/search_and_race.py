@@ -1,4 +1,4 @@
-"""What a training does until it has a result: the search, and the race of its best trials."""
+"""Search of a training, and the race of its best trials, which give its result."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from runners.workers.trials import Attempt, Place, Score
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a training has found. number: of the best trial, or START. values: by dotted config key; {} for START.
+    """Result of a training. number: that of the best trial, or START. values: by dotted config key; {} for START.
 
-    configurations: the worlds of the search. told: the finished trials. num_elsewhere: trials that other machines
-    still run. reward: its mean over the worlds that it drove. worlds: how many of each family.
+    configurations: worlds of the search. told: finished trials. num_elsewhere: number of trials that other machines
+    still run. reward: mean over the worlds that the result drove. worlds: their number in each family.
     """
 
     space: Space
@@ -50,7 +50,7 @@ class Found:
 
 
 def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
-    """Run the study until it has all its trials, and the race; trials and scores of an earlier run count."""
+    """Run the study until it has all its trials, then the race; trials and scores of an earlier run count."""
     config, run_dir = job.config, job.run_dir
     search = instantiate.build(config.search, "search")
     space = search_space(job)
@@ -72,7 +72,7 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
 
 
 def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:
-    """A `map` that starts the workers when it is first called."""
+    """Return a `map` that starts the workers when it is first called."""
     opened: list[Map] = []
 
     def run_all(items: Any) -> Iterator[Item]:
@@ -91,7 +91,7 @@ def _race(
     start: Mapping[str, float] | None,
     run_all: Map,
 ) -> Race:
-    """Race the trials of the study and, if they begin from the config, its own values: `start`."""
+    """Race the trials of the study and, if the search began from the config's own values, these: `start`."""
     config = job.config
     assert config.race is not None
     told = [trial for trial in study.told if trial.values != start]
@@ -123,7 +123,7 @@ def _found(
     if race is not None:
         number, reward = race.winner, race.rungs[-1].values[race.winner]
     values = {trial.number: trial.values for trial in told}.get(number, {})
-    if values == start:  # the trial that begins the search
+    if values == start:  # the first trial, which has the values of the start
         number, values = START, {}
     driven = sum(map(len, rungs))
     elsewhere = study.num_elsewhere
@@ -131,7 +131,7 @@ def _found(
 
 
 def check_configurations(study: Study, trained: Families, worlds: list[int], run_dir: Path) -> None:
-    """Keep the worlds of the search in the study. Raises InputError if a map has changed since they were drawn."""
+    """Store the worlds of the search in the study. Raises InputError if a map has changed since they were drawn."""
     drawn = []
     for name, family in trained.items():
         maps = build.map_set(family, worlds)
@@ -149,23 +149,23 @@ def check_configurations(study: Study, trained: Families, worlds: list[int], run
 
 
 def start_name(job: Job[TrainConfig]) -> str:
-    """What the training starts from: the weight set, if the guide has one."""
+    """Return the name of the training's start: the weight set, if the guide has one."""
     return job.weights if job.config.guide.get("parameters") else "the config's own values"
 
 
 def search_space(job: Job[TrainConfig]) -> Space:
-    """The search space: the ranges of the config, without the keys that the ablation fixes."""
+    """Return the search space: the ranges of the config, without the keys that the ablation fixes."""
     ablated = ablations.settings(job.choices.get(ablations.GROUP, ""), Catalogue(job.folders))
     return read_space(job.config, dict(flatten(ablated)))
 
 
 def evaluation_places(job: Job[TrainConfig], trained: Families) -> Places:
-    """What the result is evaluated on: `held_out`, or the own worlds of every family."""
+    """Return the maps that the result is evaluated on: `held_out`, or every family with its own worlds."""
     return held_out_places(job) if job.config.held_out else trained
 
 
 def world_numbers(job: Job[TrainConfig], trained: Families) -> list[list[int]]:
-    """The numbers of the worlds of the search, and of each rung of the race. Raises InputError."""
+    """Draw the numbers of the worlds of the search, and of each rung of the race. Raises InputError."""
     config = job.config
     counts = [config.configurations, *(config.race.worlds if config.race else [])]
     numbers = training_worlds(config, evaluation_places(job, trained).values(), sum(counts))

@@ -1,4 +1,4 @@
-"""The storage of a study that several machines share, at an Optuna URL."""
+"""Storage of a study: a URL of Optuna that several machines share, or a journal of the run."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from sqlalchemy.exc import OperationalError
 
 
-HEARTBEAT_S = 10  # between heartbeats of a running trial
-GRACE_S = 60  # after this long without a heartbeat, another process takes a trial
-_LIBRARIES = ("optuna", "sqlalchemy", "redis")  # their errors come from a storage
+HEARTBEAT_S = 10  # [s] between heartbeats of a running trial
+GRACE_S = 60  # [s] without a heartbeat after which another process takes a trial
+_LIBRARIES = ("optuna", "sqlalchemy", "redis")  # libraries whose errors come from a storage
 _REDIS = ("redis://", "rediss://", "unix://")
-_PACKAGES = {"MySQLdb": "mysqlclient", "psycopg2": "psycopg2-binary"}  # by the name of their module
+_PACKAGES = {"MySQLdb": "mysqlclient", "psycopg2": "psycopg2-binary"}  # packages by the name of their module
 _RIGHT = "must be an Optuna storage URL such as postgresql://user@host/optuna, or null for a journal"
 _CREATIONS = 6  # attempts to create the tables while other processes do the same
 
 
 def open_storage(url: str) -> BaseStorage:
-    """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if it cannot be used."""
+    """Open the storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if unusable."""
     with _as_input_error(url, "cannot be used", _RIGHT), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Optuna's warnings that Redis and heartbeats are experimental
         return _redis(url) if url.startswith(_REDIS) else _database(url)
@@ -63,12 +63,12 @@ def _redis(url: str) -> BaseStorage:
 
 
 def _database(url: str) -> RDBStorage:
-    """Open a database. Processes that start together all create its tables, and all but one of them fail."""
+    """Open a database; try again if another process, started together, creates its tables at the same time."""
     from optuna.exceptions import StorageInternalError
     from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
     from sqlalchemy.exc import IntegrityError, OperationalError, ProgrammingError
 
-    # SQLAlchemy 2.0 and 2.1 choose different drivers for this.
+    # Name the driver, because SQLAlchemy 2.0 and 2.1 choose different ones.
     named = url.replace("postgresql://", "postgresql+psycopg://", 1)
     for attempt in range(1, _CREATIONS + 1):
         try:
@@ -93,7 +93,7 @@ def _already_in_mysql(error: OperationalError) -> bool:
 
 
 def _engine_options(url: str) -> dict[str, Any]:
-    """Options of the engine: give up on an unreachable server within seconds, survive the restart of a server."""
+    """Return options of the engine, to give up on an unreachable server in seconds and to survive its restart."""
     if url.startswith(("postgresql", "mysql")):
         return {"connect_args": {"connect_timeout": 10}, "pool_pre_ping": True}
     return {"connect_args": {"timeout": 30}} if url.startswith("sqlite") else {}
@@ -111,7 +111,7 @@ def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
         reason = " ".join(str(cause).split()) or type(cause).__name__
         if reveals_password(reason, url):
             reason = fault_of_password(url) or type(cause).__name__
-        elif url == masked(url) and f":{HIDDEN}@" in url:  # as a run keeps it that is resumed
+        elif url == masked(url) and f":{HIDDEN}@" in url:  # the masked URL of a resumed run
             advice = (
                 "its password is not kept with the run: give storage=URL again, or let the driver read it"
             )
@@ -119,19 +119,19 @@ def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    """The error and its causes."""
+    """Yield the error and its causes."""
     while error is not None:
         yield error
         error = error.__cause__
 
 
-_SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that is used as a mark
+_SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entries that mark the end of a step
 _MARK = "lme:entries"
 _BEGINNING = b'{"op_code":'
 
 
 class Journal(BaseJournalBackend):
-    """The journal of one study. Raises InputError if the file is not a journal, or if lines are missing."""
+    """Journal of one study. Raises InputError if the file is not a journal, or if lines are missing."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -139,7 +139,7 @@ class Journal(BaseJournalBackend):
         self._waiting: list[str] = []
 
     def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
-        """Entries from this number on, in order."""
+        """Return the entries from this number on, in order."""
         return iter(self._entries[log_number_from:])
 
     def append_logs(self, logs: list[dict[str, Any]]) -> None:
@@ -153,6 +153,7 @@ class Journal(BaseJournalBackend):
         """Write the waiting entries to disk as one step."""
         if not self._waiting:
             return
+        # The mark holds the number of its own line, so that missing or added lines are found.
         last = self._entries[-1]
         mark = {"op_code": _SET_STUDY_SYSTEM_ATTR, "worker_id": last["worker_id"], "study_id": 0}
         self.append_logs([{**mark, "system_attr": {_MARK: len(self._entries) + 1}}])
@@ -173,12 +174,14 @@ def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # another file: leave it as it is
         raise _not_an_entry(path, 1)
+    # Cut off the lines after the last complete mark: a killed process wrote only part of its step.
     lines = content.splitlines(keepends=True)
     mark = f'"{_MARK}":'.encode()
     while lines and not (mark in lines[-1] and lines[-1].endswith(b"\n")):
         lines.pop()
     if path.is_file():
         os.truncate(path, sum(map(len, lines)))
+    # Check that every mark is in the line that it names.
     for number, line in enumerate(lines, start=1):
         entry = _decode(line, path, number)
         counted = (entry.get("system_attr") or {}).get(_MARK, number)
@@ -208,7 +211,7 @@ def _not_an_entry(path: Path, number: int) -> InputError:
 
 
 class Heartbeat:
-    """The heartbeats of this process's trials. storage: None if it does not store any (a journal).
+    """Heartbeats of this process's trials. storage: None if it does not store any (a journal).
 
     Optuna sends them only from `Study.optimize`, which runs one trial at a time. `RDBStorage.record_heartbeat` is
     public, and so is `fail_stale_trials`.
@@ -254,7 +257,7 @@ class Heartbeat:
         if self._storage is None:
             return
         for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
-            # Its process may have been killed before the first heartbeat, and Optuna only misses a trial that had one.
+            # A process may be killed before the first heartbeat, and Optuna only notices trials that had one.
             if id_of(trial) not in self._seen:
                 self._storage.record_heartbeat(id_of(trial))
                 self._seen.add(id_of(trial))

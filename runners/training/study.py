@@ -1,4 +1,4 @@
-"""The study of a search: its trials, in a journal in the run directory or in a storage that machines share.
+"""Study of a search: its trials, in a journal in the run directory or in a storage that machines share.
 
 A batch of trials is proposed before any of them runs, and reported to the sampler in the order of their numbers after
 all have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study
@@ -28,14 +28,14 @@ CONFIGURATIONS, OWNER, SCORES = "configurations", "owner", "scores"
 
 
 class Proposal(NamedTuple):
-    """A trial to run: its number, and its values by dotted config key."""
+    """Trial to run: its number, and its values by dotted config key."""
 
     number: int
     values: dict[str, float]
 
 
 class Trial(NamedTuple):
-    """A finished trial. values: by dotted config key. scores: one per configuration, in their order."""
+    """Finished trial. values: by dotted config key. scores: one per configuration, in their order."""
 
     number: int
     reward: float
@@ -44,7 +44,7 @@ class Trial(NamedTuple):
 
 
 class Study:
-    """The trials of one search. One process works on a run directory; several may share a storage."""
+    """Trials of one search. One process works on a run directory; several may share a storage."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class Study:
         self._flush = flush
         self._heartbeat = heartbeat
         self._log = log
-        self._values: dict[int, dict[str, float]] = {}  # of the trials that this process has proposed
+        self._values: dict[int, dict[str, float]] = {}  # by trial that this process has proposed
 
     @property
     def finds_killed(self) -> bool:
@@ -79,12 +79,12 @@ class Study:
 
     @property
     def told(self) -> list[Trial]:
-        """Finished trials, by number."""
+        """Finished trials in the order of their numbers."""
         return [_trial(trial) for trial in self._trials_in_state("COMPLETE")]
 
     @property
     def best(self) -> float | None:
-        """The best reward so far; None before the first trial ends."""
+        """Best reward so far; None before the first trial ends."""
         return max(self._rewards(), default=None)
 
     @property
@@ -93,10 +93,10 @@ class Study:
         return sum(trial.user_attrs.get(OWNER) != self._owner for trial in self._trials_in_state("RUNNING"))
 
     def claim(self, total: int, batch: int) -> list[Proposal]:
-        """Trials to run next: the unfinished ones of this directory, or else those of killed processes and new ones.
+        """Return trials to run next: unfinished ones of this directory, else those of killed processes and new ones.
 
-        At most `batch` of them, and never so many that more than `total` would finish. [] if other processes run the
-        rest.
+        There are at most `batch`, and never so many that more than `total` would finish; none if other processes run
+        the rest.
         """
         self._heartbeat.requeue_killed(self._study)
         count = min(batch, total - self.num_told - self.num_elsewhere)
@@ -105,7 +105,7 @@ class Study:
         return [each for each in proposals if each is not None and self._is_within_total(each.number, total)]
 
     def _unfinished(self) -> list[Proposal | None]:
-        """Trials that a killed run in this directory proposed but did not finish."""
+        """Return the trials that a killed run in this directory proposed but did not finish."""
         mine = [t for t in self._trials_in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
         return [self._proposal(resume_trial(self._study, trial)) for trial in mine]
 
@@ -136,7 +136,7 @@ class Study:
         import optuna
 
         attributes = [list(score) for score in scores]
-        self._log.add(self._values[number], attributes)  # before anything that needs the storage
+        self._log.add(self._values[number], attributes)  # first, since the storage may not answer
         with suppress(optuna.exceptions.UpdateFinishedTrialError):  # another process has taken it
             annotate(self._study, self._frozen(number), SCORES, attributes)
         self._flush()
@@ -148,14 +148,14 @@ class Study:
         self._flush()
 
     def get_or_set(self, name: str, value: Any) -> Any:
-        """The study's attribute `name`; it is first set to `value` if the study does not have it yet."""
+        """Return the study's attribute `name`, after setting it to `value` if the study does not have it yet."""
         if name not in self._study.user_attrs:
             self._study.set_user_attr(name, value)
             self._flush()
         return self._study.user_attrs[name]
 
     def importances(self) -> dict[str, float]:
-        """Share of each parameter in the difference between the best tenth of trials and the rest; {} with too few.
+        """Return each parameter's share in what sets the best tenth of trials apart; {} with too few trials.
 
         PED-ANOVA (Watanabe, Bansal and Hutter 2023, arXiv 2304.10255).
         """
@@ -168,7 +168,7 @@ class Study:
         return {name: float(share) for name, share in found.items()}
 
     def _finish(self, number: int, reward: float | None) -> None:
-        """Finish a trial, unless another process has taken it. reward: None if it failed, and does not count."""
+        """Finish a trial, unless another process has taken it. reward: None if it failed and does not count."""
         import optuna
 
         state = optuna.trial.TrialState.FAIL if reward is None else None
@@ -177,7 +177,7 @@ class Study:
         self._heartbeat.end(id_of(self._frozen(number)))
 
     def _proposal(self, trial: optuna.Trial) -> Proposal | None:
-        """The trial with its values; None if another process has taken it meanwhile."""
+        """Return the trial with its values; None if another process has taken it meanwhile."""
         import optuna
 
         self._heartbeat.begin(id_of(trial))

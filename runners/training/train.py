@@ -46,7 +46,7 @@ from runners.workers.trials import check_disturbances
 if TYPE_CHECKING:
     import pandas as pd
 
-_START = "start"  # the folder of the evaluation with the config's own values
+_START = "start"  # folder of the evaluation with the config's own values
 
 
 def validate(job: Job[TrainConfig]) -> None:
@@ -114,9 +114,9 @@ def _announce(job: Job[TrainConfig], trained: Families) -> None:
 
 
 def _evaluate(job: Job[TrainConfig], places: Places, found: Found) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Evaluate the start and the result on held-out worlds, and print the table; returns the records with rewards.
+    """Evaluate start and result on held-out worlds, and print the table; return the records with rewards.
 
-    If the start is the result, it is evaluated once, as the result, and both are the same object.
+    If the start is the result, it is evaluated only once, as the result, and both are the same object.
     """
     import pandas as pd
 
@@ -153,7 +153,7 @@ def _write_weights(
 
 
 def _usage(job: Job[TrainConfig], found: Found) -> str:
-    """The command that drives with the values found."""
+    """Return the command that drives with the values found."""
     words = driven(job, "train", found.values)
     if weight_file.best_parameters(job.config, found.values):
         words.append(override("weights", weights_name(job)))
@@ -178,9 +178,9 @@ def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
 
 
 def _elsewhere(job: Job[TrainConfig], found: Found) -> str:
-    """The command that drives weights trained on one map on the families that any robot drives.
+    """Return the command that drives weights trained on one map on the families that any robot can drive.
 
-    It compares them with the weights started from, unless it also gives the values found for other keys.
+    It compares them with the starting weights, unless values were also found for other keys.
     """
     config = job.config
     if not config.map or config.held_out or not config.guide.get("parameters"):
@@ -228,7 +228,7 @@ def _fingerprint(config: TrainConfig) -> str:
 
 
 def weights_name(job: Job[TrainConfig]) -> str:
-    """The name under which the weights are registered."""
+    """Return the name under which the weights are registered."""
     config = job.config
     if config.name is not None:
         return config.name

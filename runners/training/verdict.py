@@ -1,4 +1,4 @@
-"""Whether what a training found is better than what it started from, on held-out worlds."""
+"""Comparison of a training's result with its start on held-out worlds, and the verdict."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WORDS = {1: "better", 0: "level", -1: "worse"}
 
 @dataclass(frozen=True, slots=True)
 class HeldOutComparison:
-    """Result and start on the same worlds, paired. success, reward: of the result."""
+    """Paired comparison of result and start on the same worlds. success, reward: those of the result."""
 
     success: float
     reward: float
@@ -35,7 +35,7 @@ class HeldOutComparison:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """by_place: by held-out map. overall: of all worlds. training_reward: of the result, where it was found."""
+    """Comparison by held-out map and over all worlds. training_reward: that of the result on the training worlds."""
 
     by_place: dict[str, HeldOutComparison]
     overall: HeldOutComparison
@@ -44,7 +44,7 @@ class Verdict:
 
     @property
     def sign(self) -> int:
-        """−1 if success on a map or the reward on all is worse beyond the noise, 1 if the reward is better, else 0."""
+        """−1 if a map's success or the overall reward is worse beyond the noise, 1 if the reward is better, or 0."""
         if self.overall.success_difference.worlds < _FEWEST:
             return 0
         if any(each.success_difference.high < 0.0 for each in (*self.by_place.values(), self.overall)):
@@ -54,21 +54,21 @@ class Verdict:
 
     @property
     def mean_reward(self) -> float:
-        """The mean of the maps' mean rewards: in training, too, a family counts as much as another one."""
+        """Mean of the maps' mean rewards, since families have equal weight in training, too."""
         return fmean(each.reward for each in self.by_place.values())
 
     @property
     def gap(self) -> float:
-        """The reward in training minus that on the held-out maps."""
+        """Reward in training minus that on the held-out maps."""
         return self.training_reward - self.mean_reward
 
     @property
     def is_worse(self) -> bool:
-        """Return whether one should keep what one has."""
+        """Return whether the start should be kept."""
         return self.sign < 0
 
     def lines(self, start: str) -> list[str]:
-        """The comparison in words. start: name of the weights started from."""
+        """Return the comparison in words. start: name of the starting weights."""
         gap = f"Reward in training {self.training_reward:.3f}, on held-out maps {self.mean_reward:.3f}"
         if self.is_start:
             return [gap, f"Level: no trial was better than the weights started from ({start}); keep them"]
@@ -86,7 +86,7 @@ class Verdict:
         return f"Worse: keep what you have ({start})"
 
     def content(self) -> dict[str, Any]:
-        """For the weight file."""
+        """Return the comparison as entries of the weight file."""
         places = {
             place: {
                 "worlds": each.success_difference.worlds,
@@ -103,7 +103,7 @@ class Verdict:
 def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_reward: float) -> Verdict:
     """Compare the records of the result with those of the start, both with rewards.
 
-    places: the configs by held-out map. training_reward: of the result, on the training worlds.
+    places: configs by held-out map. training_reward: that of the result on the training worlds.
     """
     import pandas as pd
 
@@ -114,7 +114,7 @@ def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_rew
 
 
 def with_rewards(places: Places, frame: pd.DataFrame) -> pd.DataFrame:
-    """The held-out records with a column `reward`."""
+    """Return the held-out records with a column `reward`."""
     names = [Path(folder).name for folder in frame["run_dir"]]
     limits = {name: _limits(places[name]) for name in set(names)}
     ends = zip(names, frame["world"], frame["outcome"], frame["steps"], strict=True)
@@ -126,7 +126,7 @@ def with_rewards(places: Places, frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _limits(config: DriveConfig) -> Callable[[int], float]:
-    """The time limit [s] of each world by its number."""
+    """Return a function that gives the time limit [s] of a world by its number."""
     given = config.map.get("time_limit")
     if given is not None:
         return lambda world: float(given)
@@ -135,7 +135,7 @@ def _limits(config: DriveConfig) -> Callable[[int], float]:
 
 
 def _by_place(places: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The records of each map, with worlds that have its name: maps have worlds of the same number."""
+    """Return the records of each map, with its name in `world`, since maps share world numbers."""
     names = frame["run_dir"].map(lambda folder: Path(folder).name)
     named = frame.assign(world=names + " " + frame["world"].astype(str))
     return {place: named[names == place] for place in places}
@@ -155,7 +155,7 @@ def _text(change: Difference) -> str:
 
 
 def _numbers(change: Difference) -> list[float]:
-    """Mean and interval."""
+    """Return mean and interval."""
     return [_rounded(value) for value in (change.mean, change.low, change.high)]
 
 
