@@ -28,6 +28,7 @@ _PLUGIN = re.compile(r"hydra/(launcher|sweeper)/(ax|joblib|nevergrad|optuna|ray|
 
 def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
     """Find the override or file that makes composing fail. The error says why."""
+    # Mistakes that the error itself locates: broken YAML, a missing file or plugin, an error in a file.
     if isinstance(error, yaml.YAMLError):
         return _broken_yaml(error)
     if isinstance(error.__cause__, GrammarParseError) and not str(error):
@@ -43,6 +44,7 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     file_error = re.match(r"In '([^']+)': \w+ raised while composing config:", str(error))
     if file_error:
         return _in_file(error, file_error.group(1), composer)
+    # Otherwise compose the chosen options alone, and add the other overrides one by one until one fails.
     dotted = [o for o in composer.parse(job) if not _is_group(o, composer)]
     groups = [text for text in job if text not in {text_of(o) for o in dotted}]
     try:
@@ -99,6 +101,7 @@ def _find_mistake(override: Override, config: DictConfig, composer: Composer) ->
     known = dotted_keys(plain)
     if key not in known and not override.is_force_add():
         return _unknown(key, known, config, composer)
+    # The key exists or may be added, so apply the override; the config keeps it for the next ones.
     try:
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
     except GrammarParseError as error:

@@ -50,9 +50,11 @@ def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue 
     known = configs.titles("map")
     if name not in known:
         raise InputError(f"map set {name!r} is unknown: {nearest(name, known)}There are {', '.join(known)}")
+    # Sort the words into settings of the robot, settings of the map set, and world numbers.
     of_robot = [word for word in what if _ROBOT.match(word)]
     settings = [word.removeprefix("map.") for word in what if "=" in word and word not in of_robot]
     numbers = list(dict.fromkeys(number for word in what if "=" not in word for number in _numbers(word)))
+    # Build the robot first: a map set's settings may follow it.
     if of_robot or robot is None:
         robot = _robot(of_robot, configs)
     node = _node(name, settings, robot, configs)

@@ -65,10 +65,12 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
     text, key = text_of(override), override.key_or_group
     if override.is_hydra_override() or key.startswith("hydra/"):
         return text
+    # Is the key in a mapping that takes new keys, or all of such a mapping?
     is_typed = any(key.startswith(f"{name}.") and key.count(".") > 1 for name in _TYPED_MAPPINGS)
     is_open = (not is_typed and any(key.startswith(f"{name}.") for name in open_mappings)) or (
         key in open_mappings and all(isinstance(value, dict) for value in _values(override))
     )
+    # Removing a key, or choosing no option.
     if override.is_delete():
         if is_open:
             return text
@@ -77,6 +79,7 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
         if composer.slots[key] is None:
             return ""
         raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
+    # Groups: under a new name, of the user's own, and experiments, which may lie in the command's folder.
     if override.package and f"{key}@{override.package}" not in composer.slots:
         return f"+{text.lstrip('+')}"  # for example another map set under a name
     if key not in composer.slots and composer.catalogue.options(key):
@@ -86,6 +89,7 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
     if key == "experiment":
         file = composer.catalogue.choices(key, composer.config_name).get(str(override.value()))
         return text.lstrip("+") if file is None else f"{key}={file.partition('/')[2]}"
+    # Any other name with a slash is an unknown group; keys and chosen options need no +, new keys need ++.
     if "/" in key:
         raise InputError(f"{text}: no such group; there are: {', '.join(composer.slots)}")
     return f"{'++' if is_open else ''}{text.lstrip('+')}"

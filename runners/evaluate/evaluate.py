@@ -49,6 +49,7 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
         raise InputError(
             f"crowd is {job.choices['crowd']}: must be none where the map draws a robot for every episode"
         )
+    # Keys that the map set draws must not be given as well.
     told = {
         "planner.latency",
         "filter.latency",
@@ -134,6 +135,7 @@ def drive(
         RecordWriter(run_dir) as writer,
         EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
     ):
+        # Skip the episodes of an earlier run, and append each result to the log as it comes.
         done = writer.done()
         bar.skip(len(done))
         if done:

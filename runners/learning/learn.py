@@ -67,8 +67,10 @@ def learn(job: Job[LearnConfig]) -> None:
     tracking.start(parameters(asdict(config), labels), run_dir, tags, job.sweep_dir)
     with closed_by(tracking):
         with resume_hint("learn", run_dir), locked(run_dir):
+            # Learn, and register the best network before its evaluation, which may be stopped.
             run = _run_learner(job)
             files = [*_register(job, run, {}), _picture(run)]
+            # Evaluate on held-out worlds, and register again with the rates on the card.
             network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
             frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
             report_held_out(job, frame)

@@ -99,6 +99,7 @@ class PpoTraining:
         found: dict[str, list[float]] = {"loss_policy": [], "loss_value": [], "kl": []}
         for _ in range(self._config.epochs):
             order = torch.randperm(len(batch.raw), generator=parts.generator)
+            # Batches in random order; once KL exceeds kl_max, only the critic goes on.
             for chosen in torch.split(order, self._config.batch):
                 part = batch.of(chosen)
                 if learn_policy:

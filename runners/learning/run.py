@@ -106,6 +106,7 @@ class Run:
         row: a point of the curves, with the `success` of `judge`, if the network was evaluated. state: all that the
         learner needs to continue, made of tensors, numbers, lists and mappings.
         """
+        # Keep the best network so far, and add a point to the curves.
         if row is not None:
             if self.best is None or row["success"] > self.best:
                 self.best = row["success"]

@@ -79,6 +79,7 @@ class SacTraining:
         replay, updates = Replay(config.replay, run.device), 0
 
         def advance(driving: Driving, features: Features, done: int) -> Advanced:
+            # One step of all robots, then `updates` batches; the policy learns after the critics' first updates.
             nonlocal updates
             features = self._drive(policy, parts, driving, features, replay)
             found: list[dict[str, float]] = []

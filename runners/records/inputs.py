@@ -84,6 +84,7 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
                 raise InputError(
                     f"{place}: the copy of {file.source} cannot be written ({error.strerror})"
                 ) from error
+            # The digest was taken a moment ago: a file that has changed meanwhile is refused.
             if sha(content) != file.copy:
                 raise InputError(
                     f"{file.source}: has changed while the run was being started: start it again"
@@ -123,6 +124,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
             not isinstance(value, str) or key == WEIGHTS
         ):  # the config records the parameters of a weight set themselves
             return value
+        # A text of the config is an input of the run if key and value agree; other files must be inside or trusted.
         own = known.get((last_part(key), value))
         if own is not None:
             return _place(own, directory)

@@ -118,6 +118,7 @@ class RecordWriter:
         The result depends on the episodes alone, not on the order in which they finished or on how often the run
         was resumed. Each file is replaced whole. Raises RecordsWriteError.
         """
+        # Bring everything into the log, whose reader sorts and drops duplicates, and write both files from it.
         if self._unmerged:
             for entry in entries_in_files(self._run_dir):
                 self._append(entry)
@@ -128,6 +129,7 @@ class RecordWriter:
                 if not self._run_dir.is_dir():
                     raise self._gone() from None
                 raise self._write_error(Path(error.filename or self._run_dir), error) from None
+        # The files hold all episodes now.
         try:
             self._log.unlink()  # a reader that has the file open can read on
         except OSError:  # Windows keeps a file that is open

@@ -57,6 +57,7 @@ def output_file(path: Path) -> Iterator[Path]:
     When the `with` ends, the draft replaces the file that `path` leads to, or is copied into a pipe or device such as
     /dev/stdout. If an exception ends the `with`, nothing is written. An OSError names `path`.
     """
+    # A regular file is replaced atomically; errors name the path that the user gave.
     descriptor = _descriptor(path)
     if descriptor is None and not _is_special(path):
         target = _followed(path)
@@ -68,6 +69,7 @@ def output_file(path: Path) -> Iterator[Path]:
                 raise
             raise OSError(error.errno, error.strerror, str(path)) from error
         return
+    # A pipe, device or open descriptor gets the content once the draft is complete.
     with tempfile.TemporaryDirectory(prefix="lme-") as folder:
         draft = Path(folder) / f"draft{path.suffix}"
         yield draft

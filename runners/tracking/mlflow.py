@@ -196,6 +196,7 @@ class MlflowTracking:
     ) -> None:
         if self._opening is None:
             return
+        # The run opens in a thread: wait for it, and raise its error here.
         self._opening.join()
         uri, run = self._config.uri, self._run
         try:
@@ -212,6 +213,7 @@ class MlflowTracking:
             _warn(uri, error)
             self.stop(FAILED)
         else:
+            # The run is closed; name the values and files that are missing or stored in another form.
             if lost:
                 _warn_lost(uri, lost)
             if run.changed:

@@ -124,6 +124,7 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
                 "another with tracking.experiment=NAME"
             )
         return str(found.experiment_id)
+    # Create the experiment. Without a server its files go next to the database.
     location = None
     if not uri.startswith(("http", "databricks")):
         store = sqlite_path(uri) or Path("outputs") / "mlflow.db"

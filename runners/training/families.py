@@ -67,6 +67,7 @@ def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count:
         raise InputError(
             f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but leaves {left}"
         )
+    # Draw one by one, so that a larger count only adds numbers at the end.
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, _TRAINING]))
     drawn: dict[int, None] = {}
     while len(drawn) < count:

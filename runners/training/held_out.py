@@ -89,6 +89,7 @@ def _evaluation(
     below: str,
 ) -> Job[EvalConfig]:
     """Return the job that evaluates the values on one map."""
+    # The keys that this config shares with that of lme eval, with the values found.
     found = with_values(place_config, values)
     own_robot = place_config.robot is not job.config.robot
     names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(found)}

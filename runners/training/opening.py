@@ -52,10 +52,12 @@ def open_study(
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
     name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
+    # Open the study; the first process stores the identity of its search.
     sampler = per_trial(search.sampler, identity["seed"], first, restarts)
     with storage_errors(storage, "start again when it does"):
         study = _open(storage, name, run_dir, space, sampler)
         stored = study.get_or_set(_IDENTITY, searched)
+    # A study of another search must not be continued.
     damaged = [] if isinstance(stored, Mapping) else [f"{_IDENTITY} is {stored!r:.40}: must be a mapping"]
     found = damaged or list(launch_record.differences(stored, searched))
     if found:
@@ -137,11 +139,13 @@ def run_trials(
     """
     with study.keep_alive():
         while study.num_told < total:
+            # Claim and run a batch, and report it in the order of the numbers, which the sampler depends on.
             if proposals := study.claim(total, batch):
                 _run_batch(study, proposals, places, run_all)
                 for proposal in proposals:
                     study.tell(proposal.number)
                     note(study.num_told, study.best)
+            # Other processes run the rest: wait, as one of them may die.
             elif study.finds_killed:
                 time.sleep(_POLL_S)
                 note(study.num_told, study.best)

@@ -87,6 +87,7 @@ def race_figure(race: Race, start: str) -> Figure:
     found = racers(race)
     for racer in reversed(found):
         _line(axes, racer)
+    # The axis shows the candidates that raced; the others may lie far below.
     seen = [value for racer in found if racer.raced for value in racer.values]
     low, high = min(seen), max(seen)
     room = max(high - low, 0.02)
@@ -115,6 +116,7 @@ def parameters_figure(
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
     for axes in panels.flat[len(space) :]:
         axes.set_visible(False)
+    # One panel for each parameter, with start and best trial marked; one legend for all.
     known: dict[str, Any] = {}
     for axes, (key, found) in zip(panels.flat, space.items(), strict=False):
         _panel(axes, key, found, trials, raced)

@@ -65,10 +65,12 @@ def write_training_report(
     best = found.race.best_trial if found.race is not None else found.number
     if best == START:  # the best trial has the values of the start, or there is no other
         best = max(found.told, key=lambda trial: (trial.reward, -trial.number)).number
+    # Pictures, and explainer pages of the worst worlds.
     figures = _figures(found, start_values, start_name(job), best)
     pictures = [path for name, figure in figures.items() for path in save(figure, run_dir / name)]
     worst = worst_worlds(frame, None if is_start else start, _WORST)
     _explain(job, frame, worst)
+    # The page, with links to files and commands.
     report = TrainingReport(
         title=f"Training of {start['system'].iloc[0]} on {job.config.robot.name}",
         facts=_facts(job, len(found.told)),

@@ -119,7 +119,7 @@ def _verdict(report: TrainingReport) -> str:
 
 
 def _tiles(report: TrainingReport) -> Iterator[str]:
-    """Yield the four most important numbers."""
+    """Yield the four most important facts as tiles."""
     overall = report.held_out[-1]
     is_start = report.winner == START
     yield _tile(

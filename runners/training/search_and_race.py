@@ -56,11 +56,13 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
     space = search_space(job)
     start = own_values(config, space) if config.start_from_config else None
     where = config.storage, config.study, run_dir
+    # Open the study, and draw the worlds of the search and of each rung.
     study = open_study(*where, identity(config), space, search, start or {}, config.restarts)
     rungs = world_numbers(job, trained)
     check_configurations(study, trained, rungs[0], run_dir)
     places = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
     training = with_worlds(trained, [world for worlds in rungs for world in worlds])
+    # Search and race with the same workers.
     with ExitStack() as workers:
         run_all = _started_when_needed(config, training, workers)
         with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
@@ -101,6 +103,7 @@ def _race(
     with RaceLog(job.run_dir / RACE_LOG) as log, RaceProgress() as progress:
 
         def drive(attempts: Sequence[Attempt]) -> Iterator[Score]:
+            # Scores of an earlier run come from the log; only the others are driven.
             known = {attempt: log.get(attempt) for attempt in attempts}
             progress.begin(len(attempts), len({attempt.trial for attempt in attempts}))
             for score in filter(None, known.values()):
@@ -120,6 +123,7 @@ def _found(
     told = study.told
     best = max(told, key=lambda trial: (trial.reward, -trial.number))
     number, reward = best.number, best.reward
+    # The winner of the race replaces the best trial of the search.
     if race is not None:
         number, reward = race.winner, race.rungs[-1].values[race.winner]
     values = {trial.number: trial.values for trial in told}.get(number, {})

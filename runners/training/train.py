@@ -76,6 +76,7 @@ def validate(job: Job[TrainConfig]) -> None:
 def train(job: Job[TrainConfig]) -> None:
     """Search, race, evaluate the result and the start, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
+    # Set up the families of worlds and the tracked run.
     trained = families(config, job.choices)
     labels = _labels(job, trained)
     tracking = instantiate.build(config.tracking, "tracking")
@@ -84,12 +85,14 @@ def train(job: Job[TrainConfig]) -> None:
     with closed_by(tracking):
         _announce(job, trained)
         with resume_hint("train", run_dir), locked(run_dir):
+            # Search and race. The weights are written at once, in case the evaluation is stopped.
             with storage_errors(
                 config.storage, f"finished trials are kept, continue with: {resume_command('train', run_dir)}"
             ):
                 found = search_and_race(job, trained)
                 weights = _write_weights(job, trained, found)
                 pictures = _pictures(found, run_dir)
+            # Compare start and result on held-out worlds; the weight file then holds the verdict.
             places = evaluation_places(job, trained)
             start, frame = _evaluate(job, places, found)
             verdict = judge(places, start, frame, found.reward)
@@ -185,6 +188,7 @@ def _elsewhere(job: Job[TrainConfig], found: Found) -> str:
     config = job.config
     if not config.map or config.held_out or not config.guide.get("parameters"):
         return ""
+    # The maps of the families that any robot can drive, except the one trained on.
     maps = [
         job.choices.get(f"map@{TRAINING}{name}", "")
         for name, node in config.training.items()
@@ -193,6 +197,7 @@ def _elsewhere(job: Job[TrainConfig], found: Found) -> str:
     others = [name for name in maps if name not in ("", job.choices["map"])]
     if not others:
         return ""
+    # A sweep over these maps.
     words = [
         word for word in driven(job, "train", found.values) if word.lstrip("+").partition("=")[0] != "robot"
     ]

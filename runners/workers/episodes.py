@@ -57,11 +57,13 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
     _warm_up(build.setting(payload.config, maps, maps.numbers[0]), parts)
 
     def run(key: EpisodeKey) -> EpisodeResult:
+        # The task, and navigator and simulator: those of this process, unless the map set draws a robot.
         began = perf_counter()
         config, task, drawn = build.setting(payload.config, maps, key.world)
         robot = config.robot
         check_task(task, robot)
         navigator, simulator = parts(config)
+        # Drive, with observers for the recording and for the social measures, if wanted.
         company = Company(robot, simulator) if task.world.people else None
         with _recorder(payload.recordings, seed, key, robot) as recorder:
             observers = [observer for observer in (recorder, company) if observer is not None]
@@ -69,6 +71,7 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
             observer = _Observers(observers) if observers else None  # telling one the state takes time
             episode = run_episode(task, navigator, simulator, rng, observer)
         record = record_of(payload.labels, key, seed, task, episode, perf_counter() - began)
+        # Social measures compare with a second drive, from the same random numbers but without people.
         if company is not None:
             rng = episode_rng(seed, key.world, key.run)
             alone = partial(run_episode, without_people(task), navigator, simulator, rng)

@@ -118,11 +118,13 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
     def run(lesson: Lesson) -> LessonResult:
         task = task_of(lesson.maps, lesson.world)
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, lesson.world, 0]))
+        # Evaluation: the network alone, on the job's own robot.
         if lesson.beta is None:
             check_task(task, config.robot)
             navigator = Navigator(*_student(payload, lesson, config.robot))
             episode = run_episode(task, navigator, build.simulator(config), rng)
             return LessonResult(lesson, str(episode.outcome), (), np.empty((0, 0), np.float32))
+        # Lesson: the network and the expert together, on a robot drawn for this world.
         task = replace(task, time_limit=lesson.time_limit or task.time_limit)
         robot = draw_robot(config.robot, config.robots, _rng(config.seed, lesson.world, _ROBOT))
         pair = TeachingNavigator(payload, lesson, robot)
@@ -168,6 +170,7 @@ class TeachingNavigator(Navigator):
 
     def act(self, observation: Observation, time: float | None = None) -> Twist:
         command = super().act(observation, time)
+        # The expert labels every step, whoever drives; it has its own guide only under the target.
         assert self.guidance is not None
         told = self.guidance
         if self._guide is not None:

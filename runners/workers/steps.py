@@ -42,6 +42,7 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
             table = trajectory_table(run_dir, log, block)
             kept = set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
             missing = [key for key in block if key not in kept]
+            # Drive only the episodes whose steps were not kept; workers start when the first is needed.
             if missing:
                 drive = drive or workers.enter_context(_driver(run_dir, rows))
                 again = [_table(_checked(result, rows, run_dir)) for result in drive(missing)]
