@@ -1,4 +1,4 @@
-"""Tab completion: what may follow the words typed so far, and the shell scripts that ask for it.
+"""Tab completion: the words that may follow those typed so far, and the shell scripts that ask for them.
 
 Reads `conf/` as plain YAML, so that a key press is answered at once.
 """
@@ -55,7 +55,7 @@ SCRIPTS = {"bash": BASH, "zsh": ZSH}
 
 
 def candidates(line: str, commands: Iterable[str]) -> list[str]:
-    """Whole words that may stand where the last word of `line` is."""
+    """Return the whole words that may replace the last word of `line`."""
     words = line.split(" ")
     *before, word = [text for text in words[:-1] if text] + words[-1:]
     if len(before) <= 1:
@@ -77,7 +77,7 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
 
 
 def drop_broken_part(found: Sequence[str], line: str, breaks: str) -> list[str]:
-    """The candidates without the part that the shell takes for an earlier word: bash breaks words at = and :."""
+    """Return the candidates without the part that bash takes for an earlier word: it splits words at = and :."""
     word = line.rpartition(" ")[2]
     cut = max((word.rfind(letter) for letter in "=:" if letter in breaks), default=-1) + 1
     return [candidate[cut:] for candidate in found]
@@ -107,7 +107,7 @@ def _override(
 
 
 def _keys(group: str, default: str | None, before: Sequence[str], configs: catalogue.Catalogue) -> list[str]:
-    """Keys of the option that the line chooses, or of the default one."""
+    """Return the keys of the option that the line chooses, or of the default option."""
     chosen = [text.partition("=")[2] for text in before if text.lstrip("+").startswith(f"{group}=")]
     if before[1] == group and len(before) > 2 and before[2] in configs.options(group):
         chosen.insert(0, before[2])  # lme figure KIND
@@ -128,7 +128,7 @@ def _values(
 
 
 def _flags(module: Path) -> list[str]:
-    """The flags that a module's parser takes, read from its source: importing a command takes too long."""
+    """Return the flags of a module's parser, read from its source because importing a command takes too long."""
     source = module.read_text(encoding="utf-8") if module.is_file() else ""
     return ["--help", *dict.fromkeys(re.findall(r'add_argument\(\s*"(--[\w-]+)"', source))]
 
@@ -142,7 +142,7 @@ def _starting(word: str, names: Iterable[str]) -> list[str]:
 
 
 def _paths(word: str, folders_only: bool = False) -> list[str]:
-    """Files and folders that begin with `word`; folders end in a slash."""
+    """Return the files and folders that begin with `word`; folders end in a slash."""
     folder, slash, start = word.rpartition("/")
     try:
         place = expanded(f"{folder}{slash}" or ".")

@@ -1,4 +1,7 @@
-"""What a bug report needs to say of this machine, line by line. Reads metadata and imports none of the packages."""
+"""The facts that a bug report needs about this machine, one per line.
+
+Reads package metadata and imports none of the packages.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ _REINSTALL = "in a checkout: pip install --editable ."
 
 
 class Line(NamedTuple):
-    """One line of the report. advice: what to do about it, where it is a problem; else empty."""
+    """One line of the report. advice: how to fix the problem; empty where there is none."""
 
     name: str
     found: str
@@ -38,7 +41,7 @@ class Line(NamedTuple):
 
 
 def report() -> list[Line]:
-    """All lines: versions, extras, machine, places."""
+    """Return all lines: versions, extras, machine, folders."""
     packages = [_package(each) for each in extras.needed()]
     optional = [_extra(name, each) for name, each in extras.optional().items()]
     return [_lme(), _python(), *packages, *optional, _cores(), *_memory(), _numba(), _outputs(), _mlflow()]
@@ -73,7 +76,7 @@ def _package(needed: Requirement) -> Line:
 
 
 def _extra(name: str, needed: Sequence[Requirement]) -> Line:
-    """An extra that is not installed is not a problem; one of an unsuitable version is."""
+    """Describe an extra. It is no problem if it is not installed, but it is one if its version is unsuitable."""
     found = {each.name: _version(each.name) for each in needed}
     label, names = f"extra {name}", [each.name for each in needed]
     if None in found.values():
@@ -95,7 +98,7 @@ def _cores() -> Line:
 
 
 def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
-    """Total and available memory; nothing where the system does not say."""
+    """Return total and available memory; an empty list where the system does not report them."""
     try:
         fields = dict(line.split(":") for line in meminfo.read_text().splitlines())
         total, free = (int(fields[name].split()[0]) / 2**20 for name in ("MemTotal", "MemAvailable"))
@@ -143,5 +146,5 @@ def _mlflow() -> Line:
 
 
 def _is_writable(folder: Path) -> bool:
-    """Whether files can be made in `folder`, which may have to be made itself."""
+    """Return whether files can be made in `folder`, which may have to be created first."""
     return obstacle(folder / "file") is None

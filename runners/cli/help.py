@@ -1,4 +1,4 @@
-"""What `lme`, `lme --help` and `lme COMMAND --help` print. It must answer at once, so it imports nothing heavy."""
+"""The output of `lme`, `lme --help` and `lme COMMAND --help`. It must appear at once: nothing heavy is imported."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _HOW_TO = (
 
 
 def overview(commands: Mapping[str, str]) -> str:
-    """Help of `lme` itself. commands: name to one line."""
+    """Return the help of `lme` itself. commands: one line about each, by name."""
     return "\n".join(
         [
             "Local-Minimum Escaper: mapless robot navigation, from a config to the paper's table.",
@@ -57,11 +57,12 @@ def overview(commands: Mapping[str, str]) -> str:
 
 
 def command(name: str, title: str, examples: Sequence[str], words: Sequence[str] = ()) -> str:
-    """Help of a command that is configured by `conf/NAME.yaml`.
+    """Return the help of a command that is configured by `conf/NAME.yaml`.
 
-    words: of the command line. For a command with kinds, `lme NAME KIND`, they choose the kind whose keys are shown.
+    words: the command line's. For a command with kinds (`lme NAME KIND`), they choose the kind whose keys are shown.
     """
     configs = catalogue.shipped()
+    # Find the kind that the words choose, or the default one.
     kinds = configs.options(name)
     usage = "[KIND] [GROUP=OPTION ...]" if kinds else "[GROUP=OPTION ...]"
     kind = next((word for word in words if word in kinds), configs.groups(name).get(name))
@@ -90,7 +91,7 @@ def command(name: str, title: str, examples: Sequence[str], words: Sequence[str]
 
 
 def _keys(configs: catalogue.Catalogue, name: str, prefix: str = "") -> list[str]:
-    """The keys of a YAML, each with its value and its comment."""
+    """Return the keys of a YAML file, each with its value and its comment."""
     return _table((f"{prefix}{key.name}={key.value}", key.comment) for key in configs.keys(name))
 
 
@@ -112,7 +113,7 @@ def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:
 
 
 def _table(rows: Iterable[tuple[str, str]]) -> list[str]:
-    """Two columns, the second wrapped to the terminal."""
+    """Return two columns, the second wrapped to the terminal."""
     width = max(shutil.get_terminal_size().columns, 60)
     lines = []
     for left, right in rows:

@@ -1,9 +1,10 @@
-"""Run composed jobs as Hydra does, with its folders, sweepers, launchers and callbacks, but compose none again.
+"""Run composed jobs with Hydra's folders, sweepers, launchers and callbacks, without composing them again.
 
-The one user of Hydra's private part, `hydra._internal`. Every job is composed and checked before any of them runs, and
-is then run as it was checked. Hydra can run only what it composes itself: `hydra.main` composes a job when its turn
-comes, and sweepers and launchers ask a config loader for it. So they are given a loader that has the configs
-(`ConfigLoaderImpl` is the class that they expect), and the callbacks (`Callbacks`) that `hydra.main` would make.
+This is the only module that uses Hydra's private part, `hydra._internal`. Every job is composed and checked before
+any of them runs, and then runs exactly as it was checked. Hydra can only run what it composes itself: `hydra.main`
+composes a job when its turn comes, and sweepers and launchers ask a config loader for it. They are therefore given a
+loader that already has the configs (`ConfigLoaderImpl` is the class that they expect) and the callbacks (`Callbacks`)
+that `hydra.main` would make.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from runners.tracking.mlflow import sweep_closed
 
 
 def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]) -> int:
-    """Call `task` on every job of the plan; the highest status that it returns, or raises what it raises.
+    """Call `task` on every job of the plan. Return the highest status that it returned, or raise what it raised.
 
-    A job writes to `directory`; a job of a sweep to a folder of its own below it. name: of the jobs, for Hydra.
-    Raises LauncherError.
+    A job writes to `directory`; each job of a sweep writes to a folder of its own below it. name: of the jobs, for
+    Hydra. Raises LauncherError.
     """
     if plan.multirun:
         return _sweep(composer, plan, name, directory, task)
@@ -56,7 +57,7 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
 def _sweep(
     composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]
 ) -> int:
-    """Hydra's sweeper and launcher over the jobs of a plan."""
+    """Run the jobs of a plan with Hydra's sweeper and launcher."""
     config = composer.compose(plan.overrides, RunMode.MULTIRUN)
     own = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
     _set(config, own)
@@ -81,10 +82,10 @@ def _sweep(
 
 
 class _Masked(Callback):
-    """Takes the passwords of URLs out of the files that Hydra has written about a job."""
+    """Callback that masks the passwords of URLs in the files that Hydra has written about a job."""
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Hydra has written its files just before."""
+        """Mask the files of the job, which Hydra has just written."""
         folder = Path(config.hydra.runtime.output_dir) / str(config.hydra.output_subdir)
         for file in folder.glob("*.yaml"):
             text = file.read_text(encoding="utf-8")
@@ -95,18 +96,18 @@ class _Masked(Callback):
 class _Planned(ConfigLoaderImpl, Callback):
     """Hydra's config loader, but with the configs of the jobs as they were checked.
 
-    It drops a job's configs when the job has run: those of a thousand jobs take half a gigabyte.
+    The configs of a job are dropped once it has run, since those of a thousand jobs take half a gigabyte.
     """
 
     def __init__(self, composer: Composer, plan: Plan, own: Mapping[str, Any]) -> None:
-        """own: keys of Hydra's own part that every job has."""
+        """Store the jobs' configs. own: keys of Hydra's own part that every job has."""
         super().__init__(composer.loader.get_search_path())
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer
         self._own = own
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
-        """The config of one job. A very large sweep has jobs that nobody has composed yet."""
+        """Return the config of one job. In a very large sweep, some jobs have not been composed yet."""
         config = self._configs.get(self._composer.canonical(sweep_overrides))
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
@@ -115,7 +116,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         return config
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
-        """Hydra keeps what the job returns, with two configs, until the sweep ends."""
+        """Drop the job's configs: Hydra keeps what the job returns, with two configs, until the sweep ends."""
         job_return.cfg = None
         if job_return.status == JobStatus.COMPLETED and job_return.return_value == 0:
             job_return.hydra_cfg = None  # names the job that failed
@@ -124,7 +125,7 @@ class _Planned(ConfigLoaderImpl, Callback):
 
 
 def _set(config: DictConfig, values: Mapping[str, Any]) -> None:
-    """Set keys of Hydra's own part."""
+    """Set keys in Hydra's own part of a config."""
     OmegaConf.set_readonly(
         config.hydra, None
     )  # HydraConfig sets it; Hydra's launchers write the job's number

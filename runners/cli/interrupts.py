@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, which Slurm sends before it kills, end a command alike, but for the exit status."""
+"""Handling of Ctrl-C and of SIGTERM, which Slurm sends before it kills; only the exit status tells them apart."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from types import FrameType
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM has come. Whatever Ctrl-C stops in order, this does too."""
+    """SIGTERM was received. It ends a command in the same order as Ctrl-C."""
 
 
 def status_of(interrupt: KeyboardInterrupt) -> int:
-    """The exit status: 128 and the number of the signal."""
+    """Return the exit status: 128 plus the number of the signal."""
     return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
 
 
 @contextlib.contextmanager
 def terminable() -> Iterator[None]:
-    """Raise Terminated in the block when SIGTERM comes, once: what is being stopped is not stopped again."""
+    """Raise Terminated in the block at the first SIGTERM; later signals are ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -39,10 +39,10 @@ _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes by def
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a command does.
+    """A command and the functions that carry it out.
 
     validate: called with every job before anything is written, to raise InputError. run: called with every job.
-    finish_sweep: called after a sweep with its first job and the directories of all.
+    finish_sweep: called after a sweep with its first job and the directories of all jobs.
     """
 
     name: str
@@ -52,15 +52,17 @@ class Command:
 
 
 def launch(command: Command, argv: Sequence[str]) -> int:
-    """Run a command on what `argv` composes from its config; returns the exit status.
+    """Run a command on what `argv` composes from its config; return the exit status.
 
     Raises InputError for what the user can put right.
     """
+    # Read the command line, with the overrides of a run that is resumed.
     typed = arguments.parse(argv)
     given, resumed = _with_resumed(command.name, typed)
     config_name = given.config_name or command.name
     if given.info or given.hydra_help:
         return show.print_hydra_info(command.name, config_name, given)
+    # Compose the config of every job.
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun, typed.overrides)
         if resumed is not None:
@@ -70,6 +72,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
             server.start()  # it imports while this process builds and checks the jobs
+        # Check every job before anything is written, then choose the directory and run them.
         jobs = command_line.validated(plan, composer, command.validate)
         record, directory = _directory(command, given, plan, jobs, resumed)
         with trust.trusting(directory):  # whose config is the one just composed
@@ -77,13 +80,14 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
 
 def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
-    """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too.
+    """Add the overrides of the run that `resume=PATH` names, below those given now; return the PATH too.
 
-    With an option chosen again, such as `hydra/launcher=basic`, the keys of the former one are left out.
+    Where an option is chosen again, such as `hydra/launcher=basic`, the saved keys of the former option are left out.
     """
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
+    # Read the launch record of the run, which must be one of this command.
     try:
         saved = launch_record.read_launch(directory)
     except InputError as error:
@@ -97,14 +101,17 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
         raise InputError(
             f"resume={directory}: holds a run of lme {saved.command}, not of lme {command}: use {hint}"
         )
+    # Refuse a run that must not decide here, and a second word on where to write.
     _check_foreign(saved, directory, given)
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
+    # Keep the saved overrides that nothing given now replaces: neither their key, nor the option that holds it.
     anew = tuple(f"{key.replace('/', '.')}." for key in keys)
     kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
     if not saved.multirun and "hydra.mode" not in keys:
         kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
+    # Everything else that was not given now is as at the launch.
     config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
     if config_dir is not None:
         arguments.check_config_dir(config_dir)
@@ -118,20 +125,24 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
 
 
 def _check_foreign(saved: launch_record.Launch, directory: Path, given: arguments.Arguments) -> None:
-    """Raise UntrustedError where a run that somebody else made may not decide what is read and executed.
+    """Raise UntrustedError where a run that somebody else made must not decide what is read and executed.
 
-    One's own run, and one that --trust vouches for, may. Its own code is imported from its copy where it is not there.
+    The user's own runs, and those that --trust vouches for, are allowed to. Code that such a run used and that is no
+    longer in its place is imported from the run's copy.
     """
+    # A lost input has to be restored by the user, whoever made the run.
     lost = next((each for each in saved.inputs if inputs.is_lost(each)), None)
     if lost is not None:
         raise InputError(
             f"resume={directory}: {lost.given}, its {lost.key}, is not here; the run holds a copy, "
             f"{inputs.FOLDER}/{lost.digest}/{lost.name}: put that there first"
         )
+    # A trusted run only needs its code.
     if saved.is_own or trust.is_trusted(directory):
         with trust.trusting(directory):
             inputs.provide_code([each for each in saved.inputs if inputs.is_gone(each)], directory)
         return
+    # In any other run, check everything that it would decide: its words, its folder of options, and its configs.
     trust.check_words(saved.overrides, directory)
     trust.check_words([f"config_name={saved.config_name or ''}"], directory)
     if saved.config_dir and given.config_dir is None:
@@ -142,7 +153,7 @@ def _check_foreign(saved: launch_record.Launch, directory: Path, given: argument
 
 
 def _check_code(plan: command_line.Plan, directory: Path) -> None:
-    """Raise UntrustedError if a run that somebody else made has chosen code that is not lme's."""
+    """Raise UntrustedError if a run that somebody else made chose code from outside lme."""
     saved = launch_record.read_launch(directory)
     if saved is not None and not saved.is_own:
         for config in plan.configs.values():
@@ -168,10 +179,12 @@ def _directory(
     jobs: Sequence[Job[Any]],
     resumed: Path | None,
 ) -> tuple[launch_record.Launch, Path]:
-    """The launch record, and the directory to write to. Makes both, unless a run is resumed."""
+    """Return the launch record and the directory to write to; create both unless a run is resumed."""
+    # Record what is launched, without the words that only say where to write.
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
     record.num_jobs = plan.num_jobs if plan.multirun else None
+    # Find out whether to start afresh: also if resume=true finds nothing in the directory.
     asked = _requested_directory(plan.first, plan.multirun)
     fresh = resumed is None and OmegaConf.select(plan.first, "resume") is not True
     if not (fresh or resumed) and asked is not None and not run_directories.holds_run(asked):
@@ -179,15 +192,16 @@ def _directory(
         fresh = True
     if fresh:
         return record, run_directories.make_fresh(record, asked)
+    # Else continue in the directory of the same launch.
     directory = resumed or asked or run_directories.resumable(record)
     run_directories.check_same(record, directory)
     return record, directory
 
 
 def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
-    """The directory that the command line or a config file names; None if neither does.
+    """Return the directory that the command line or a config file names; None if neither names one.
 
-    Raises InputError where its interpolations lead nowhere.
+    Raises InputError if its interpolations cannot be resolved.
     """
     before = HydraConfig.instance().cfg
     HydraConfig.instance().set_config(config)  # for ${hydra:...}
@@ -212,15 +226,17 @@ def _start(
     jobs: Sequence[Job[Any]],
     directory: Path,
 ) -> int:
-    """Run all jobs in or below `directory`; the exit status."""
+    """Run all jobs in or below `directory` and return the exit status."""
     checked = {job.overrides: job for job in jobs}
     num_jobs = plan.num_jobs if plan.multirun else None
     task = _Task(command, record, directory, composer.catalogue.folders, checked, num_jobs, os.getpid())
+    # Run the jobs, then let the command finish the sweep if all of them succeeded.
     try:
         status = hydra_jobs.run(composer, plan, command.name, directory, task)
         if plan.multirun and status == 0 and command.finish_sweep is not None:
             first = replace(jobs[0], sweep_dir=directory)
             command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
+    # An error that ended the sweep becomes an exit status and, for a sweep, the command that resumes it.
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
     except KeyboardInterrupt as interrupt:
@@ -236,11 +252,11 @@ def _start(
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """What Hydra calls for every job, in this process or in one of a launcher plugin's.
+    """The function that Hydra calls for every job, in this process or in one that a launcher plugin starts.
 
     record: of the launch, with the files that all jobs read. directory: of the run or the sweep. checked: the jobs as
-    they were composed at launch, by their overrides. num_jobs: of the sweep; None where the job is part of none.
-    process: the id of that which launches the jobs.
+    composed at launch, by their overrides. num_jobs: number of jobs in the sweep; None outside a sweep. process: id
+    of the process that launches the jobs.
     """
 
     command: Command
@@ -252,10 +268,10 @@ class _Task:
     process: int
 
     def __call__(self, config: DictConfig) -> int:
-        """Run the command on a composed config; Hydra's own part is in HydraConfig. Returns the exit status.
+        """Run the command on a composed config and return the exit status. Hydra's own part is in HydraConfig.
 
-        A failed episode ends its job alone: the other jobs of a sweep still run. Raises SystemExit for what would
-        end the others too, unless they run in processes of their own.
+        A failed episode ends only its own job; the other jobs of a sweep still run. Raises SystemExit for errors that
+        would end the other jobs too, unless the jobs run in processes of their own.
         """
         from runners.workers.executor import EpisodeError
 
@@ -267,6 +283,7 @@ class _Task:
             with ending, trust.trusting(self.directory):
                 self.command.run(self._job(config))
         except (Exception, SystemExit) as error:  # a user's own class may raise anything
+            # Without a status and an explanation, the error is one of the program itself: show all of it.
             status = _status(error)
             own = explained(error) if status is None else ""
             if status is None and not own:
@@ -274,18 +291,20 @@ class _Task:
             said = own or explain_os_error(error) or masked_text(str(error))
             print(f"lme {self.command.name}: {said}", file=sys.stderr)
             show_traceback(error)
+            # End this job alone, or all jobs if the error would end them too.
             if status is None or isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status or _FAILED
             raise SystemExit(status) from error
         return 0
 
     def _job(self, config: DictConfig) -> Job[Any]:
-        """The job with its directory. A job of a sweep gets its own launch record there."""
+        """Return the job with its directory. A job of a sweep gets its own launch record there."""
         hydra = HydraConfig.get()
         job = self._as_at_launch(config, hydra)
         run_dir = _relative(Path(hydra.runtime.output_dir))
         if self.num_jobs is None:
             return replace(job, run_dir=run_dir)
+        # A job of a sweep says its number, and gets a launch record of its own.
         words = [word for word in job.overrides if _key(word) != "resume"]
         number = int(hydra.job.num)
         print(f"[{number + 1}/{self.num_jobs}] {' '.join(words)}", file=sys.stderr)
@@ -297,13 +316,14 @@ class _Task:
         return replace(job, config=inputs.as_at_launch(job.config, self.record.inputs, self.directory))
 
     def _as_at_launch(self, config: DictConfig, hydra: Any) -> Job[Any]:
-        """The job as it was composed at launch, whatever has become of the files since.
+        """Return the job as composed at launch, even if the files have changed since.
 
-        A very large sweep has jobs that nobody has composed yet. Raises InputError if their files have changed.
+        In a very large sweep, some jobs have not been composed yet. Raises InputError if their files have changed.
         """
         checked = self.checked.get(tuple(hydra.overrides.task))
         if checked is not None:
             return checked
+        # Not composed at launch: compose it now, from files that must be the same as then.
         changed = [source for each in self.record.inputs for source in inputs.changed_files(each)]
         if changed:
             raise InputError(
@@ -314,12 +334,12 @@ class _Task:
 
 
 def _relative(path: Path) -> Path:
-    """The path relative to the working directory, if it lies below it."""
+    """Return the path relative to the working directory if it lies below it, else the path itself."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def _status(error: BaseException) -> int | None:
-    """The exit status of a run that an error ended; None for an error of the program itself.
+    """Return the exit status of a run that an error ended; None for an error of the program itself.
 
     2: a user's mistake. 1: a failed episode, or a reason outside the program, such as a full disk or a killed worker.
     """

@@ -1,8 +1,8 @@
 """The `lme` command: finds the commands in `runners/cli/commands/` and runs the one given.
 
-A command is one file there: a docstring whose first line says what it does, `EXAMPLES`, and
-`main(argv) -> int`. A command that Hydra configures has a `conf/<command>.yaml`, and its help is made from
-that. Nothing heavy is imported, and no command either, before one is run.
+Each command is one file there: a docstring whose first line says what it does, `EXAMPLES`, and `main(argv) -> int`. A
+command that Hydra configures has a `conf/<command>.yaml`, from which its help is made. Neither a heavy package nor a
+command is imported before a command runs.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from runners.workers.environment import SAFE_PATH, environment, search_working_f
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `lme` with these words, or those of the process; returns the exit status."""
+    """Run `lme` with these words, or those of the process; return the exit status."""
     with plain_output():
         return _main(argv)
 
@@ -49,6 +49,7 @@ def _main(argv: Sequence[str] | None) -> int:
     name = words[0] if words else "--help"
     known = command_files()
     search_working_folder_last()
+    # Run the command with the guards that all commands share.
     try:
         with plain_warnings(), terminable(), environment(SAFE_PATH), _trusting(words):
             status = _run(name, [word for word in words[1:] if word != trust.FLAG], known)
@@ -56,6 +57,7 @@ def _main(argv: Sequence[str] | None) -> int:
             if lost:
                 print(f"lme {name}: standard output is closed, so nothing could be shown", file=sys.stderr)
             return status or int(lost)
+    # Translate what ended it into a message and an exit status.
     except InputError as error:
         said = masked_text(str(error))
         print(f"lme {name}: {said}" if name in known else f"lme: {said}", file=sys.stderr)
@@ -76,12 +78,12 @@ def _main(argv: Sequence[str] | None) -> int:
 
 
 def _trusting(words: Sequence[str]) -> contextlib.AbstractContextManager[None]:
-    """Execute the code that runs name if the command has --trust, which every command takes."""
+    """Allow the execution of code that runs name if the command has --trust, which every command takes."""
     return trust.trusting(None) if trust.FLAG in words else contextlib.nullcontext()
 
 
 def _explain(error: BaseException, command: str) -> str:
-    """What to say of a failed episode, or of a reason outside the program; empty for an error of lme."""
+    """Return the message for a failed episode or a reason outside the program; empty for an error of lme."""
     from runners.workers.executor import EpisodeError
 
     if isinstance(error, EpisodeError):
@@ -92,10 +94,10 @@ def _explain(error: BaseException, command: str) -> str:
 
 
 def open_streams() -> bool:
-    """Make the three standard streams usable; returns whether what is printed is lost, as after `lme … >&-`.
+    """Make the three standard streams usable; return whether printed output is lost, as after `lme … >&-`.
 
-    A closed stream leads to the null device: otherwise the next file to be opened would get its number, and what is
-    printed would be written into that file. A character that the terminal's encoding lacks becomes a question mark.
+    A closed stream is redirected to the null device: otherwise the next opened file would get its number, and printed
+    text would be written into that file. A character that the terminal's encoding lacks becomes a question mark.
     """
     lost = sys.stdout is None
     for number, name in enumerate(("stdin", "stdout", "stderr")):
@@ -119,25 +121,25 @@ def _is_open(number: int) -> bool:
 
 
 def _collect_rarely() -> None:
-    """Search for garbage less often, and not at the end: libraries make a million objects that all stay."""
+    """Collect garbage less often, and not at exit: libraries create a million objects that all stay alive."""
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
 
 
 def command_files() -> dict[str, Path]:
-    """Every command's file by its name."""
+    """Return every command's file by the command's name."""
     files = [path for folder in commands.__path__ for path in Path(folder).glob("[!_]*.py")]
     first = {path.stem.replace("_", "-"): path for path in reversed(files)}  # as import finds them
     return dict(sorted(first.items()))
 
 
 def title(path: Path) -> str:
-    """The first line of a module's docstring, read without importing it."""
+    """Return the first line of a module's docstring, read without importing it."""
     return (ast.get_docstring(_parsed(path)) or "").partition("\n")[0]
 
 
 def examples(path: Path) -> tuple[str, ...]:
-    """A module's `EXAMPLES`, read without importing it."""
+    """Return a module's `EXAMPLES`, read without importing it."""
     for statement in _parsed(path).body:
         if isinstance(statement, ast.Assign) and getattr(statement.targets[0], "id", "") == "EXAMPLES":
             return tuple(ast.literal_eval(statement.value))
@@ -166,7 +168,7 @@ def _run(name: str, argv: list[str], known: dict[str, Path]) -> int:
 
 @contextlib.contextmanager
 def plain_warnings() -> Iterator[None]:
-    """Show what concerns the user in one line, and once; show other warnings as Python does.
+    """Show each warning that concerns the user once, in one line; show other warnings as Python does.
 
     Python's own "once" forgets what it has shown whenever a library changes the filters.
     """

@@ -72,6 +72,7 @@ def _add_build(verbs: Any) -> None:
         "--output", type=Path, metavar="PATH", help="the map's file, .yaml; default: outputs/maps/LOG.yaml"
     )
     _add_overwrite(build)
+    # Lengths in metres, each with its default and its help.
     numbers = {
         "resolution": (0.05, "side of a cell"),
         "max-range": (
@@ -150,7 +151,7 @@ def _build(arguments: argparse.Namespace) -> None:
 
 
 def _sorted_out(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
-    """The logs and the settings among the words. Raises InputError if there is no log, or a setting is not YAML."""
+    """Split the words into logs and settings. Raises InputError if there is no log, or a setting is not YAML."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError

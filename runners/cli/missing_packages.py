@@ -1,4 +1,4 @@
-"""What to say where a command needs a package that `pip install ./lme`, the installation for robots, leaves out."""
+"""The message for a command that needs a package which `pip install ./lme`, the robots' installation, leaves out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PACKAGES = {  # by the module that is imported
 
 
 def explain_missing(error: ModuleNotFoundError, command: str) -> str:
-    """What is missing and how to install it; empty for a module that every installation has, or none."""
+    """Return what is missing and how to install it; empty for a module that every installation has, or for none."""
     package = PACKAGES.get((error.name or "").partition(".")[0])
     if package is None:
         return ""

@@ -12,9 +12,9 @@ _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 def explain_os_error(error: BaseException) -> str:
-    """What to say of a full disk, of temporary folders, of a deleted folder, and of a place that may not be used.
+    """Return the message for a full disk, for temporary folders, for a deleted folder, or for a forbidden path.
 
-    Empty for another error.
+    Empty for any other error.
     """
     if not isinstance(error, OSError):
         return ""

@@ -1,4 +1,4 @@
-"""The help of commands that have options of their own instead of a config."""
+"""Help texts of commands that have options of their own instead of a config."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from runners.records import trust
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
-    """Describe --trust, which `runners/cli/main.py` takes out of the words of every command."""
+    """Describe --trust, which `runners/cli/main.py` removes from the words of every command."""
     what = "run the code that a run names (SECURITY.md); without it, only lme's own is run"
     parser.add_argument(trust.FLAG, action="store_true", help=what)
 
 
 def texts(description: str | None, examples: Iterable[str], notes: str = "") -> dict[str, Any]:
-    """Keywords for `ArgumentParser` and `add_parser`: the help ends with notes, if any, and examples."""
+    """Return keywords for `ArgumentParser` and `add_parser`; the help ends with notes, if any, and examples."""
     shown = "\n".join(["examples:", *(f"  {example}" for example in examples)])
     return {
         "description": description,

@@ -1,4 +1,4 @@
-"""What commands print shows control codes instead of sending them to the terminal: a run may be somebody else's."""
+"""Printed output with visible control codes instead of active ones, since a run may be somebody else's."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEPT = "\n\t"
 
 @contextlib.contextmanager
 def plain_output() -> Iterator[None]:
-    """Show control codes in what is printed on standard output and standard error meanwhile."""
+    """Make control codes visible in what the block prints on standard output and standard error."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (_Plain(stream) if stream is not None else stream for stream in before)
     try:
@@ -24,7 +24,10 @@ def plain_output() -> Iterator[None]:
 
 
 class _Plain:
-    """A text stream. Rich, which colours what it prints and is given clean text, writes to the stream behind it."""
+    """A text stream that shows control codes.
+
+    Rich gets clean text, colours it, and writes to the stream behind this one.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

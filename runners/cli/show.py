@@ -1,4 +1,4 @@
-"""What `--cfg`, `--info` and `--hydra-help` print instead of running a command."""
+"""The output of `--cfg`, `--info` and `--hydra-help`, which replaces running the command."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from runners.config.urls import masked_text
 
 
 def config(composed: DictConfig, what: str, package: str | None, resolve: bool) -> None:
-    """Print a composed config as YAML. what: job, hydra or all. package: a dotted key, to print that part alone.
+    """Print a composed config as YAML. what: job, hydra or all. package: the dotted key of the part to print alone.
 
-    Raises InputError for a key that is not there, or an interpolation of one.
+    Raises InputError for a missing key, or for an interpolation of a missing key.
     """
     HydraConfig.instance().set_config(composed)  # for ${hydra:...}
     OmegaConf.set_readonly(composed.hydra, None)  # set_config sets it; _resolved replaces values
+    # Choose between the job's config, Hydra's, and both.
     whole = without_hydra(composed) if what == "job" else composed
     if what == "hydra":
         own = _resolved(composed.hydra, composed) if resolve else composed.hydra  # may interpolate other keys
         whole = OmegaConf.create({"hydra": own})
+    # Narrow it down to the package.
     part: Any = whole
     if package and package != "_global_":
         try:
@@ -39,6 +41,7 @@ def config(composed: DictConfig, what: str, package: str | None, resolve: bool) 
         if part is None:
             raise InputError(f"--package {package}: the config has no such key")
         print(f"# @package {package}")
+    # Print a single value as text, everything else as YAML, without passwords.
     if not OmegaConf.is_config(part):
         print(masked_text(str(part)))
     elif resolve:
@@ -50,9 +53,9 @@ def config(composed: DictConfig, what: str, package: str | None, resolve: bool) 
 
 
 def _resolved(part: DictConfig | ListConfig, root: DictConfig) -> Any:
-    """A part of `root` as plain values; ??? for one that is known only in the run, such as a job's number.
+    """Return a part of `root` as plain values, with ??? for those known only in the run, such as a job's number.
 
-    Raises InputError for an interpolation of a key that is not there.
+    Raises InputError for an interpolation of a missing key.
     """
     unset: set[str] = set()
     while True:
@@ -67,7 +70,7 @@ def _resolved(part: DictConfig | ListConfig, root: DictConfig) -> Any:
 
 
 def print_hydra_info(command: str, config_name: str, given: Arguments) -> int:
-    """Let Hydra print what it knows of itself; returns the exit status."""
+    """Let Hydra print its own information; return the exit status."""
     before = sys.argv
     flags = ["--hydra-help"] if given.hydra_help else ["--info", str(given.info)]
     flags += ["--config-dir", str(given.config_dir)] if given.config_dir else []

@@ -1,4 +1,4 @@
-"""What the terminal says of the jobs of a sweep that submitit runs elsewhere: their own output goes to files."""
+"""Messages about the jobs of a sweep that submitit runs elsewhere, since their own output goes to files."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ _ID = "%j"  # submitit's sign for the number of a job
 
 
 class LauncherError(RuntimeError):
-    """Jobs could not be submitted, or one of them ended without a result, as when it was cancelled or killed."""
+    """Jobs could not be submitted, or one of them ended without a result, for instance because it was killed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Submitted:
-    """The jobs of a sweep. name: of the command. folder: of a job's output, with _ID; "" for other launchers."""
+    """The jobs of a sweep. name: of the command. folder: for a job's output, with _ID; "" for other launchers."""
 
     name: str
     folder: str
 
     @classmethod
     def of(cls, config: DictConfig, name: str) -> Submitted:
-        """The jobs of a config with Hydra's own part."""
+        """Return the jobs of a config that includes Hydra's own part."""
         return cls(name, str(OmegaConf.select(config, "hydra.launcher.submitit_folder", default="")))
 
     def announce(self, num_jobs: int) -> None:
-        """Say where to look while the jobs run."""
+        """Print where to look while the jobs run."""
         if self.folder:
             print(
                 f"lme {self.name}: {num_jobs} jobs submitted; their output: {self._output_folder}",
@@ -40,7 +40,7 @@ class Submitted:
             )
 
     def report_failures(self, jobs: Sequence[JobReturn]) -> None:
-        """Name every job that failed, and the file in which it says why."""
+        """Name every failed job, and the file in which it says why."""
         for job in jobs if self.folder else ():
             if int(job.return_value):
                 assert job.hydra_cfg is not None
@@ -50,7 +50,7 @@ class Submitted:
 
     @contextlib.contextmanager
     def explain_errors(self) -> Iterator[None]:
-        """Raise a LauncherError of one line for an error of submitit, about a job or about the cluster."""
+        """Replace an error of submitit, about a job or the cluster, by a LauncherError of one line."""
         try:
             yield
         except RuntimeError as error:
@@ -61,11 +61,11 @@ class Submitted:
 
     @property
     def _output_folder(self) -> Path:
-        """The folder with the output of all jobs."""
+        """Return the folder with the output of all jobs."""
         return Path(self.folder.partition(_ID)[0])
 
 
 def _is_of_submitit(error: Exception) -> bool:
-    """Whether submitit itself raised it. The error of a job's code was raised elsewhere."""
+    """Return whether submitit itself raised the error. Errors of a job's code are raised elsewhere."""
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     return str(frames[-1].f_globals["__name__"]).startswith("submitit.")

@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _default_folder(given: Sequence[Path], runs: Sequence[Path]) -> Path:
-    """The directory of the sweep that was given alone; else a new one."""
+    """Return the directory of a sweep that was given alone, else a new directory."""
     from runners.records.run_directories import ROOT
 
     if len(given) == 1 and list(given) != list(runs):
@@ -75,7 +75,7 @@ def _default_folder(given: Sequence[Path], runs: Sequence[Path]) -> Path:
 
 
 def _write(found: Sequence[RunComparison], place: Path) -> list[Path]:
-    """Write the files; their paths. Raises InputError if that cannot be done."""
+    """Write the files and return their paths. Raises InputError if that cannot be done."""
     from lme.errors import InputError
     from runners.reports.analysis import compare_report
     from runners.reports.plots.compare_runs import compare_figures

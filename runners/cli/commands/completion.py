@@ -13,7 +13,7 @@ EXAMPLES = (
 
 
 def main(argv: list[str]) -> int:
-    """Print the script of a shell, or the words that may come next, for which the script asks."""
+    """Print a shell's completion script, or the words that may come next, which that script asks for."""
     from runners.cli import completion
     from runners.cli.main import command_files
 

@@ -24,7 +24,7 @@ Nothing is written, sent or started. The report names your folders: read it befo
 
 
 def main(argv: list[str]) -> int:
-    """Print the report; returns 1 if there is a problem."""
+    """Print the report; return 1 if there is a problem."""
     from runners.cli import doctor
 
     _parser().parse_args(argv)
@@ -38,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _printed(lines: Sequence[Line]) -> list[str]:
-    """Two columns, marked problems with advice below them, and how many there are."""
+    """Return the report as two columns, with advice below each problem and the number of problems at the end."""
     width = max(len(line.name) for line in lines)
     texts = []
     for line in lines:

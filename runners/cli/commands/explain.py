@@ -27,7 +27,7 @@ EXAMPLES = (
 
 
 def main(argv: list[str]) -> int:
-    """List the failures of a run, or explain the episodes that are named, or a recording. Raises InputError."""
+    """List the failures of a run, or explain the named episodes or a recording. Raises InputError."""
     arguments = _parser().parse_args(argv)
     if arguments.run.suffix == ".mcap":
         _recording(arguments.run, arguments.episodes, arguments.output, arguments.text)
@@ -91,7 +91,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
 
 
 def _one_run(path: Path) -> Path:
-    """The run directory. Raises InputError for one that holds several; prints them and the commands that drove them."""
+    """Return the run directory. Raises InputError for several runs, after printing them with their commands."""
     from lme.errors import InputError
     from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
@@ -106,7 +106,7 @@ def _one_run(path: Path) -> Path:
 
 
 def _list(run_dir: Path) -> None:
-    """Print the failed episodes, the number of the others, and the commands that explain them."""
+    """Print the failed episodes, the number of the other episodes, and the commands that explain them."""
     from runners.config.quoting import lme_command
     from runners.records.launch_record import trust_flags
     from runners.records.records import read_episodes
@@ -130,7 +130,7 @@ def _list(run_dir: Path) -> None:
 
 
 def _lines(episodes: pd.DataFrame) -> list[str]:
-    """The episodes as an aligned table."""
+    """Return the episodes as an aligned table."""
     from runners.reports.analysis.columns import aligned
 
     rows = [("episode", "outcome", "time [s]", "switches")]
@@ -168,7 +168,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
 
 
 def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
-    """The path of each page. Raises InputError if one file is given for several pages."""
+    """Return the path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
     from runners.records.whole_file import output_path
     from runners.reports.analysis.failures import page_path
@@ -183,7 +183,7 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
 
 
 def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:
-    """Print the reason of every decision. Equal decisions in a row share a line."""
+    """Print the reason of every decision; equal decisions in a row share a line."""
     from runners.records.records import read_episodes, read_trajectories
     from runners.reports.explainer.pages import keys_of, select_episodes
     from runners.workers.trace import rerun_recorded
@@ -196,13 +196,13 @@ def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:
 
 
 def _episode_lines(name: str, trace: Trace) -> list[str]:
-    """How a drive ended, and the reasons of its decisions."""
+    """Return lines that say how a drive ended and why each decision was made."""
     end = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
     return [f"{name}: {end}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
 
 
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
-    """Steps, times and reasons. Raises InputError if the guide gives no reasons."""
+    """Yield the step, time and reason of each decision. Raises InputError if the guide gives no reasons."""
     from lme.errors import InputError
     from lme.guides.lme.reasons import reasons
 

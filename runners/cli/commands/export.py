@@ -75,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _parsed(argv: list[str]) -> argparse.Namespace:
-    """The arguments. --steps takes every word behind it; what is a run among them goes back to the runs.
+    """Parse the arguments. All words after --steps belong to it, except paths of runs, which become positional again.
 
     Raises InputError without a run.
     """
@@ -92,7 +92,7 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 
 
 def _format(given: str | None, output: Path | None) -> str:
-    """The format. Raises InputError for Parquet without a file, and for a file that ends otherwise."""
+    """Return the format. Raises InputError for Parquet without a file, and for a file with another suffix."""
     from lme.errors import InputError
 
     known = ", ".join(_FORMATS)
@@ -110,7 +110,7 @@ def _format(given: str | None, output: Path | None) -> str:
 
 
 def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
-    """The steps of the named episodes of each run. Raises InputError, before anything is written."""
+    """Return the steps of the named episodes of each run. Raises InputError before anything is written."""
     from lme.errors import InputError
     from runners.records.export import with_run_dir
     from runners.records.records import read_episodes
@@ -142,7 +142,7 @@ def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:
 
 
 def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
-    """Write a file whole; the number of its rows. Raises InputError where it cannot be written."""
+    """Write a whole file and return the number of its rows. Raises InputError where it cannot be written."""
     from lme.errors import InputError
     from runners.records import export
     from runners.records.whole_file import output_file

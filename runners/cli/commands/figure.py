@@ -24,7 +24,7 @@ def main(argv: list[str]) -> int:
 
 
 def _to_overrides(argv: list[str]) -> list[str]:
-    """The words as overrides: the kind, short names in full, and a single format as a list."""
+    """Return the words as overrides: the kind, short names in full, and a single format as a list."""
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"figure={words[0]}"
@@ -39,7 +39,7 @@ def _expand_key(word: str) -> str:
 
 
 def _check_driving(words: list[str]) -> None:
-    """Raise InputError for a key that says what to drive, when recorded episodes or maps alone are drawn."""
+    """Raise InputError for a key that says what to drive if the figure only draws recorded episodes or maps."""
     from lme.errors import InputError
     from runners.config import catalogue
 
@@ -58,7 +58,7 @@ def _check_driving(words: list[str]) -> None:
 
 
 def _check_swept(words: list[str]) -> None:
-    """Raise InputError for a sweep over a key of the figure itself: a sweep draws one figure."""
+    """Raise InputError for a sweep over one of the figure's own keys, since a sweep draws a single figure."""
     from lme.errors import InputError
 
     if not {"-m", "--multirun"} & set(words):

@@ -18,7 +18,7 @@ NAME = "leaderboard.html"
 
 
 def main(argv: list[str]) -> int:
-    """Write the page and say where it is. Raises InputError if there are no records or it cannot be written."""
+    """Write the page and print its path. Raises InputError if there are no records or the page cannot be written."""
     from runners.records.collect import collect
     from runners.records.whole_file import output_path
     from runners.reports.analysis.leaderboard import entries

@@ -30,14 +30,14 @@ def main(argv: list[str]) -> int:
 
 
 def _split(argv: list[str]) -> tuple[list[str], list[str]]:
-    """The words for lme, and those for ROS: remappings of ROS 1, and what follows --ros-args in ROS 2."""
+    """Split the words into those for lme and those for ROS: remappings in ROS 1, all after --ros-args in ROS 2."""
     at = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
     plain = [word for word in argv[:at] if ":=" not in word]
     return plain, [*(word for word in argv[:at] if ":=" in word), *argv[at:]]
 
 
 def _to_overrides(words: list[str]) -> list[str]:
-    """The kind and the version of ROS as overrides."""
+    """Return the kind and the version of ROS as overrides."""
     from lme.errors import InputError
 
     if words and words[0].startswith(_PRINTS):

@@ -32,14 +32,14 @@ NAMED = 6  # worlds that the file name of a picture lists at most
 
 
 def main(argv: list[str]) -> int:
-    """`lme maps`, or one of its verbs: show, import, build, buildings."""
+    """Run `lme maps` or one of its verbs: show, import, build, buildings."""
     arguments = _parsed(argv)
     arguments.run(arguments)
     return 0
 
 
 def _parsed(argv: list[str]) -> argparse.Namespace:
-    """The arguments. Worlds and settings may follow an option, which argparse alone does not allow."""
+    """Parse the arguments. Worlds and settings may follow an option, which argparse alone does not allow."""
     parser = _parser()
     arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
@@ -53,6 +53,7 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="lme maps", **texts(__doc__, EXAMPLES))
     parser.set_defaults(run=_list)
+    # lme maps show MAP [NUMBER | key=value …]
     verbs = parser.add_subparsers(metavar="VERB")
     about = (
         "The worlds of one map set: optimal time, time limit and measures, as lme eval drives them.\n"
@@ -84,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the picture's file, .png, .pdf or .svg; default: outputs/maps/MAP-NUMBER.png",
     )
     show.set_defaults(run=_show)
+    # lme maps import SOURCE DESTINATION
     bring = verbs.add_parser("import", help="check published BARN worlds, copy them, compare with ours")
     bring.add_argument("source", type=Path, help="an official checkout, its worlds/ or its BARN/")
     bring.add_argument("destination", type=Path, help="a new folder, for map.source=")
@@ -108,6 +110,7 @@ def _show(arguments: argparse.Namespace) -> None:
     own = [arguments.config_dir] if arguments.config_dir else []
     for folder in own:
         check_config_dir(folder)
+    # Build the chosen tasks, print their measures, and draw those that were named.
     chosen = choose([arguments.map, *arguments.what], configs=catalogue.shipped(*own))
     if not chosen.worlds and arguments.output is not None:
         raise InputError(
@@ -136,9 +139,9 @@ def _measures(task: Task) -> dict[str, str]:
 
 
 def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:
-    """Draw the named worlds into a file. Returns its path, or None if no world or too many are named.
+    """Draw the named worlds into a file. Return its path, or None if no world or too many worlds are named.
 
-    Raises InputError where the file cannot be written, and for too many where it is asked for.
+    Raises InputError if the file cannot be written, or if a file was requested for too many worlds.
     """
     if not chosen.worlds:
         return None

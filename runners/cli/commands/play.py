@@ -50,7 +50,7 @@ def _serve(episode: list[str], step: int | None, given: Arguments) -> int:
 
 
 def _session(episode: list[str], step: int | None, given: Arguments) -> Session:
-    """The session of a recorded episode, of the log of a drive, or of the words alone."""
+    """Return the session of a recorded episode, of a drive's log, or of the words alone."""
     from pathlib import Path
 
     from runners.play.from_log import is_log, words_of_log
@@ -85,7 +85,7 @@ def _opened(episode: list[str], step: int | None, given: Arguments) -> Session:
 
 
 def _step(words: list[str]) -> tuple[int | None, list[str]]:
-    """The number after --step, and the words without both. Raises InputError."""
+    """Return the number after --step, and the words without the option and its value. Raises InputError."""
     from lme.errors import InputError
 
     if _STEP not in words:
@@ -98,7 +98,7 @@ def _step(words: list[str]) -> tuple[int | None, list[str]]:
 
 
 def _print_config(argv: list[str]) -> int:
-    """What --cfg, --info and --hydra-help print."""
+    """Print what --cfg, --info and --hydra-help ask for."""
     from runners.cli.launch import Command, launch
 
     return launch(Command("play", lambda job: None, lambda job: None), argv)

@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
-    """The rows of the table. The config of a sweep sets their order."""
+    """Return the rows of the table, in the order that the config of a sweep sets."""
     from runners.config.ablations import labels
     from runners.config.systems import systems
     from runners.records.launch_record import read_launch
@@ -79,7 +79,7 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
 
 
 def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path) -> list[str]:
-    """Rewrite the tables and pictures of a run or sweep. Returns its findings. Raises InputError if it cannot."""
+    """Rewrite the tables and pictures of a run or sweep and return its findings. Raises InputError if that fails."""
     from lme.errors import InputError
     from runners.evaluate import sweeps
     from runners.reports.analysis.tables import write_tables
@@ -96,7 +96,7 @@ def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path
 
 
 def _draw(frame: pd.DataFrame, run: Path) -> None:
-    """Draw the paths. That needs the worlds, so a folder without a launch record gets no picture."""
+    """Draw the paths. This needs the worlds, so a folder without a launch record gets no picture."""
     from runners.config import build
     from runners.records.launch_record import read_launch
     from runners.records.trust import UntrustedError

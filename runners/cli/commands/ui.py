@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _server(uri: str, host: str, port: int) -> list[str]:
-    """Command of MLflow's server. One worker answers one person."""
+    """Return the command that starts MLflow's server. One worker is enough for one person."""
     options = {"backend-store-uri": uri, "host": host, "port": str(port), "workers": "1"}
     # Without a folder to import from, uvicorn searches the working folder before the standard library.
     options["uvicorn-opts"] = f"--log-level warning --app-dir {shlex.quote(sysconfig.get_path('stdlib'))}"
@@ -71,13 +71,13 @@ def _server(uri: str, host: str, port: int) -> list[str]:
 
 
 def _address(host: str, port: int) -> str:
-    """The server's address for a browser on this machine."""
+    """Return the server's address for a browser on this machine."""
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
 
 def _serve(command: list[str], environment: dict[str, str], address: str) -> int:
-    """Run the server until it ends or this process is ended; print where the runs are when it answers."""
+    """Run the server until it ends or this process is terminated; print where the runs are once it answers."""
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
@@ -94,7 +94,7 @@ def _serve(command: list[str], environment: dict[str, str], address: str) -> int
 
 
 def _announce(server: subprocess.Popen[bytes], address: str) -> None:
-    """Print where the runs are as soon as the server answers; nothing if it ends before."""
+    """Print where the runs are as soon as the server answers; print nothing if it ends before."""
     from runners.tracking.runs_page import addresses, is_up
 
     while not is_up(address):
@@ -125,7 +125,7 @@ def _check_store(uri: str) -> None:
 
 
 def _check_address(host: str, port: int) -> None:
-    """Bind once to check: the server itself reports a taken port in forty lines."""
+    """Bind the port once as a check, since the server itself reports a taken port in forty lines."""
     from lme.errors import InputError
 
     if not 0 < port < 65536:

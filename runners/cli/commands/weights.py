@@ -24,9 +24,9 @@ EXAMPLES = (
 
 
 class ForeignNetwork(NamedTuple):
-    """A network that its authors published. source: the file. drive: the pair that it is for.
+    """A network that its authors published. source: its file. drive: the guide and planner that it belongs to.
 
-    read: the weights in the authors' file, and those of them that this project keeps. Raises InputError.
+    read: returns the weights in the authors' file, and those of them that this project keeps. Raises InputError.
     """
 
     source: str
@@ -62,7 +62,7 @@ NETWORKS = {
 
 
 def main(argv: list[str]) -> int:
-    """`lme weights`, `lme weights import NETWORK PATH [NAME]`. Raises InputError for a wrong file or name."""
+    """Run `lme weights` or `lme weights import NETWORK PATH [NAME]`. Raises InputError for a wrong file or name."""
     arguments = _parser().parse_args(argv)
     arguments.run(arguments)
     return 0
@@ -98,7 +98,7 @@ def _list(_: argparse.Namespace) -> None:
 
 
 def _key(path: Path) -> str:
-    """The key that takes a file: of parameters, of a guide's network, or of a planner's."""
+    """Return the key that takes a file of parameters, of a guide's network, or of a planner's network."""
     from lme.guides.learned_subgoal.weights import SHAPES
     from lme.inputs.array_file import read_shapes
 
