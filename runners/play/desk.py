@@ -1,4 +1,4 @@
-"""Answers the messages of the page. It knows nothing of sockets, so that it can be tested without one."""
+"""Answers to the messages of the page. This module knows nothing of sockets, so it can be tested without one."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _NOTHING = -1  # revision that a page knows which has been told nothing
 
 
 class Desk:
-    """One session, and what its page has been sent."""
+    """A session, and what its page has already been sent."""
 
     def __init__(self, session: Session, root: Path = Path()) -> None:
         """root: the folder in which files may be read and written."""
@@ -43,7 +43,7 @@ class Desk:
         self._worlds: set[int] = set()  # steps at which a world begins that the page knows
 
     def welcome(self) -> Iterator[Reply]:
-        """Everything, for a page that has just come."""
+        """Yield everything that a newly opened page needs."""
         self._told, self._senders, self._worlds = _NOTHING, [], set()
         source = self.session.script.setup.source
         folders = (*SHIPPED, *([source.config_dir] if source and source.config_dir else []))
@@ -51,7 +51,10 @@ class Desk:
         yield from self._news()
 
     def answer(self, text: str) -> Iterator[Reply]:
-        """What a message leads to. A mistake in it becomes a message of the type "error"; nothing is lost."""
+        """Yield the replies to a message.
+
+        A mistake in the message yields a reply of the type "error", and the session stays as it was.
+        """
         ticket: Any = None
         before = self.session.state()
         try:
@@ -72,7 +75,7 @@ class Desk:
             yield json.dumps({"type": "done", "ticket": ticket})
 
     def _news(self) -> Iterator[Reply]:
-        """What the page does not know yet."""
+        """Yield what the page does not know yet."""
         session = self.session
         told = self._told
         if told != session.revision:
@@ -85,6 +88,7 @@ class Desk:
             yield json.dumps({"type": "settled"})  # what is drawn fits together again
 
     def _situation(self) -> Iterator[Reply]:
+        # The page keeps its frames and worlds only if it knows the revision before this one.
         session = self.session
         kept = session.kept if self._told == session.revision - 1 else 0
         if kept == 0:
@@ -93,6 +97,7 @@ class Desk:
             sender.forget(kept)
         self._told = session.revision
         self._worlds = {step for step in self._worlds if step < kept}
+        # Send the situation, then every world that the page has lost or never had.
         yield json.dumps(situation(session, kept))
         for step, drawing in sorted(session.script.drawings.items()):
             if step not in self._worlds:
@@ -118,7 +123,7 @@ class Desk:
         self.session.move_start(self._step(fields), pose, fields.text("gesture", ""))
 
     def _words(self, fields: Fields) -> None:
-        """Change words of the command line: {"set": {key: value, or null to take it away}}."""
+        """Change words of the command line: {"set": {key: value, or null to remove the word}}."""
         setup, changes = self.session.script.setup, fields.mapping("set")
         if setup.source is None:
             raise InputError(
@@ -130,7 +135,7 @@ class Desk:
         self.session.choose(setup_of(source, former=setup), self._step(fields))
 
     def _detail(self, fields: Fields) -> None:
-        """Say what a decision was made of."""
+        """Reply with the details behind a decision."""
         session = self.session
         lane = fields.integer("lane", len(session.lanes) - 1)
         step = min(self._step(fields), len(session.lanes[lane].frames) - 1)
@@ -139,7 +144,7 @@ class Desk:
         self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
 
     def _save(self, fields: Fields) -> None:
-        """Save as one of several kinds of files, and say where it is."""
+        """Save the session as a file of the requested kind, and reply with its path."""
         kind = fields.one_of("kind", KINDS)
         saved = save(self.session, kind, fields.text("name"), self._root, self._step(fields))
         self._more.append(json.dumps({"type": "saved", "path": str(saved.path), "command": saved.command}))
@@ -161,7 +166,7 @@ class Desk:
 
 
 def _said(error: BaseException) -> str:
-    """One line about an error; one in lme itself is shown in full on the terminal."""
+    """Return one line about an error. An error in lme itself is printed in full on the terminal."""
     if isinstance(error, InputError):
         return str(error)
     users = user_error(error)

@@ -1,4 +1,4 @@
-"""What a decision was made of, beyond what every frame says: it is found again by a look at a copy of the drive."""
+"""Details of a decision beyond those in every frame, recomputed on a copy of the drive."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ LAYERS = ("memory", "times", "arcs")
 def detail_message(
     lane: Lane, step: int, tasks: Tasks, layers: Collection[str], about: dict[str, Any]
 ) -> bytes:
-    """The layers of a decision, those that there are.
+    """Return those of the requested layers that the decision has.
 
-    memory: obstacle points that the guide knows, in the robot frame. times: expected times on a grid, in the frame of
-    which `pose` is the robot's. arcs: commands that the planner tried, with their costs.
+    memory: obstacle points that the guide knows, in the robot frame. times: expected times on a grid, in the frame in
+    which `pose` is the pose of the robot. arcs: commands that the planner tried, with their costs.
     """
     packer, header = Packer(), dict(about)
     frame = lane.frames[min(step, len(lane.frames) - 1)]
@@ -39,7 +39,8 @@ def detail_message(
 def _thoughts(
     packer: Packer, lane: Lane, step: int, tasks: Tasks, layers: Collection[str], moment: TracedStep
 ) -> dict[str, Any]:
-    """Add what the guide and the planner computed; returns what the header says of it."""
+    """Add what the guide and the planner computed to the packer, and return the entries of the header."""
+    # Work on a copy of the episode, so that the drive itself stays as it is.
     episode = lane.before(step, tasks)
     if episode is None:
         return {}

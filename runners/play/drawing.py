@@ -1,4 +1,4 @@
-"""What the user has drawn: a task of a map set, without what was erased, with what was added."""
+"""The user's drawing: a task of a map set without the erased parts and with the added items."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Entry = Mapping[str, Any]  # of a shape file, such as {"centre": [1, 2], "radius
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """Something drawn. kind: the list of a shape file that `entry` belongs to."""
+    """A drawn item. kind: the list of a shape file that `entry` belongs to."""
 
     kind: str
     entry: Entry
@@ -43,8 +43,8 @@ class Item:
 class Sketch:
     """A world, a start and a goal.
 
-    base: as opened; the names of its parts are c0, c1, … (circles), s0 (segments), p0 (polygons) and m0 (movers).
-    erased: names of parts that are gone. items: what was added, by name. goal: x, y [m].
+    base: the task as opened; its parts are named c0, c1, … (circles), s0 (segments), p0 (polygons) and m0 (movers).
+    erased: names of parts that were removed. items: what was added, by name. goal: x, y [m].
     """
 
     base: Task
@@ -55,11 +55,11 @@ class Sketch:
 
     @classmethod
     def of(cls, task: Task) -> Sketch:
-        """An untouched task."""
+        """Return the untouched sketch of a task."""
         return cls(task, Pose(*map(float, task.start)), _point(task.goal))
 
     def put(self, name: str, item: Item) -> Sketch:
-        """With an item, in place of the one or of the part of the base that has its name. Raises InputError."""
+        """Return a sketch with an item that replaces any item or part of the base of its name. Raises InputError."""
         if name not in self.items and len(self.items) >= MOST_ITEMS:
             raise InputError(f"the drawing has {MOST_ITEMS} items: must not be more; erase some first")
         others = [other for key, other in self.items.items() if key != name]
@@ -75,7 +75,7 @@ class Sketch:
         return replace(self, items={**self.items, name: item}, erased=erased)
 
     def erase(self, name: str) -> Sketch:
-        """Without an item, or a part of the base. Raises InputError for a name that is not there."""
+        """Return a sketch without an item or a part of the base. Raises InputError for an unknown name."""
         if name in self.items:
             return replace(self, items={key: item for key, item in self.items.items() if key != name})
         if name in self.erased or name not in set(self._parts()):
@@ -83,16 +83,17 @@ class Sketch:
         return replace(self, erased=self.erased | {name})
 
     def clear(self) -> Sketch:
-        """Without anything drawn, and with all that was erased; start and goal stay."""
+        """Return a sketch without any drawn items and with all erased parts restored; start and goal stay."""
         return replace(self, erased=frozenset(), items={})
 
     @property
     def touched(self) -> bool:
-        """Whether it differs from its base."""
+        """Return whether the sketch differs from its base."""
         return self.task() is not self.base
 
     def task(self) -> Task:
-        """The task; the base itself if it is untouched."""
+        """Return the sketch as a task; the base itself if it is untouched."""
+        # The path length and the times of the base no longer hold once anything is changed.
         same = self.start == Pose(*map(float, self.base.start)) and self.goal == _point(self.base.goal)
         if same and not self.erased and not self.items:
             return self.base
@@ -107,7 +108,7 @@ class Sketch:
         )
 
     def world(self) -> World:
-        """Base and drawing together, the base's parts first."""
+        """Return the world of base and drawing together, the base's parts first."""
         base, drawn = self.base.world, _world_of(self.items)
         return World(
             circles=np.vstack([base.circles[self._kept("c", len(base.circles))], drawn.circles]),
@@ -120,7 +121,7 @@ class Sketch:
         )
 
     def parts(self) -> Iterator[tuple[str, Item]]:
-        """All that is in the world, by name: the base's parts as items of a shape file, then the items."""
+        """Yield everything in the world by name: the base's parts as items of a shape file, then the drawn items."""
         base = self.base.world
         for i in self._kept("c", len(base.circles)):
             x, y, radius = base.circles[i].tolist()
@@ -146,7 +147,7 @@ class Sketch:
 
 
 def item_of(kind: str, entry: Entry) -> Item:
-    """An item that has been checked. Raises InputError for one that a shape file could not hold."""
+    """Return a checked item. Raises InputError for one that a shape file could not hold."""
     if kind not in KINDS:
         raise InputError(f"kind is {kind!r:.40}: must be one of {', '.join(KINDS)}")
     item = Item(kind, entry)
@@ -157,13 +158,13 @@ def item_of(kind: str, entry: Entry) -> Item:
 
 
 def _num_points(item: Item) -> int:
-    """Length of the lists of points in an entry, right or wrong."""
+    """Return the total length of the lists of points in an entry, valid or not."""
     lists = (item.entry.get(key) for key in ("points", "path", "outline"))
     return sum(len(points) for points in lists if isinstance(points, list))
 
 
 def _world_of(items: Mapping[str, Item]) -> World:
-    """The world of items alone."""
+    """Return a world that consists of the items alone."""
     movers = tuple(
         _mover(name, json.dumps(item.entry)) for name, item in items.items() if item.kind == MOVERS
     )
@@ -174,12 +175,12 @@ def _world_of(items: Mapping[str, Item]) -> World:
 
 @lru_cache(maxsize=500)
 def _mover(name: str, entry: str) -> Mover:
-    """The mover of an entry, given as JSON; the same object for the same name, so that simulators know it again."""
+    """Return the mover of an entry in JSON; the same object for the same name, so that simulators recognise it."""
     return mover_of("the drawing, movers", json.loads(entry))
 
 
 def _entry_of(mover: Mover) -> Entry:
-    """The entry of a scene file that makes a mover."""
+    """Return the entry of a scene file that describes a mover."""
     poses = [[x, y, math.degrees(yaw)] for x, y, yaw in mover.path.tolist()]
     turns = any(pose[2] for pose in poses)
     entry: dict[str, Any] = {"path": poses if turns else [pose[:2] for pose in poses]}

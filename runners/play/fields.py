@@ -1,4 +1,4 @@
-"""The fields of a message from the page, read strictly: whoever writes to the socket gets nothing else past."""
+"""Fields of a message from the page, read strictly, so that no other input passes from the socket."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST_TEXT = 200
 
 
 class Fields:
-    """A message: a JSON object. Every reader raises InputError that names the field and what would be right."""
+    """A message: a JSON object. Every reader raises an InputError that names the field and what would be right."""
 
     def __init__(self, text: str) -> None:
         if len(text) > LONGEST_MESSAGE:
@@ -28,39 +28,39 @@ class Fields:
         self._values: Mapping[str, Any] = values
 
     def value(self, key: str) -> Any:
-        """As it came; None if it is absent."""
+        """Return the value as received; None if it is absent."""
         return self._values.get(key)
 
     def text(self, key: str, default: str | None = None) -> str:
-        """A short text."""
+        """Return a short text."""
         value = self._values.get(key, default)
         if not isinstance(value, str) or len(value) > LONGEST_TEXT:
             raise self._mistake(key, f"text of at most {LONGEST_TEXT} characters")
         return value
 
     def one_of(self, key: str, names: Collection[str]) -> str:
-        """One of the names."""
+        """Return one of the names."""
         value = self._values.get(key)
         if not isinstance(value, str) or value not in names:
             raise self._mistake(key, f"one of {', '.join(names)}")
         return value
 
     def some_of(self, key: str, names: Collection[str]) -> list[str]:
-        """Those of the names that a list holds; none if it is absent."""
+        """Return those of the names that are in a list; an empty list if the field is absent."""
         value = self._values.get(key, [])
         if not isinstance(value, list):
             raise self._mistake(key, f"a list of {', '.join(names)}")
         return [name for name in names if name in value]
 
     def integer(self, key: str, most: int) -> int:
-        """A whole number from 0 to `most`."""
+        """Return a whole number from 0 to `most`."""
         value = self._values.get(key)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
             raise self._mistake(key, f"a whole number from 0 to {most}")
         return value
 
     def numbers(self, key: str, count: int, most: float) -> list[float]:
-        """`count` finite numbers between −`most` and `most`."""
+        """Return `count` finite numbers between −`most` and `most`."""
         value = self._values.get(key)
         numbers = [_number(each) for each in value] if isinstance(value, list) else []
         if len(numbers) != count or not all(abs(number) <= most for number in numbers):
@@ -68,7 +68,7 @@ class Fields:
         return numbers
 
     def mapping(self, key: str) -> dict[str, Any]:
-        """A JSON object."""
+        """Return a JSON object."""
         value = self._values.get(key)
         if not isinstance(value, dict):
             raise self._mistake(key, "an object")
@@ -79,7 +79,7 @@ class Fields:
 
 
 def _number(value: Any) -> float:
-    """The number; NaN for anything else."""
+    """Return the value as a float; NaN for anything that is not a number."""
     try:
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
     except OverflowError:

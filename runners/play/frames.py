@@ -29,7 +29,7 @@ MOST_PARTS = 4000  # that the page can drag; those of a larger world are only dr
 
 
 def head(lane: Lane) -> dict[str, Any]:
-    """What holds for a whole drive: the robot, and what the guide decides by."""
+    """Return the facts that hold for a whole drive: the robot, and the criteria by which the guide decides."""
     steps = [frame.moment for frame in lane.frames[:1] if isinstance(frame.moment, TracedStep)]
     reasons = [step.explanation for step in steps if step.explanation is not None]
     return {
@@ -53,17 +53,17 @@ class Sender:
 
     @property
     def sent(self) -> int:
-        """How many frames have been encoded."""
+        """Number of frames that have been encoded."""
         return len(self._new)
 
     def forget(self, step: int) -> None:
-        """Encode the frames from `step` on again."""
+        """Encode the frames from `step` on again next time."""
         if step < self.sent:
             self._new = self._new[:step]
             self._seen = {(x, y) for cells in self._new for x, y in cells.tolist()}
 
     def frames(self, lane: Lane, until: int, about: dict[str, Any]) -> bytes:
-        """The frames up to `until`, that one not included, which were not encoded yet. about: more of the header."""
+        """Encode the frames before `until` that were not encoded yet. about: further entries of the header."""
         first = self.sent
         frames = lane.frames[first:until]
         packer = Packer()
@@ -88,6 +88,7 @@ class Sender:
     def _add_seen(self, packer: Packer, lane: Lane, frames: Sequence[Frame]) -> None:
         mount = lane.config.robot.lidar.mount
         before = len(self._new)
+        # Each cell belongs to the first frame whose scan hit it.
         for frame in frames:
             points = to_world(obstacle_points(frame.moment.observation.scan, mount), frame.moment.pose)
             cells = dict.fromkeys(map(tuple, cells_of(points).tolist()))
@@ -99,7 +100,7 @@ class Sender:
 
 
 def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
-    """A world with its start and goal, and its parts, if they are few enough to be dragged."""
+    """Encode a world with its start and goal. If it has few enough parts to be dragged, they are included."""
     packer = Packer()
     task = drawing.task()
     add_world(packer, task.world)

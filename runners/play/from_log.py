@@ -1,4 +1,4 @@
-"""The place where a real robot drove, from the log of its drive."""
+"""The map of a place where a real robot drove, built from the log of its drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _RECORDINGS = (".bag", ".db3")
 
 
 def is_log(path: Path) -> bool:
-    """Whether a path is the log of a drive, and not a run or a recorded episode of `lme eval`. Raises InputError."""
+    """Return whether a path is the log of a drive, not a run or an episode of `lme eval`. Raises InputError."""
     from runners.recordings.bags import Bag
     from runners.recordings.carmen import is_carmen
     from runners.recordings.recorded import episode_of
@@ -29,9 +29,9 @@ def is_log(path: Path) -> bool:
 
 
 def words_of_log(log: Path, root: Path = Path()) -> tuple[str, ...]:
-    """Words that open the map of a log, from the start of the robot's way to its place farthest from there.
+    """Return words that open the map of a log, from where the robot started to the farthest place on its way.
 
-    The map is written below `root`, as `lme maps build` makes it. Raises InputError.
+    The map is written below `root`, as by `lme maps build`. Raises InputError.
     """
     from runners.recordings.map_build import BuildConfig, build_map, write_map
 

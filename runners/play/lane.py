@@ -1,4 +1,4 @@
-"""One system in the world: the frames of its drive so far, and the episode that makes the next one."""
+"""One system in the world: the frames of its drive so far, and the running episode that produces the next one."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ Tasks = Mapping[int, Task]  # the task from each step on at which it changes; 0 
 
 
 class Frame(NamedTuple):
-    """One moment of a drive, and the decision there.
+    """One moment of a drive, and the decision made there.
 
-    moment: a step, or the end, which has no decision. state: of the simulator. movers: circles (C, 3) and edges (E, 4)
-    that move. sentence: the reason, if the guide gives one. decision_us: [µs]. outcome: at the end.
+    moment: a step, or the end, which has no decision. state: of the simulator. movers: circles (C, 3) and edges (E,
+    4) that move. sentence: the reason, if the guide gives one. decision_us: duration of the decision [µs]. outcome:
+    only at the end.
     """
 
     moment: TracedStep | TraceEnd
@@ -49,21 +50,21 @@ class Frame(NamedTuple):
 
 
 class _Running(NamedTuple):
-    """All that decides how a drive goes on. It is copied whole."""
+    """The whole state that decides how a drive continues. It is always copied as one."""
 
     episode: RunningEpisode
     explanations: Explanations
 
 
 class Lane:
-    """A drive of one system that can go back: `frames` are those up to now, the first at step 0.
+    """A drive of one system that can be rewound. `frames` are those so far, the first at step 0.
 
-    A drive is a function of its config, the random numbers and the tasks by step. So going back and on again gives
-    the same frames, unless the tasks have changed.
+    A drive is a function of its config, its random numbers and the tasks by step. Rewinding it and driving on
+    therefore gives the same frames, unless the tasks have changed.
     """
 
     def __init__(self, config: DriveConfig, label: str, rng: Callable[[], np.random.Generator]) -> None:
-        """label: what tables call the system. rng: makes the generator of the episode. Raises InputError."""
+        """Build the system. label: its name in tables. rng: makes the episode's generator. Raises InputError."""
         self.config, self.label = config, label
         self.frames: list[Frame] = []
         self._rng = rng
@@ -73,15 +74,15 @@ class Lane:
 
     @property
     def outcome(self) -> Outcome | None:
-        """How the drive ended, if it has."""
+        """Outcome of the drive; None before its end."""
         return self.frames[-1].outcome if self.frames else None
 
     def episode(self) -> Episode | None:
-        """The result; None before the end."""
+        """Return the finished episode; None before the end."""
         return None if self.outcome is None else self._running.episode.episode()
 
     def extend(self, tasks: Tasks) -> bool:
-        """Add the next frame; False if the drive has ended."""
+        """Add the next frame; return False if the drive has ended."""
         if self.outcome is not None:
             return False
         step = len(self.frames)
@@ -95,16 +96,20 @@ class Lane:
         return True
 
     def rewound(self, step: int, tasks: Tasks) -> Lane:
-        """A lane without the frames from `step` on; what it drives then leaves this one as it is."""
+        """Return a lane without the frames from `step` on; whatever it drives leaves this lane unchanged."""
         lane = copy.copy(self)
         lane.frames, lane._snapshots = list(self.frames), dict(self._snapshots)
         lane.rewind(step, tasks)
         return lane
 
     def rewind(self, step: int, tasks: Tasks) -> None:
-        """Forget the frames from `step` on, so that the next one is that of `step`; it is driven again by `tasks`."""
+        """Forget the frames from `step` on, so that it is the next step.
+
+        The drive is repeated by `tasks` up to there.
+        """
         if step >= len(self.frames):
             return
+        # Go back to the latest snapshot up to the step, or to the beginning.
         former = self.frames[:step]
         self._snapshots = {at: kept for at, kept in self._snapshots.items() if 0 < at <= step}
         at = max(self._snapshots, default=0)
@@ -112,19 +117,25 @@ class Lane:
         if at:
             self._world = tasks[max(begun for begun in tasks if begun < at or not begun)].world
             self._running = self._copied(self._snapshots[at], tasks)
+        # Drive on to the step, but show the frames that were recorded first.
         while len(self.frames) < step:
             self.extend(tasks)
         self.frames = former  # the same, but for the times of the decisions
+        # Execute the command that leads to the step, so that a snapshot can be taken there.
         if self._command is not None:
             self._running.episode.move(self._command)
             self._command = None
             self._keep(step, tasks)
 
     def before(self, step: int, tasks: Tasks) -> RunningEpisode | None:
-        """A copy of the episode right before its decision at a step; None without one, or if it cannot be copied."""
+        """Return a copy of the episode just before its decision at a step; None if there is none.
+
+        There is none at the end of a drive, or if the episode cannot be copied.
+        """
         before = [at for at in self._snapshots if at <= step]
         if not before or isinstance(self.frames[step].moment, TraceEnd):
             return None
+        # Drive a copy of the latest snapshot on to the step, through every change of the task.
         episode = self._copied(self._snapshots[max(before)], tasks).episode
         for at in range(max(before), step + 1):
             if at and at in tasks:
@@ -139,14 +150,14 @@ class Lane:
         self._running, self._world = _Running(episode, Explanations(navigator)), task.world
 
     def _fresh(self) -> tuple[Navigator, Simulator]:
-        """A navigator and a simulator that no other drive uses."""
+        """Return a navigator and a simulator that no other drive uses."""
         try:
             return copy.deepcopy((self._navigator, self._simulator))
         except _NO_COPY:
             return build.navigator(self.config), build.simulator(self.config)
 
     def _arrive(self, step: int, tasks: Tasks) -> None:
-        """Keep a snapshot now and then, and enter the task that begins at this step."""
+        """Keep a snapshot every few steps, and switch to the task that begins at this step."""
         if step % EVERY == 0 and step not in self._snapshots:
             self._keep(step, tasks)
         if step and step in tasks:
@@ -159,10 +170,12 @@ class Lane:
         outcome, obstacles = episode.outcome(), simulator.obstacles
         circles, edges = obstacles
         movers = circles[len(self._world.circles) :], edges[len(self._world.edges) :]
+        # The last frame has no decision.
         if outcome is not None:
             self._command, state = None, simulator.state
             end = TraceEnd(state.time, state.pose, episode.observation, obstacles)
             return Frame(end, state, movers, outcome=outcome)
+        # Decide, and keep what the decision was made of; the command is executed with the next frame.
         self._command = command = episode.decide()
         guidance, observation, state = navigator.guidance, navigator.observation, simulator.state
         assert guidance is not None
@@ -179,7 +192,7 @@ class Lane:
         return reason(why, before.explanation if isinstance(before, TracedStep) else None)
 
     def _keep(self, step: int, tasks: Tasks) -> None:
-        """Keep a copy of the drive before what happens at a step. What cannot be copied is driven again instead."""
+        """Keep a copy of the drive before what happens at a step. A drive that cannot be copied has no snapshots."""
         try:
             self._snapshots[step] = self._copied(self._running, tasks)
         except _NO_COPY:
@@ -194,5 +207,5 @@ class Lane:
 
 
 def _parts(task: Task) -> tuple[Any, ...]:
-    """What never changes and is known by its identity: the task, its world, its movers."""
+    """Return the objects that never change and are recognised by identity: the task, its world, its movers."""
     return task, task.world, *task.world.movers

@@ -16,7 +16,7 @@ _SIDES = 4
 
 
 def shape_file(drawing: Sketch, title: str) -> str:
-    """The YAML of a drawing, with its start and goal. A world without an outer wall gets one around all of it."""
+    """Return the YAML of a drawing with its start and goal. A world without an outer wall gets one."""
     bounds, wall = _bounds(drawing)
     lines = [f"# {title}", f"bounds: {_flow(bounds)}"]
     parts = [item for name, item in drawing.parts() if name not in wall]
@@ -32,26 +32,28 @@ def shape_file(drawing: Sketch, title: str) -> str:
 
 
 def _bounds(drawing: Sketch) -> tuple[list[float], set[str]]:
-    """The bounds, and the names of the walls along them, which a shape file has anyway."""
+    """Return the bounds, and the names of the walls along them, which every shape file has anyway."""
+    # Use the outer wall of the base if all four sides are still there.
     segments = drawing.base.world.segments[:_SIDES]
     names = {f"s{i}" for i in range(_SIDES)}
     if len(segments) == _SIDES and not names & drawing.erased and _is_outline(segments):
         low, high = segments[:, :2].min(axis=0), segments[:, :2].max(axis=0)
         return [*low.tolist(), *high.tolist()], names
+    # Else put bounds around everything, rounded outwards to whole metres.
     points = _extent(drawing)
     low, high = points.min(axis=0) - _BORDER, points.max(axis=0) + _BORDER
     return [*(math.floor(low) for low in low.tolist()), *(math.ceil(high) for high in high.tolist())], set()
 
 
 def _is_outline(segments: Floats) -> bool:
-    """Whether four segments are the closed wall along some bounds."""
+    """Return whether four segments form the closed wall along their bounding box."""
     (x0, y0), (x1, y1) = segments[:, :2].min(axis=0), segments[:, :2].max(axis=0)
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     return bool(np.array_equal(segments, np.hstack([corners, np.roll(corners, -1, axis=0)])))
 
 
 def _extent(drawing: Sketch) -> Floats:
-    """Points around all that is in the world."""
+    """Return points that span everything in the world."""
     world = drawing.world()
     centres, radii = world.circles[:, :2], world.circles[:, 2:]
     ways = [mover.path[:, :2] for mover in world.movers]
@@ -60,6 +62,6 @@ def _extent(drawing: Sketch) -> Floats:
 
 
 def _flow(value: Any) -> str:
-    """A value on one line, with every digit."""
+    """Return a value on one line, with all its digits."""
     plain = list(value) if isinstance(value, list) else dict(value)
     return yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=math.inf).strip()

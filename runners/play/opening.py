@@ -1,4 +1,4 @@
-"""Opens an episode that was recorded: a run's, by `lme eval` or saved from the page, or a recording's."""
+"""Opening of a recorded episode: from a run of `lme eval`, a run saved from the page, or a recording."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ BEFORE_S = 3.0  # how long before a collision the page opens
 
 
 def open_episode(path: Path, word: str | None, step: int | None) -> Session:
-    """The session of a recorded episode, driven to its end, and shown at a step.
+    """Return the session of a recorded episode, driven to its end and shown at a step.
 
-    path: of a run's directory or an .mcap recording by `lme eval`. word: "WORLD/RUN"; None: the first that failed, or
-    the first. step: None for where it went wrong. Raises InputError.
+    path: of a run's directory or of an .mcap recording by `lme eval`. word: "WORLD/RUN"; None for the first failed
+    episode, or the first of all. step: None for the step where it went wrong. Raises InputError.
     """
     session = _of_recording(path) if path.suffix == ".mcap" else _of_run(path, word)
     (lane,) = session.lanes
@@ -49,6 +49,7 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
     from runners.records.records import find_runs, read_episodes, read_record, read_trajectories
     from runners.reports.explainer.pages import keys_of, select_episodes
 
+    # Check that the directory holds exactly one run, and choose the episode.
     find_runs([run_dir])
     launch = read_launch(run_dir)
     if launch is None:
@@ -57,6 +58,7 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
         raise InputError(f"{run_dir} holds several runs: give one of them, such as {run_dir / '0'}")
     episodes = read_episodes([run_dir])
     key = keys_of(select_episodes(episodes, [word]))[0] if word else _first_failed(episodes)
+    # Drive the episode again, and make sure that it is the recorded one.
     labels = RunLabels(**{name: str(episodes.iloc[0].get(name, "")) for name in RunLabels.__annotations__})
     session = _driven(_setup(launch, run_dir, labels, key), run_dir / SCRIPT)
     steps, driven = read_trajectories([run_dir], [key]), session.lanes[0].episode()
@@ -94,11 +96,13 @@ def _setup(launch: Launch, run_dir: Path, labels: RunLabels, key: EpisodeKey) ->
 
 
 def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, ...]:
-    """The words from which the page composes the run's config anew. Raises UntrustedError."""
+    """Return the words from which the page composes the run's config again. Raises UntrustedError."""
+    # Use the run's own copies of files where the originals are gone.
     recorded = {**launch.changes[0], "guide.weights": config.weights}
     changes = inputs.located(recorded, launch.inputs, run_dir)
     weights = changes.pop("guide.weights")
     trust.check_config(recorded, run_dir)
+    # Check all words that name something, and the weights, unless they come from a copy.
     named = {
         key: value for key, value in changes.items() if value == recorded[key]
     }  # not the paths of copies
@@ -109,7 +113,7 @@ def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, 
 
 
 def _driven(setup: Setup, script: Path | None) -> Session:
-    """The session of a setup, driven to its end, with the changes of a script file if there is one."""
+    """Return the session of a setup, driven to its end, with the changes of a script file if there is one."""
     session = Session(setup)
     if script is not None and script.is_file():
         session.play(Script(setup, read_script(script, setup.task)))
@@ -130,7 +134,7 @@ def _first_failed(episodes: pd.DataFrame) -> EpisodeKey:
 
 
 def _telling_step(lane: Lane) -> int:
-    """Where it went wrong: a while before a collision, or where the robot was nearest to the goal in vain."""
+    """Return the step where it went wrong: shortly before a collision, or nearest to the goal before a timeout."""
     last, targets = len(lane.frames) - 1, [frame.moment.observation.target for frame in lane.frames]
     if lane.outcome is Outcome.COLLISION:
         return max(0, last - round(BEFORE_S / lane.config.robot.dt))
@@ -140,7 +144,7 @@ def _telling_step(lane: Lane) -> int:
 
 
 def words_of(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The words that name an episode, and the others: overrides and flags."""
+    """Split the words into those that name an episode and the others, which are overrides and flags."""
     own: list[str] = []
     rest: list[str] = []
     for word in argv:

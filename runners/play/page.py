@@ -45,18 +45,18 @@ POLICY: Final = (
 
 
 def script() -> str:
-    """All scripts as one, so that the shared ones need not be modules."""
+    """Return all scripts as one, so that the shared ones need not be modules."""
     parts = [*map(asset, SHARED), *map(own, OWN)]
     return '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(parts))
 
 
 def style() -> str:
-    """The style of the explainer page, and what differs here."""
+    """Return the style of the explainer page, followed by what differs here."""
     return asset("style.css") + own("play.css")
 
 
 def own(name: str) -> str:
-    """The text of an asset."""
+    """Return the text of an asset."""
     return (ASSETS / name).read_text(encoding="utf-8")
 
 

@@ -42,7 +42,7 @@ def _is_there(package: str) -> bool:
 
 
 def serve(session: Session, port: int, browser: bool) -> None:
-    """Serve the page until Ctrl-C. browser: open it. Raises InputError if the port is taken."""
+    """Serve the page until Ctrl-C. browser: whether to open it. Raises InputError if the port is taken."""
     import uvicorn
 
     from runners.play.desk import Desk
@@ -71,7 +71,7 @@ def serve(session: Session, port: int, browser: bool) -> None:
 
 
 def bound(port: int) -> socket.socket:
-    """A socket that listens on this machine alone: a browser may call before the server runs, and waits for it.
+    """Return a socket that listens on this machine only; a browser that connects before the server runs waits for it.
 
     Raises InputError if the port cannot be used.
     """
@@ -92,7 +92,7 @@ def bound(port: int) -> socket.socket:
 
 
 def _lines(address: str, port: int) -> Sequence[str]:
-    """What the terminal says: the address and, over SSH, how to reach it from there."""
+    """Return what the terminal shows: the address and, over SSH, how to reach it from the user's own machine."""
     lines = [f"lme play: {address}"]
     if _is_remote():
         tunnel = f"ssh -N -L {port}:{HOST}:{port} {getpass.getuser()}@{platform.node()}"
@@ -105,7 +105,7 @@ def _is_remote() -> bool:
 
 
 def settings(given: Arguments) -> tuple[int, bool]:
-    """The port, and whether to open the browser, from the words. Raises InputError for wrong values."""
+    """Return the port, and whether to open the browser, from the words. Raises InputError for wrong values."""
     from runners.config import command_line
     from runners.config.composer import Composer
 

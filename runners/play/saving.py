@@ -1,4 +1,4 @@
-"""What the page saves below the folder in which `lme play` was started: maps, records, pages, films, recordings."""
+"""Files that the page saves below the folder where `lme play` started: maps, records, pages, films, recordings."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _GIF_WIDTH, _GIF_FPS, _GIF_LONGEST_S = 800, 10.0, 20.0
 
 
 class Saved(NamedTuple):
-    """A file or directory, relative to the folder, and the command that uses it."""
+    """A saved file or directory, relative to the folder, and the command that uses it."""
 
     path: Path
     command: str
 
 
 def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved:
-    """Save what a kind says under a name; a number is added if the name is taken.
+    """Save a file of the given kind under a name, with a number added if the name is taken.
 
-    step: whose world is saved, for a map. Raises InputError.
+    step: the one whose world is saved, for a map. Raises InputError.
     """
     if not _NAME.fullmatch(name):
         raise InputError(f"name is {name!r:.70}: must be letters, digits, - and _, at most 60")
@@ -58,19 +58,19 @@ def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved
 
 
 class _Place(NamedTuple):
-    """Where to write. root: what paths are shown relative to."""
+    """The folder and the name to write to. root: the folder that displayed paths are relative to."""
 
     root: Path
     folder: Path
     name: str
 
     def free(self, suffix: str) -> Path:
-        """A path that does not exist yet."""
+        """Return a path that does not exist yet."""
         stems = (self.name if number == 1 else f"{self.name}-{number}" for number in count(1))
         return next(path for path in (self.folder / f"{stem}{suffix}" for stem in stems) if not path.exists())
 
     def shown(self, path: Path) -> Path:
-        """The path as the user would type it."""
+        """Return the path as the user would type it."""
         return path.relative_to(self.root)
 
 
@@ -83,11 +83,13 @@ def _save_map(session: Session, place: _Place, step: int) -> Saved:
 def _save_record(session: Session, place: _Place, step: int) -> Saved:
     """Save the drive of the first lane as a run's directory.
 
-    In a world that does not change it is what `lme eval` records, driven once more; else `play.json` holds the changes.
+    If the world did not change meanwhile, the drive is repeated and recorded as by `lme eval`; otherwise `play.json`
+    holds the changes.
     """
     lane, script = _ended(session), session.script
     setup, run_dir = script.setup, place.free("")
     words = list(setup.systems[0].words)
+    # A drawing that stayed as it was is saved as a map of its own, which lme eval can drive.
     drawn = script.drawings[0].touched or script.begin is not None
     run_dir.mkdir()
     if drawn and not script.changed:
@@ -98,6 +100,7 @@ def _save_record(session: Session, place: _Place, step: int) -> Saved:
         words = _in_file(words, place.shown(run_dir / "world.yaml"), script.drawings[0].base, place.name)
     else:
         words.append(f"map.worlds=[{setup.task.number}]")
+    # Write the run, and return the command that plays its episode.
     world = 0 if drawn and not script.changed else setup.task.number
     _write_run(session, lane, run_dir, [*words, f"runs={setup.run + 1}"], EpisodeKey(world, setup.run))
     words = [f"{world}/{setup.run}", *trust_flags(run_dir)]
@@ -105,7 +108,7 @@ def _save_record(session: Session, place: _Place, step: int) -> Saved:
 
 
 def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
-    """Words that drive in a shape file by the rules of the world in which it was drawn."""
+    """Return words that drive in a shape file by the rules of the world in which it was drawn."""
     others = [word for word in words if word.partition("=")[0].partition(".")[0] not in ("map", "crowd")]
     rules = {key: float(getattr(base, key)) for key in ("goal_tolerance", "time_limit", "clock_distance")}
     same = [f"map.{key}={value!r}" for key, value in rules.items()]
@@ -124,8 +127,10 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
         raise InputError(
             "a recording does not say by which words it was made: save it as a page or a recording"
         )
+    # Compose the config from the words, as a user of the command line would.
     with Composer("eval", source.config_dir) as composer:
         job = compose_job(composer, ["tracking=none", *words])
+    # Record the drive as it was if the world changed, else drive it again and compare.
     changed = script.changed
     if changed:
         write_script(script, run_dir / SCRIPT)
@@ -140,6 +145,7 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
             raise InputError(
                 f"{run_dir.name}: lme eval drives otherwise there: save it as a page or a recording"
             )
+    # Write the launch record, copies of the input files, and the records.
     launch = launch_of("play" if changed else "eval", [job], words, False, None)
     launch.write(run_dir)
     inputs.keep(launch.inputs, run_dir)
@@ -161,6 +167,7 @@ def _save_gif(session: Session, place: _Place, step: int) -> Saved:
     from runners.reports.figures.film import write_film
 
     path = place.free(".gif")
+    # Drives that would make too long a film are shown faster than real time.
     traces = [trace_of(session, lane) for lane in session.lanes]
     last = max(trace.end.time for trace in traces)
     speed = max(1.0, last / _GIF_LONGEST_S)
@@ -172,10 +179,11 @@ def _save_gif(session: Session, place: _Place, step: int) -> Saved:
 
 
 def _save_mcap(session: Session, place: _Place, step: int) -> Saved:
-    """Save the messages of the first lane. Those of a world that was changed do not say that lme eval can repeat it."""
+    """Save the messages of the first lane; in a changed world, they do not claim that lme eval can repeat them."""
     from runners.workers.recorder import Recorder
 
     lane, setup, path = session.lanes[0], session.script.setup, place.free(".mcap")
+    # Only an untouched world can be named, and so be driven again.
     about: dict[str, object] = {"played": True}
     if not (session.script.changed or session.script.drawings[0].touched or session.script.begin):
         known = {"seed": setup.seed, "world": setup.task.number, "run": setup.run}
@@ -199,11 +207,12 @@ KINDS: Mapping[str, Callable[[Session, _Place, int], Saved]] = {
 
 
 def trace_of(session: Session, lane: Lane) -> Trace:
-    """The drive of a lane so far, as the explainer page and films take it."""
+    """Return the drive of a lane so far as a trace, as the explainer page and films take it."""
     setup, config = session.script.setup, lane.config
     steps, end = _steps(lane), lane.frames[-1].moment
     if isinstance(end, TracedStep):
         end = TraceEnd(end.time, end.pose, end.observation, end.obstacles)
+    # In a changing world, nothing is drawn as static.
     task = session.tasks[0]
     if session.script.changed:
         task = replace(task, world=World(), goal=session.tasks[max(session.tasks)].goal)  # all of it may move
@@ -211,13 +220,13 @@ def trace_of(session: Session, lane: Lane) -> Trace:
 
 
 def _steps(lane: Lane) -> list[TracedStep]:
-    """All decisions but one that was not executed."""
+    """Return all decisions except one that was not executed."""
     frames = lane.frames if lane.outcome is not None else lane.frames[:-1]
     return [frame.moment for frame in frames if isinstance(frame.moment, TracedStep)]
 
 
 def _episode(lane: Lane) -> Episode | Drive:
-    """The result, or what is known of a drive that has not ended."""
+    """Return the finished episode, or what is known of a drive that has not ended."""
     ended = lane.episode()
     if ended is not None:
         return ended
@@ -230,7 +239,7 @@ def _episode(lane: Lane) -> Episode | Drive:
 
 
 def _ended(session: Session, must: bool = True) -> Lane:
-    """The first lane. Raises InputError if its drive must have ended and has not."""
+    """Return the first lane. Raises InputError if its drive must have ended but has not."""
     lane = session.lanes[0]
     if must and lane.outcome is None:
         raise InputError("the drive has not ended: a record needs its outcome; let it drive to the end")

@@ -1,4 +1,4 @@
-"""The changes of a session as a file, `play.json`, beside the record of a drive in a world that changes."""
+"""The file `play.json` with the changes of a session, beside the record of a drive in a changing world."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_script(script: Script, path: Path) -> None:
 
 
 def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
-    """The drawings by step, on a task. Raises InputError for a damaged file."""
+    """Read the drawings by step, on a task. Raises InputError for a damaged file."""
     try:
         drawings = read_json(path)["drawings"]
         found = {int(step): _sketch(task, plain) for step, plain in drawings.items()}

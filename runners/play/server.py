@@ -1,7 +1,7 @@
-"""The ASGI application: the page, its scripts, and the socket, all below a secret path on this machine.
+"""The ASGI application: the page, its scripts and the socket, all below a secret path on this machine.
 
-A page of another origin cannot read the token, and the checks of Host and Origin keep out one that was told it, or that
-reaches this machine by another name (DNS rebinding).
+A page of another origin cannot read the token. The checks of Host and Origin keep out a page that was told the token,
+or that reaches this machine by another name (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ _HEADERS = {
 
 
 def application(desk: Desk, token: str) -> Starlette:
-    """The application of one session. token: part of every path."""
+    """Return the application of one session. token: part of every path."""
     from starlette.applications import Starlette
     from starlette.responses import PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
 
     seats = _Seats(desk)
 
+    # The page, or one of its scripts.
     async def part(request: Request) -> Response:
         if not is_own_host(request):
             return PlainTextResponse("unknown host", 421)
@@ -55,6 +56,7 @@ def application(desk: Desk, token: str) -> Starlette:
         kind, content = made
         return Response(content(), media_type=kind, headers=_HEADERS)
 
+    # The socket, for a page that was served from here.
     async def socket(websocket: WebSocket) -> None:
         if not (is_own_host(websocket) and is_own_origin(websocket)):
             await websocket.close(1008)
@@ -71,12 +73,12 @@ def application(desk: Desk, token: str) -> Starlette:
 
 
 def is_own_host(connection: HTTPConnection) -> bool:
-    """Whether the browser asked for this machine, whatever the port: that of a tunnel may differ."""
+    """Return whether the browser asked for this machine; the port is ignored, since that of a tunnel may differ."""
     return _name(f"//{connection.headers.get('host', '')}") in HOSTS
 
 
 def is_own_origin(connection: HTTPConnection) -> bool:
-    """Whether the page that opens a socket came from here."""
+    """Return whether the page that opens a socket was served from here."""
     origin, host = connection.headers.get("origin", ""), connection.headers.get("host", "")
     return origin == f"http://{host}"
 
@@ -90,7 +92,7 @@ def _name(address: str) -> str:
 
 
 class _Seats:
-    """The session has one seat: the page that came last has it, and the one before it is told."""
+    """The single seat of the session: the newest page takes it, and the page that had it is told."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -98,7 +100,7 @@ class _Seats:
         self._seated: WebSocket | None = None
 
     async def serve(self, websocket: WebSocket) -> None:
-        """Answer a page until it goes, or another one comes."""
+        """Answer a page until it goes or another one takes the seat."""
         await websocket.accept()
         before, self._seated = self._seated, websocket
         if before is not None:
@@ -115,9 +117,9 @@ class _Seats:
                 self._seated = None
 
     async def _reply(self, websocket: WebSocket, replies: Iterator[Reply]) -> bool:
-        """Send replies; whether the page is still there.
+        """Send replies; return whether the page is still there.
 
-        They are made in a thread, so that the socket stays alive meanwhile.
+        The replies are made in a thread, so that the socket stays alive meanwhile.
         """
         for reply in await asyncio.to_thread(self._made, replies):
             if not await _sent(websocket, reply):
@@ -130,7 +132,7 @@ class _Seats:
 
 
 async def _heard(websocket: WebSocket) -> str | None:
-    """The next message; None if the page has gone, or sent what is not text."""
+    """Return the next message; None if the page has gone, or has sent something other than text."""
     from starlette.websockets import WebSocketDisconnect
 
     try:
@@ -140,7 +142,7 @@ async def _heard(websocket: WebSocket) -> str | None:
 
 
 async def _sent(websocket: WebSocket, reply: Reply) -> bool:
-    """Send a reply; whether the page was still there."""
+    """Send a reply; return whether the page was still there."""
     from starlette.websockets import WebSocketDisconnect
 
     try:

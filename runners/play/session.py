@@ -35,10 +35,10 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Entrant:
-    """What a lane drives.
+    """The system that a lane drives.
 
-    label: its name on the page. words: of a command line of `lme eval` that makes it, with every choice. labels: of its
-    records.
+    label: its name on the page. words: of the `lme eval` command line that makes it, with every choice. labels: those
+    of its records.
     """
 
     config: DriveConfig
@@ -49,9 +49,9 @@ class Entrant:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a session begins with: the systems, a task, and the run that gives the random numbers with its world.
+    """The beginning of a session: the systems, a task, and the run, which fixes the random numbers with the world.
 
-    numbers: of the worlds of the map set. source: what the systems were made from; None where nobody knows, as of a
+    numbers: of the worlds of the map set. source: what the systems were made from; None where it is unknown, as for a
     recording.
     """
 
@@ -63,15 +63,15 @@ class Setup:
 
     @property
     def seed(self) -> int:
-        """Of the random numbers, with the world's number and the run."""
+        """Seed of the random numbers, which also depend on the world's number and on the run."""
         return self.systems[0].config.seed
 
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """All that decides a session's drives: change it, and they differ.
+    """Everything that determines a session's drives: if it changes, they differ.
 
-    drawings: by the step from which on they count; 0 is among them. begin: where the drive begins, if not at the
+    drawings: by the step from which they apply, including step 0. begin: where the drive begins, if not at the
     drawing's start.
     """
 
@@ -81,17 +81,17 @@ class Script:
 
     @property
     def changed(self) -> bool:
-        """Whether the world changes while the systems drive."""
+        """Return whether the world changes while the systems drive."""
         return len(self.drawings) > 1
 
     def at(self, step: int) -> Sketch:
-        """The drawing at a step."""
+        """Return the drawing at a step."""
         return self.drawings[max(at for at in self.drawings if at <= step)]
 
 
 @dataclass(slots=True)
 class _Past:
-    """A script as it was before a change, and the step that was shown. gesture: of the change, one for a whole drag."""
+    """The script before a change, and the step that was shown. gesture: of the change; a drag is a single gesture."""
 
     script: Script
     step: int
@@ -99,14 +99,14 @@ class _Past:
 
 
 class Session:
-    """Drives the systems of a script, step by step, and changes the script.
+    """The drives of a script's systems, step by step, and the changes of the script.
 
-    lanes: one per system. tasks: by step. `revision` counts the changes; `kept` says how many frames the last change
-    left as they were, and `shown` at which step it was made.
+    lanes: one per system. tasks: by step. `revision` counts the changes, `kept` is the number of frames that the last
+    change left as they were, and `shown` is the step at which it was made.
     """
 
     def __init__(self, setup: Setup) -> None:
-        """Raises InputError for a task or a system that cannot be driven."""
+        """Begin the drives. Raises InputError for a task or a system that cannot be driven."""
         self.revision = self.kept = self.shown = 0
         self._past: list[_Past] = []
         self._future: list[_Past] = []
@@ -121,17 +121,17 @@ class Session:
 
     @property
     def last(self) -> int:
-        """The last step that some lane has reached."""
+        """The last step that any lane has reached."""
         return max(len(lane.frames) for lane in self.lanes) - 1
 
     def play(self, script: Script) -> None:
-        """Go over to another script, from its beginning. Raises InputError, and changes nothing then."""
+        """Replace the script and begin it. If it raises InputError, nothing changes."""
         self._play(script, 0, "")
 
     def change(self, step: int, drawing: Sketch, gesture: str = "") -> None:
-        """Make a drawing count from a step on, and forget what came after. Raises InputError, and changes nothing then.
+        """Make a drawing apply from a step on and forget what came after. If it raises InputError, nothing changes.
 
-        gesture: changes of the same gesture are taken back together. A start that moves begins the drive anew.
+        gesture: changes of the same gesture are undone together. A start that moves begins the drive again.
         """
         step = min(step, self.last)
         now = self.script.at(step)
@@ -151,65 +151,68 @@ class Session:
         self.change(step, self.script.at(step).erase(name), gesture)
 
     def move_goal(self, step: int, goal: tuple[float, float], gesture: str = "") -> None:
-        """Put the goal elsewhere [m] at a step."""
+        """Move the goal [m] at a step."""
         self.change(step, replace(self.script.at(step), goal=goal), gesture)
 
     def move_start(self, step: int, start: Pose, gesture: str = "") -> None:
-        """Put the robot elsewhere: the drive begins anew there. Raises InputError where it has no room."""
+        """Move the robot and begin the drive again there. Raises InputError where the robot does not fit."""
         self.change(step, replace(self.script.at(step), start=start), gesture)
 
     def clear(self, step: int) -> None:
-        """Take away all that was drawn, and bring back what was erased, at a step."""
+        """Remove all drawn items and restore all erased parts, at a step."""
         self.change(step, self.script.at(step).clear())
 
     def reset(self) -> None:
-        """Begin anew at the start, with the same random numbers, in the world as it is now."""
+        """Begin again at the start, with the same random numbers, in the world as it is now."""
         script = replace(self.script, drawings={0: self.script.at(self.last)}, begin=None)
         self._play(script, 0, "", shown=self.last)
 
     def choose(self, setup: Setup, step: int) -> None:
-        """Drive with other systems. Raises InputError, and changes nothing then.
+        """Drive with other systems. If it raises InputError, nothing changes.
 
-        In the same world a single robot goes on from where it is at the step, at rest, while the clock and what moves
-        begin anew; several begin anew at the start, to be compared.
+        In the same world, a single robot continues from its pose at the step, at rest, while the clock and the movers
+        begin again; several robots begin again at the start, to be compared.
         """
+        # Another task: begin with its untouched drawing.
         if setup.task is not self.script.setup.task:
             self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "", shown=step)
             return
+        # The same task: keep the drawing, and let a single robot that has not collided go on from where it is.
         begin = None
         if len(setup.systems) == len(self.lanes) == 1 and self.lanes[0].outcome is not Outcome.COLLISION:
             begin = self.lanes[0].frames[min(step, self.last)].state.pose
         self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "", shown=step)
 
     def state(self) -> dict[str, Any]:
-        """All that a change may change, for `restore`."""
+        """Return everything that a change may modify, for `restore`."""
         return {**vars(self), "_past": [*self._past], "_future": [*self._future]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Be again as before a change."""
+        """Restore the state from before a change."""
         vars(self).update(state)
 
     @property
     def undoable(self) -> bool:
-        """Whether a change can be taken back."""
+        """Return whether a change can be undone."""
         return bool(self._past)
 
     @property
     def redoable(self) -> bool:
-        """Whether a change that was taken back can be made again."""
+        """Return whether an undone change can be made again."""
         return bool(self._future)
 
     def undo(self) -> None:
-        """Take back the last change, and the drive back to where it was made. Raises InputError if there is none."""
+        """Undo the last change, and return to the step where it was made. Raises InputError if there is none."""
         self._travel(self._past, self._future)
 
     def redo(self) -> None:
-        """Make the change again that was taken back last. Raises InputError if there is none."""
+        """Make the last undone change again. Raises InputError if there is none."""
         self._travel(self._future, self._past)
 
     def _travel(self, source: list[_Past], other: list[_Past]) -> None:
         if not source:
             raise InputError("there is no change to take back or to make again")
+        # Stage the other script first: if that fails, the history stays as it is.
         past, now = source[-1], self.script
         self._stage(past.script)
         source.pop()
@@ -218,34 +221,36 @@ class Session:
         self.shown = min(past.step, self.last)
 
     def _play(self, script: Script, step: int, gesture: str, shown: int | None = None) -> None:
-        """Go over to another script that has the same drawings before a step. shown: at which step it was chosen."""
+        """Replace the script by one with the same drawings before a step. shown: the step at which it was chosen."""
         past = _Past(self.script, step if shown is None else min(shown, self.last), gesture)
+        # The same systems up to the step: rewind the lanes and drive on from there. Else begin again.
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
             tasks = {at: was for at, was in self.tasks.items() if at < step}
             tasks[step] = self._task(script, step)
             self._enter(script, [lane.rewound(step, self.tasks) for lane in self.lanes], tasks, step)
         else:
             self._stage(script)
+        # Remember the former script, once for each gesture.
         if not (gesture and self._past and self._past[-1].gesture == gesture):
             self._past = [*self._past[-UNDONE:], past]
         self._future = []
 
     def _stage(self, script: Script) -> None:
-        """Begin the drives of a script. Raises InputError, and changes nothing then."""
+        """Begin the drives of a script. If it raises InputError, nothing changes."""
         tasks = {at: self._task(script, at) for at in script.drawings}
         for system in script.setup.systems:
             check_task(tasks[0], system.config.robot)
         self._enter(script, self._lanes_of(script), tasks, 0)
 
     def _enter(self, script: Script, lanes: list[Lane], tasks: dict[int, Task], step: int) -> None:
-        """Drive the frame at a step, and only then go over to a script: where that fails, nothing has changed."""
+        """Drive the frame at a step, and only then adopt the script: if that fails, nothing has changed."""
         _drive(lanes, tasks, step, budget_s=10.0)
         self.script, self.lanes, self.tasks, self.kept = script, lanes, tasks, step
         self.revision += 1
         self.shown = step
 
     def _lanes_of(self, script: Script) -> list[Lane]:
-        """Lanes for a script; those of the present one if their systems are the same."""
+        """Return the lanes of a script; copies of the present ones if their systems are the same."""
         setup = script.setup
         if self.lanes and setup is self.script.setup:
             return [lane.rewound(0, self.tasks) for lane in self.lanes]
@@ -257,9 +262,10 @@ class Session:
 
 
 def _drive(lanes: Sequence[Lane], tasks: Mapping[int, Task], until: int, budget_s: float) -> None:
-    """Drive lanes, the shortest first, until each has frames up to a step or has ended, or the time is up."""
+    """Drive the lanes, the shortest first, until each has a frame at step `until`, has ended, or the time is up."""
     begun = time.monotonic()
     until = min(until, MOST_STEPS)
+    # Always extend the shortest lane, so that all lanes stay at nearly the same step.
     while any(len(lane.frames) <= until and lane.outcome is None for lane in lanes):
         shortest = min((lane for lane in lanes if lane.outcome is None), key=lambda lane: len(lane.frames))
         shortest.extend(tasks)
@@ -268,7 +274,7 @@ def _drive(lanes: Sequence[Lane], tasks: Mapping[int, Task], until: int, budget_
 
 
 def _generator(setup: Setup) -> Callable[[], np.random.Generator]:
-    """Makes the generator of the session's episode."""
+    """Return a function that makes the generator of the session's episode."""
 
     def make() -> np.random.Generator:
         return episode_rng(setup.seed, setup.task.number, setup.run)

@@ -1,4 +1,4 @@
-"""From the words of a command line to what a session drives."""
+"""Translation of the words of a command line into what a session drives."""
 
 from __future__ import annotations
 
@@ -26,15 +26,17 @@ _CHOSEN = ("robot", "map", "sim", "crowd", "system", "guide", "planner", "filter
 def setup_of(
     source: Source, run: int | None = None, world: int | None = None, former: Setup | None = None
 ) -> Setup:
-    """What a session of these words begins with.
+    """Return the setup that these words describe.
 
-    run, world: instead of those that the words choose, which is the first world of the map set. former: its task is
-    kept if it is the same. Raises InputError.
+    run, world: replace those that the words choose; by default the first world of the map set. former: its task is
+    reused if it is the same. Raises InputError.
     """
+    # Compose the systems and check the numbers that the random generators need.
     jobs = _jobs(source)
     first = jobs[0].config
     for key, value in (("seed", first.seed), ("run", getattr(first, "run", 0))):
         require(key, value, at_least=0)
+    # Take the task of the former setup if it is the same, so that its drawing can stay; else build and check it.
     maps = build.map_set(first)
     number = maps.numbers[0] if world is None else world
     if former is not None and _same_task(former, first, number):
@@ -43,6 +45,7 @@ def setup_of(
         task = (maps if number in maps.numbers else build.map_set(first, [number])).task(number)
         for job in jobs:
             check_task(task, job.config.robot)
+    # Name the systems, with words that would make each of them again.
     labels = [run_labels(job, maps) for job in jobs]
     systems = tuple(
         Entrant(job.config, name, explicit(job.choices, job.changes, job.config), label)
@@ -52,6 +55,7 @@ def setup_of(
 
 
 def _jobs(source: Source) -> Sequence[Job[Any]]:
+    # Count the sweep before composing it, which may take long.
     many = math.prod(word.count(",") + 1 for word in source.words if not word.endswith(("]", "}", "'")))
     if many > LANES:
         raise InputError(f"{many} systems: must be at most {LANES} side by side")
@@ -71,7 +75,7 @@ def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
 
 
 def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: DriveConfig) -> tuple[str, ...]:
-    """The words that say all of a config: every choice, every changed key, and what is in no group."""
+    """Return words that state a whole config: every choice, every changed key, and the keys outside groups."""
     chosen = {group: choices[group] for group in _CHOSEN if choices.get(group) not in (None, "null")}
     if "system" in chosen:  # it chooses these two
         chosen.pop("guide", None)
@@ -88,7 +92,7 @@ def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: Dri
 
 
 def _names(jobs: Sequence[Job[Any]], labels: Sequence[RunLabels]) -> list[str]:
-    """The names of the systems, with what tells those of one name apart."""
+    """Return the names of the systems; equal names are followed by what differs."""
     names = [
         f"{label.system}, {label.ablation}" if label.ablation not in ("", "none") else label.system
         for label in labels
@@ -104,7 +108,7 @@ def _check(job: Job[Any]) -> None:
 
 
 def _check_together(jobs: Sequence[Job[Any]]) -> None:
-    """Raise InputError unless all drive in the same world, in the same time steps, with the same random numbers."""
+    """Raise InputError unless all systems share the world, the time step and the random numbers."""
     first = jobs[0].config
     for key, value in (
         ("map", first.map),

@@ -1,4 +1,4 @@
-"""What the page shows besides frames: the session as it stands, and what there is to choose from."""
+"""The data that the page shows besides frames: the state of the session, and the options to choose from."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MOST_NUMBERS = 5000  # of worlds that are named
 
 
 def situation(session: Session, kept: int) -> dict[str, Any]:
-    """The session after a change. kept: frames that the page may keep."""
+    """Return the session's state after a change. kept: number of frames that the page may keep."""
     setup = session.script.setup
     return {
         "type": "situation",
@@ -49,7 +49,7 @@ def situation(session: Session, kept: int) -> dict[str, Any]:
 
 
 def options(folders: tuple[Path, ...], maps: list[str]) -> dict[str, Any]:
-    """All that can be chosen by name, with what it is. maps: files of maps that can be opened."""
+    """Return all options by name, with what they are. maps: files of maps that can be opened."""
     return {"type": "options", "files": maps, **_named(folders)}
 
 
@@ -64,7 +64,7 @@ def _named(folders: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _values(setup: Setup) -> dict[str, Any]:
-    """Numbers that can be set, by key, as they are now in the first system."""
+    """Return the numbers that can be set, by key, with their present values in the first system."""
     config = setup.systems[0].config
     robot, lidar = config.robot, asdict(config.robot.lidar)
     values = {f"robot.{key}": getattr(robot, key) for key in ROBOT_KEYS}

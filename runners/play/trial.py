@@ -1,7 +1,7 @@
-"""Words are tried in a process of their own before a session goes over to them: no step may take minutes.
+"""Trials of words in a process of their own before a session adopts them, since no step may take minutes.
 
-A value such as a cell of a micrometre would fill the memory, or compute for hours, and nothing can interrupt that in
-the process of the page. The values that its sliders set have limits instead, and need no trial.
+A value such as a cell size of one micrometre would fill the memory or compute for hours, and nothing could interrupt
+that in the process of the page. The values that its sliders set have limits instead and need no trial.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ _NUMBER = re.compile(
 def try_words(source: Source, changes: Mapping[str, object]) -> None:
     """Raise InputError unless words drive their first steps in reasonable time and memory.
 
-    source: with the changed words. changes: what was changed in them; names alone need no trial.
+    source: has the changed words. changes: made to the words; changes of names alone need no trial.
     """
+    # Values within the limits of the sliders are harmless; any other number makes a trial necessary.
     numbers = {key: _numbers(value) for key, value in changes.items() if key not in _HARMLESS}
     for key, (least, most) in LIMITS.items():
         for number in numbers.pop(key, []):
@@ -71,6 +72,7 @@ def _try(source: Source) -> None:
         process = context.Process(target=_drive, args=(theirs, source), daemon=True)
         process.start()
         theirs.close()
+    # Wait for the process, then for the first steps. It is killed in any case.
     try:
         problem = ours.recv() if ours.poll(START_S) and ours.recv() and ours.poll(LONGEST_S) else _TOO_LONG
     except EOFError:
@@ -86,7 +88,7 @@ _TOO_LONG = f"these words need more than {LONGEST_S:g} s for the first {STEPS} s
 
 
 def _drive(page: Connection, source: Source) -> None:
-    """Say that the process is there, then what prevents driving; "" if nothing does."""
+    """Report that the process has started, then what prevents driving; "" if nothing does."""
     if sys.platform == "linux":
         import resource
 

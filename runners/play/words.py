@@ -1,4 +1,4 @@
-"""The words of the command line as the page may change them: only what chooses and tunes, and no files elsewhere."""
+"""The words of the command line that the page may change: those that choose and tune, but no files elsewhere."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ _SYSTEM = ("system", "guide", "planner", "ablation", "weights", "scale")  # what
 
 
 def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> list[str]:
-    """The words with changes by key; None takes a word away. root: the folder in which files may be named.
+    """Return the words with changes by key; None removes a word. root: the folder whose files may be named.
 
-    A new option of a group does away with the keys of the former one. Raises InputError.
+    A new option of a group removes the keys of the former one. Raises InputError.
     """
     now = {key_of(word): word for word in words}
     for key, value in changes.items():
         _check_key(key)
         gone = _SYSTEM if key == "system" else (key,)
+        # Remove the keys of the former option, and for a new system also what belongs to it.
         if key in GROUPS:
             now = {
                 old: word
@@ -46,12 +47,12 @@ def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> 
 
 
 def key_of(word: str) -> str:
-    """The key that a word sets, without the signs before it."""
+    """Return the key that a word sets, without the signs before it."""
     return word.partition("=")[0].lstrip("+~")
 
 
 def within(name: str, root: Path) -> Path:
-    """A path below the folder `root`. Raises InputError for one that leads elsewhere."""
+    """Return a path below the folder `root`. Raises InputError for a path that leads elsewhere."""
     path = (root / name).resolve()
     if not path.is_relative_to(root.resolve()):
         raise InputError(f"{name:.80}: must be in {root}, the folder in which lme play was started")
@@ -59,7 +60,7 @@ def within(name: str, root: Path) -> Path:
 
 
 def map_files(root: Path) -> list[str]:
-    """Files below the folder that may hold a map, at most two folders deep."""
+    """Return files below the folder that may hold a map, at most two folders deep."""
     found: list[str] = []
     for pattern in ("*", "[!.]*/*", "[!.]*/[!.]*/*"):
         for path in root.glob(f"{pattern}.yaml"):
@@ -71,7 +72,7 @@ def map_files(root: Path) -> list[str]:
 
 
 def _is_map(path: Path) -> bool:
-    """Whether a file begins like a shape file or a ROS map."""
+    """Return whether a file begins like a shape file or a ROS map."""
     try:
         with path.open("rb") as file:
             return _MAP.search(file.read(_HEAD)) is not None
@@ -87,7 +88,7 @@ def _check_key(key: str) -> None:
 
 
 def _checked(key: str, value: object, root: Path) -> str:
-    """The value as a word has it."""
+    """Return the value as it is written in a word."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise InputError(f"{key} is {value!r:.60}: must be text or a number")
     text = str(value).strip()
@@ -101,7 +102,7 @@ def _checked(key: str, value: object, root: Path) -> str:
 
 
 def _is_plain(key: str, text: str) -> bool:
-    """Whether a value is made of names and numbers alone, and cannot name a class or a function to import."""
+    """Return whether a value consists of names and numbers only, and cannot name a class or function to import."""
     if key == "scale":
         return bool(_FACTORS.fullmatch(text))
     return bool(_VALUE.fullmatch(text)) and (key in _PATH_KEYS or not _DOTTED.search(text))
