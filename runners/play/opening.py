@@ -97,12 +97,12 @@ def _setup(launch: Launch, run_dir: Path, labels: RunLabels, key: EpisodeKey) ->
 
 def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, ...]:
     """Return the words from which the page composes the run's config again. Raises UntrustedError."""
-    # Use the run's own copies of files where the originals are gone.
+    # Let the paths lead to the run's own copies of files.
     recorded = {**launch.changes[0], "guide.weights": config.weights}
     changes = inputs.located(recorded, launch.inputs, run_dir)
     weights = changes.pop("guide.weights")
     trust.check_config(recorded, run_dir)
-    # Check all words that name something, and the weights, unless they come from a copy.
+    # Check the words, and the weights, unless they lead to such a copy.
     named = {
         key: value for key, value in changes.items() if value == recorded[key]
     }  # not the paths of copies

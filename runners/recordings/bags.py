@@ -1,4 +1,4 @@
-"""Streams recordings of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap`, or their folder).
+"""Reader for recordings of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap`, or their folder).
 
 Uses the package rosbags (extra `replay`). Any error in a file becomes an InputError of one line.
 """
@@ -40,7 +40,7 @@ _MAGIC = {".bag": _ROS1_MAGIC, ".mcap": _MCAP_MAGIC, ".db3": _SQLITE_MAGIC}
 
 
 class Topic(NamedTuple):
-    """One topic of a recording. types: message types, usually one. number: of messages. rate: of messages [Hz]."""
+    """A topic of a recording. types: message types, usually one. number: of messages. rate: of messages [Hz]."""
 
     name: str
     types: tuple[str, ...]
@@ -49,7 +49,7 @@ class Topic(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. recorded: time of recording [ns]. content: object with the fields of the message type."""
+    """A message. recorded: time of recording [ns]. content: object with the fields of the message type."""
 
     topic: str
     type: str
@@ -90,12 +90,13 @@ class Bag:
 
     @property
     def by_lme(self) -> bool:
-        """Whether lme made the recording: it has a topic that says what drove."""
+        """Return whether lme made the recording; such a recording has a topic that names the evaluated system."""
         return any(topic.name == EPISODE and EPISODE_TYPE in topic.types for topic in self.topics())
 
     def topics(self) -> list[Topic]:
-        """All topics, sorted by name."""
+        """Return all topics, sorted by name."""
         found: dict[str, tuple[set[str], int]] = {}
+        # A topic may have several connections, such as one for each publisher.
         for connection in self._reader.connections:
             types, count = found.get(connection.topic, (set(), 0))
             if connection.msgcount and not count:
@@ -116,6 +117,7 @@ class Bag:
         wanted = [c for c in self._reader.connections if c.topic in topics]
         if not wanted:
             return
+        # A topic of several types cannot be read as one, except tf, whose two types have the same fields.
         for topic in self.topics():
             alike = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
             if topic.name in topics and not alike:
@@ -157,11 +159,12 @@ def _open(path: Path) -> Any:
 
 
 def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
-    """Why a recording cannot be used although rosbags can read it; empty if it can be used."""
+    """Return why a recording that rosbags can read is unusable; empty if it can be used."""
     if not all(isinstance(name, str) for c in reader.connections for name in (c.topic, c.msgtype)):
         return "damaged (a topic has no name or no type)"
     if not reader.message_count:
         return "has no messages"
+    # Only the topics that a replay may read have to be encoded and defined as in ROS.
     wanted = (c for c in reader.connections if c.msgtype in (*_READ, *messages.TF))
     encodings = {(c.topic, getattr(c.ext, "serialization_format", "cdr")) for c in wanted}
     other = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
@@ -172,11 +175,12 @@ def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
 
 
 def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
-    """A type that is read, or part of one, and that lacks a field that it has in ROS; empty if there is none.
+    """Return a type, among those read and their parts, that lacks a field of its ROS definition; empty if none does.
 
-    Both map the name of a type to (constants, fields); a field is a name and a type. ROS 1 has more fields.
+    Both arguments map the name of a type to (constants, fields); a field is a name and a type. ROS 1 has more fields.
     """
     todo, seen = [*_READ], set[str]()
+    # Walk from the types that are read to the types of their fields, each once.
     while todo:
         name = todo.pop()
         names = messages.TF if name in messages.TF else (name,)
@@ -190,7 +194,7 @@ def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
 
 
 def _parts(fields: Any) -> Iterator[str]:
-    """Every name in a definition; some are names of types."""
+    """Yield every name in a definition; some of them are names of types."""
     for item in fields:
         if isinstance(item, str):
             yield item
@@ -199,19 +203,24 @@ def _parts(fields: Any) -> Iterator[str]:
 
 
 def _to_open(path: Path) -> Path:
-    """What to open: the path, or the only file of a folder whose metadata.yaml is missing or names no storage."""
+    """Return what to open: the path, or the only recording in a folder.
+
+    A folder is opened by its file if its metadata.yaml is missing or names no storage.
+    """
     try:
         is_folder = path.is_dir()
     except OSError as error:  # such as a name that is too long
         raise InputError(f"bag {path}: cannot be read ({error.strerror})") from None
     if not is_folder:
         return path
+    # rosbags opens a folder by its metadata.yaml, so that has to name the storage.
     metadata, problem = path / "metadata.yaml", "the folder has no metadata.yaml"
     if metadata.is_file():
         named = _STORAGE.search(metadata.read_text(encoding="utf-8", errors="replace"))
         if named and named[1] in ("mcap", "sqlite3"):
             return path
         problem = "its metadata.yaml names no storage that can be read (storage_identifier: mcap or sqlite3)"
+    # Without it, a single recording in the folder leaves no doubt.
     files = [file for file in path.iterdir() if file.suffix in (".db3", ".mcap")]
     if len(files) != 1:
         raise InputError(
@@ -231,6 +240,7 @@ def _check_path(path: Path) -> None:
             if part.suffix in SUFFIXES:
                 check_regular(part)
         return
+    # A single file: check its name, then its first bytes.
     if path.suffix in _ENDINGS:
         raise InputError(f"bag {path}: {_ENDINGS[path.suffix]}")
     if path.suffix not in SUFFIXES:
@@ -255,6 +265,7 @@ def _check_path(path: Path) -> None:
 
 def _unreadable(path: Path, error: Exception, what: str) -> InputError:
     reason = (str(error).splitlines() or [""])[0].partition(": (")[0].rstrip(".") or type(error).__name__
+    # Say what to do about it, as far as rosbags' message tells the cause.
     hint, lower = "", reason.lower()
     if reason.strip("'") in _OTHER_SCHEMAS:
         reason = f"its messages are defined in {reason}, not in ros2msg or ros2idl"

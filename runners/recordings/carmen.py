@@ -1,7 +1,7 @@
-"""Reads logs of CARMEN (http://carmen.sourceforge.net/logger_playback.html) as recordings.
+"""Reader for logs of CARMEN (http://carmen.sourceforge.net/logger_playback.html) as recordings.
 
 A line FLASER or ROBOTLASER1 holds a scan and the pose of the laser. It becomes two messages, a pose and a scan, as if
-ROS had recorded them. Lines ODOM are left out: in a corrected log their poses are not the corrected ones.
+ROS had recorded them. Lines ODOM are ignored: in a corrected log, their poses are not the corrected ones.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _SAME_M, _SAME_RAD = 0.02, 0.02  # to which the laser keeps its place on the rob
 
 
 class _Scan(NamedTuple):
-    """A line with a scan. stamp [ns]; geometry: angle_min, angle_increment [rad], range_max [m]; ranges [m]."""
+    """A line with a scan. stamp [ns]. geometry: angle_min, angle_increment [rad], range_max [m]. ranges [m]."""
 
     stamp: int
     geometry: tuple[float, float, float]
@@ -57,7 +57,7 @@ class _Scan(NamedTuple):
 
 
 class CarmenLog(Bag):
-    """An open CARMEN log, plain or compressed by gzip. It is read as a whole."""
+    """An open CARMEN log, plain or compressed by gzip. The whole log is read at once."""
 
     def __init__(self, path: Path) -> None:
         """Read `path`. Raises InputError if it cannot be read, is damaged, or holds no scans."""
@@ -81,7 +81,7 @@ class CarmenLog(Bag):
         return self._scans[-1].stamp
 
     def topics(self) -> list[Topic]:
-        """The topics that the log amounts to, sorted by name."""
+        """Return the topics that the log corresponds to, sorted by name."""
         number, seconds = len(self._scans), max(self.duration_s, 1e-9)
         counts = {name: 1 if name == MOUNT else number for name in _TYPES}
         return [Topic(name, (_TYPES[name],), counts[name], counts[name] / seconds) for name in sorted(counts)]
@@ -120,12 +120,12 @@ class CarmenLog(Bag):
 
 
 def is_carmen(path: Path) -> bool:
-    """Whether the name of a file is that of a CARMEN log."""
+    """Return whether a file has the name of a CARMEN log."""
     return path.name.lower().endswith(ENDINGS)
 
 
 def _scans(path: Path) -> list[_Scan]:
-    """All scans of the kind of line that the log has most of."""
+    """Return all scans of the kind of line that is most frequent in the log."""
     found: dict[str, list[_Scan]] = {ROBOTLASER: [], FLASER: []}
     resolution: float | None = None  # [deg] by the parameters of the log
     readers: dict[str, Callable[[Sequence[str]], _Scan]] = {
@@ -133,6 +133,7 @@ def _scans(path: Path) -> list[_Scan]:
         FLASER: lambda fields: _flaser(fields, resolution),
     }
     mistake: InputError | None = None
+    # Read the scans of both kinds, since a log may hold both.
     for number, line in enumerate(_lines(path), start=1):
         if mistake is not None:  # only the last line may be incomplete: the log was cut off
             raise mistake
@@ -149,6 +150,7 @@ def _scans(path: Path) -> list[_Scan]:
                 mistake = InputError(
                     f"log {path}, line {number}: {kind}: must hold a scan, a pose and a time, all of them numbers"
                 )
+    # Keep the kind that occurs most.
     most = max(found.values(), key=len)
     if not most:
         raise mistake or InputError(
@@ -158,7 +160,7 @@ def _scans(path: Path) -> list[_Scan]:
 
 
 def _lines(path: Path) -> Iterator[str]:
-    """The lines of a log that are not empty. Raises InputError if it cannot be read or is empty."""
+    """Yield the non-empty lines of a log. Raises InputError if it cannot be read or is empty."""
     if not path.exists():
         raise InputError(f"log {path}: no such file")
     if path.is_dir():
@@ -188,9 +190,9 @@ def _lines(path: Path) -> Iterator[str]:
 
 
 def _flaser(fields: Sequence[str], resolution: float | None) -> _Scan:
-    """FLASER n ranges, pose of the laser, pose of the robot, time. The first beam is the rightmost.
+    """Parse FLASER n ranges, pose of the laser, pose of the robot, time. The first beam is the rightmost.
 
-    resolution [deg]: of the log's parameters, if it has one. Raises InputError if the field of view is unknown.
+    resolution [deg]: from the log's parameters, if it has one. Raises InputError if the field of view is unknown.
     """
     count = _count(fields[0])
     geometry = (*_flaser_angles(count, resolution), RANGE_MAX)
@@ -198,8 +200,12 @@ def _flaser(fields: Sequence[str], resolution: float | None) -> _Scan:
 
 
 def _flaser_angles(count: int, resolution: float | None) -> tuple[float, float]:
-    """The bearing of the first beam and the increment [rad] of a FLASER line, which says only how many beams it has."""
+    """Return the first beam's bearing and the increment [rad] of a FLASER line.
+
+    The line contains only the number of beams.
+    """
     steps = count if count % 2 == 0 else count - 1  # 180 beams are the first of 181 over half a turn
+    # Known lidars first; then half a turn, if its increment is usual; then what the log itself says.
     if count in _FLASER_FOV:
         fov = _FLASER_FOV[count]
         increment = fov / steps
@@ -219,7 +225,10 @@ def _flaser_angles(count: int, resolution: float | None) -> tuple[float, float]:
 
 
 def _robotlaser(fields: Sequence[str]) -> _Scan:
-    """ROBOTLASER1 type, start, field of view, increment, farthest, accuracy, mode, n ranges, m remissions, poses, …"""
+    """Parse ROBOTLASER1 type, start, field of view, increment, farthest, accuracy, mode, n ranges, m remissions, …
+
+    The poses of laser and robot, speed and safety, and the time follow the remissions.
+    """
     first, increment, farthest = float(fields[1]), float(fields[3]), float(fields[4])
     count = _count(fields[7])
     remissions = int(fields[8 + count])
@@ -241,7 +250,7 @@ def _count(field: str) -> int:
 def _scan(
     geometry: tuple[float, float, float], ranges: Sequence[str], rest: Sequence[str], time_at: int
 ) -> _Scan:
-    """rest: the poses of laser and robot, and the time at this place in it."""
+    """Return a scan. rest: the poses of laser and robot, then other fields, with the time at index `time_at`."""
     poses = np.array(rest[:6], dtype=np.float64)
     if len(poses) < 6 or not np.isfinite(poses).all():
         raise ValueError(rest[:6])
@@ -250,7 +259,7 @@ def _scan(
 
 
 def _stamped(scans: list[_Scan]) -> list[_Scan]:
-    """The scans in the order of the log, each later than the one before: some logs have one time for all scans."""
+    """Return the scans in the log's order, each later than the previous one: some logs give one time to all scans."""
     stamped = scans[:1]
     for scan in scans[1:]:
         stamped.append(scan._replace(stamp=max(scan.stamp, stamped[-1].stamp + 1)))
@@ -258,8 +267,9 @@ def _stamped(scans: list[_Scan]) -> list[_Scan]:
 
 
 def _mount(scans: Sequence[_Scan]) -> Pose:
-    """The laser on the robot; at its middle if the two poses of a line do not belong together."""
+    """Return the laser's pose on the robot; its middle if the two poses of a line do not belong together."""
     first, last = (relative(scan.laser, scan.robot) for scan in (scans[0], scans[-1]))
+    # The mount of a rigid laser is the same in the first and in the last scan.
     steady = math.dist(first[:2], last[:2]) < _SAME_M
     steady = steady and abs(math.remainder(first.yaw - last.yaw, math.tau)) < _SAME_RAD
     near = math.hypot(*first[:2]) < _FARTHEST_MOUNT
@@ -278,7 +288,7 @@ def _transform(stamp: int, mount: Pose) -> SimpleNamespace:
 
 
 def _parts(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:
-    """Position and orientation of a pose."""
+    """Return position and orientation of a pose."""
     half = pose.yaw / 2.0
     return (
         SimpleNamespace(x=pose.x, y=pose.y, z=0.0),

@@ -1,4 +1,4 @@
-"""Runs a navigator on recorded messages: one decision per control period. No command is executed."""
+"""Navigation on recorded messages: one decision per control period, without executing any command."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SAMPLE = 60  # minimum number of decisions kept for the pictures, if there are 
 
 
 class ReplayStep(NamedTuple):
-    """One tick: the input and the decision. target, subgoal (2,) and scan points (M, 2) in the robot frame [m]."""
+    """A tick: input and decision. target, subgoal (2,) and scan points (M, 2) are in the robot frame [m]."""
 
     time_s: float
     motion: StampedMotion
@@ -53,11 +53,11 @@ Listener = Callable[[ReplayStep], None]
 
 @dataclass(slots=True)
 class Log:
-    """The results of a replay.
+    """Results of a replay.
 
     rows: columns by name, one row per tick. commands: the recorded (stamp [ns], v [m/s], ω [rad/s]). skipped: number
-    of ticks without a decision, by reason. scans: number of scans. tally: what those of the decisions hold. sample:
-    steps spread over the recording.
+    of ticks without a decision, by reason. scans: number of scans. tally: counts over the scans of the decisions.
+    sample: steps spread over the recording.
     """
 
     rows: list[dict[str, Any]] = field(default_factory=list)
@@ -69,11 +69,11 @@ class Log:
 
 
 class Driver:
-    """Takes messages in recorded order and makes a decision once per control period of the robot.
+    """Takes messages in recorded order, and decides once per control period of the robot.
 
-    Each decision uses the scan nearest to its due time, or every scan, and the pose at the stamp of that scan.
-    horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference between the
-    stamps of a pose and of the scan.
+    Each decision uses the scan nearest to its due time, or every scan is used, and the pose at the stamp of that
+    scan. horizon [s]: time over which the clearance of a command is predicted. stale [ns]: largest difference between
+    the stamps of a pose and of the scan.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Driver:
         return self.log
 
     def _decide(self, coming: Message | None) -> None:
-        """Decide on the scans whose poses are known. coming: the next message, None at the end."""
+        """Decide on the scans whose poses are known. coming: the next message; None at the end."""
         for message, motion, posture in self._scans.ready(coming):
             if motion is None:
                 self.log.skipped["no pose"] += 1
@@ -148,7 +148,7 @@ class Driver:
         self._note(observation, motion, command, decision_us)
 
     def _commanded(self, motion: StampedMotion) -> Twist:
-        """The command that the robot recorded last; its twist where it recorded none."""
+        """Return the last recorded command: zero before the first one, the robot's twist if no topic has commands."""
         commands = self.log.commands
         before = bisect_left(commands, motion.stamp, key=itemgetter(0))
         if before:
@@ -163,6 +163,7 @@ class Driver:
         points = obstacle_points(observation.scan, self._robot.lidar.mount)
         time_s = self._recording.seconds(motion.stamp)
         (x, y), (subgoal_x, subgoal_y) = observation.target, guidance.subgoal
+        # A row of the table, all in SI units but for the time of the decision.
         self.log.rows.append(
             {
                 "time_s": time_s,
@@ -183,16 +184,18 @@ class Driver:
                 **_features(self._navigator.explanation()),
             }
         )
+        # The same as a step, for the pictures and for the listeners.
         step = ReplayStep(time_s, motion, observation.target, points, guidance.subgoal, command)
         self._sampler.offer(step)
         for listener in self._listeners:
             listener(step)
 
     def _clearances(self, points: Floats, twist: Twist, command: Twist) -> dict[str, float]:
-        """Distances from the footprint to the scan points [m]: now, and the smallest while each command is held."""
+        """Return the clearance of the footprint [m]: the present one, and the smallest while each command is held."""
         circles = np.column_stack((points, np.zeros(len(points))))
         box, robot = self._robot.footprint.box, self._robot
 
+        # The smallest clearance on the way that a command leads to within the horizon.
         def least(wanted: Twist) -> float:
             poses, _ = drive(
                 _HERE, twist, wanted, robot.limits.bounds, self._horizon, _STEP, robot.footprint.r_max
@@ -207,7 +210,7 @@ class Driver:
 
 
 class _Ticks:
-    """Selects the scans on which decisions are made."""
+    """Selection of the scans on which decisions are made."""
 
     def __init__(self, dt: float, scan_rate: float) -> None:
         self._period = round(dt * SECOND)
@@ -215,16 +218,17 @@ class _Ticks:
         self._next: int | None = None
 
     def due(self, stamp: int) -> bool:
-        """Whether to decide on the scan with this stamp [ns]; always true for the first."""
+        """Return whether to decide on the scan with this stamp [ns]; always true for the first scan."""
         if self._next is not None and stamp < self._next - self._slack:
             return False
+        # Count on from the due time, unless the recording has a gap: then from this scan.
         late = self._next is None or stamp > self._next + self._slack
         self._next = (stamp if late or self._next is None else self._next) + self._period
         return True
 
 
 def _features(explanation: Explanation | None) -> dict[str, Any]:
-    """How the current subgoal was chosen, its score, and its value in each criterion."""
+    """Return how the current subgoal was chosen, its score, and its value in each criterion."""
     if explanation is None:
         return {}
     kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
@@ -239,7 +243,7 @@ def _features(explanation: Explanation | None) -> dict[str, Any]:
 
 
 class _Sampler:
-    """Keeps an evenly spaced sample of steps. The number of steps need not be known in advance."""
+    """An evenly spaced sample of steps, whose number need not be known in advance."""
 
     def __init__(self) -> None:
         self.kept: list[ReplayStep] = []

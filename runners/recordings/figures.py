@@ -37,11 +37,12 @@ def write(
 
 
 def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, path: Path) -> None:
-    """Draw the driven path with scan points and subgoals; and velocities, clearances and decision times over time."""
+    """Draw the driven path with scan points and subgoals, and velocities, clearances and decision times over time."""
     figure = new_figure(11.0, 6.6, layout=None)
     grid = figure.add_gridspec(
         4, 2, width_ratios=(1.2, 1), hspace=0.4, wspace=0.16, left=0.06, right=0.98, bottom=0.08, top=0.9
     )
+    # Left: the map. Right: four quantities over time.
     _draw_path(figure.add_subplot(grid[:, 0]), frame, log)
     time = frame["time_s"].to_numpy()
     axes = [figure.add_subplot(grid[row, 1]) for row in range(4)]
@@ -66,12 +67,16 @@ def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, pat
 
 
 def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path) -> None:
-    """Draw the first scan as the policy gets it, from above, ahead up. It shows whether left and right are swapped."""
+    """Draw the first scan as the policy receives it, from above with the heading up.
+
+    The picture shows whether left and right are swapped.
+    """
     lidar = scan_source.robot.lidar
     scan = scan_source.read(recording.first_scan.content)
     points = obstacle_points(scan, lidar.mount)
     figure = new_figure(6.0, 6.4, layout=None)
     axes = figure.add_axes((0.08, 0.06, 0.84, 0.82))
+    # Colour the points by the order of the beams, on a page with x up and y to the left.
     order = _beam_shares(points, scan_source)
     shown = axes.scatter(-points[:, 1], points[:, 0], c=order, s=4, cmap="viridis", vmin=0, vmax=1)
     reach = min(_SEEN_M, 1.1 * float(np.abs(points).max(initial=1.0)))
@@ -93,7 +98,7 @@ def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path
 
 
 def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
-    """Draw the map, in the odometry frame: what the scans saw, the path, subgoals and the goal, all of them whole."""
+    """Draw the map in the odometry frame: what the scans saw, the path, the subgoals and the goal, all in full."""
     path = frame[["x_m", "y_m"]].to_numpy()
     seen = np.concatenate([np.empty((0, 2)), *(to_world(one.points, one.motion.pose) for one in log.sample)])
     subgoals = np.array([to_world(one.subgoal, one.motion.pose) for one in log.sample])
@@ -107,6 +112,7 @@ def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
     axes.plot(*path[0], markersize=13, color=INK, markeredgecolor="white", zorder=4, **start)
     axes.plot(*goal, "*", color=GOAL, markersize=12, zorder=5, label="goal")
     axes.plot([], [], color=PROPOSED, marker=".", label="to the subgoal", **_FADED)
+    # Show everything, with a margin.
     everything = np.vstack([seen, path, subgoals, goal])
     low, high = everything.min(axis=0), everything.max(axis=0)
     (x0, y0), (x1, y1) = low - EDGE * (high - low).max() - EDGE_M, high + EDGE * (high - low).max() + EDGE_M
@@ -120,7 +126,7 @@ def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
 
 
 def _beam_shares(points: np.ndarray, scan_source: ScanSource) -> np.ndarray:
-    """Position of each point's beam in the sweep, (M,): 0 for the first beam and 1 for the last."""
+    """Return each point's beam as a share of the sweep, (M,): 0 for the first beam and 1 for the last."""
     lidar = scan_source.robot.lidar
     at_lidar = to_robot(points, lidar.mount)
     bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - lidar.angle_min

@@ -21,13 +21,13 @@ LAST = "last"
 
 
 class GoalSource(Protocol):
-    """Provides the goal, which may move."""
+    """A source of the goal, which may move."""
 
     def take(self, message: Message, track: Track, tree: TransformTree) -> None:
         """Process a message of the goal's topic."""
 
     def target(self, motion: StampedMotion, tree: TransformTree) -> Floats | None:
-        """The goal (2,) in the robot frame [m]; None if there is none yet."""
+        """Return the goal (2,) in the robot frame [m]; None if there is none yet."""
 
 
 class FixedGoal:
@@ -37,10 +37,10 @@ class FixedGoal:
         self._point = np.array(point, dtype=np.float64)
 
     def take(self, message: Message, track: Track, tree: TransformTree) -> None:
-        """Does nothing: the goal does not move."""
+        """Do nothing, since the goal does not move."""
 
     def target(self, motion: StampedMotion, tree: TransformTree) -> Floats | None:
-        """The point in the robot frame [m]."""
+        """Return the point in the robot frame [m]."""
         return to_robot(self._point, motion.pose)
 
 
@@ -66,19 +66,19 @@ class TopicGoal:
         self._goal.place(frames, tree, track, self._tolerance)
 
     def target(self, motion: StampedMotion, tree: TransformTree) -> Floats | None:
-        """The goal (2,) in the robot frame [m]."""
+        """Return the goal (2,) in the robot frame [m]; None before the first message."""
         return None if self._goal is None else self._goal.target(motion, self._recording.frames, tree)
 
 
 def goal_source(requested: Any, recording: Recording, stop: int | None, tolerance: int) -> GoalSource:
-    """The goal that `goal=` gives. stop: end of the replay [ns, clock of the file]."""
+    """Return the source of the goal that `goal=` gives. stop: end of the replay [ns, clock of the file]."""
     if recording.topics.goal is not None:
         return TopicGoal(recording, tolerance)
     return FixedGoal(recording.last_pose(stop)[:2] if requested is None or requested == LAST else requested)
 
 
 def topic_of(requested: Any) -> str | None:
-    """The topic that `goal=` names; None if it is a point or not set. Raises InputError for anything else."""
+    """Return the topic that `goal=` names; None for a point or no value. Raises InputError for anything else."""
     if requested is None or isinstance(requested, str):
         return None if requested in (None, LAST) else requested
     numbers = isinstance(requested, Sequence) and all(isinstance(v, int | float) for v in requested)

@@ -32,7 +32,7 @@ _SCALARS = ("start", "end", "clock")
 
 
 class LocatedScan(NamedTuple):
-    """A scan in its own geometry, as if upright.
+    """A scan in its own geometry, as if the lidar were upright.
 
     lidar, base: poses in the frame of the map. sees_far: whether a range without a return means free space.
     """
@@ -64,7 +64,10 @@ class LogConfig:
 
 
 def log_config(given: Mapping[str, Any], robot: str | None) -> LogConfig:
-    """The config with the values `given`, as in `conf/replay.yaml`. Raises InputError for a key or value not right."""
+    """Return the config with the values `given`, as in `conf/replay.yaml`.
+
+    Raises InputError for a wrong key or value.
+    """
     known = (*_PARTS, *_SCALARS)
     for key in given:
         if key not in known:
@@ -82,7 +85,7 @@ class DriveLog:
     """An open log; use as a context manager."""
 
     def __init__(self, path: Path, config: LogConfig) -> None:
-        """Raises InputError if the log cannot be read, or has no scans or no poses."""
+        """Open a log. Raises InputError if it cannot be read, or has no scans or no poses."""
         self._bag, self._config = open_recording(path), config
         try:
             self._recording = _inspected(self._bag, config)
@@ -100,7 +103,7 @@ class DriveLog:
 
     @property
     def sources(self) -> str:
-        """Where scans and poses come from."""
+        """Return a description of where scans and poses come from."""
         topics, frames = self._recording.topics, self._recording.frames
         return f"scans {topics.scan.name}, poses {topics.pose_name} ({frames.odom} to {frames.base})"
 
@@ -111,7 +114,10 @@ class DriveLog:
         return next(topic.number for topic in self._bag.topics() if topic.name == name)
 
     def scans(self) -> Iterator[LocatedScan | None]:
-        """Every scan between start and end; None for one without a pose. Raises InputError if time goes backwards."""
+        """Yield every scan between start and end; None for a scan without a pose.
+
+        Raises InputError if time goes backwards.
+        """
         recording = self._recording
         source = ScanSource(
             self._config.scan,
@@ -121,6 +127,7 @@ class DriveLog:
             recording.carrier,
         )
         posed = PosedScans(recording, _STALE)
+        # A scan is ready once the message after it is known; at the end, all that wait are.
         for coming in self._messages():
             for message, motion, posture in posed.ready(coming):
                 yield None if motion is None else _located(source, message.content, motion.pose, posture)
@@ -128,7 +135,7 @@ class DriveLog:
                 posed.take(coming)
 
     def _messages(self) -> Iterator[Message | None]:
-        """The messages of the chosen part, and None after the last."""
+        """Yield the messages of the chosen part, and None after the last."""
         bag, config = self._bag, self._config
         start = bag.start + round(config.start * SECOND)
         stop = None if config.end is None else bag.start + round(config.end * SECOND)
@@ -137,7 +144,7 @@ class DriveLog:
 
 
 def _inspected(bag: Bag, config: LogConfig) -> Recording:
-    """The recording, with poses in the map frame if tf has them and no other poses are asked for."""
+    """Return the recording, with poses in the map frame if tf has them and no other poses are requested."""
     topics = choose(bag, config.topics, None)
     if config.topics.pose is None and config.frames.odom is None and topics.tf:
         recording = _in_map_frame(bag, topics, config)
@@ -156,7 +163,7 @@ def _in_map_frame(bag: Bag, topics: Topics, config: LogConfig) -> Recording | No
 
 
 def _robot(name: str | None) -> Robot:
-    """The robot of this name; without one, a stand-in whose lidar is at its middle."""
+    """Return the robot of this name; without a name, a stand-in whose lidar is at its middle."""
     robot = load_robot(name or "turtlebot2")
     return robot if name else replace(robot, lidar=replace(robot.lidar, x=0.0, y=0.0, yaw=0.0))
 

@@ -1,4 +1,4 @@
-"""Builds a ROS map from the logs of one drive: a picture of cells, its YAML file, and a picture with the way."""
+"""ROS maps built from the logs of one drive: a picture of cells, its YAML file, and a picture with the path."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _UNKNOWN_GREY = 0.78
 
 
 def way_picture(built: GridMap, way: Floats, title: str) -> Figure:
-    """The map with the way (N, 2) [m]: free white, obstacles black, unknown grey."""
+    """Draw the map with the robot's path (N, 2) [m]: free white, obstacles black, unknown grey."""
     width, height = built.size
     scale = _LONGEST_IN / max(width, height)
     figure = new_figure(max(width * scale, 2.5) + _MARGIN_IN, max(height * scale, 1.5) + _MARGIN_IN)
@@ -76,7 +76,7 @@ class BuildConfig:
 
 
 class BuiltMap(NamedTuple):
-    """A map, the robot's way (N, 2) [m], the scans that it is made of, and those left out for want of a pose.
+    """A map, the robot's path (N, 2) [m], the scans in the map, and those left out because they have no pose.
 
     tally: of the beams of these scans.
     """
@@ -90,7 +90,7 @@ class BuiltMap(NamedTuple):
 
 
 def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) -> BuiltMap:
-    """The map of the logs of one drive, whose poses are in the same frame. shown: a progress bar.
+    """Build the map from the logs of one drive, whose poses share a frame. shown: whether to show a progress bar.
 
     Raises InputError if a log cannot be read, has no scans or no poses, or if the map would be too large.
     """
@@ -98,6 +98,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
     way: list[tuple[float, float]] = []
     sources: list[str] = []
     skipped, tally = 0, ScanTally()
+    # Add the scans of all logs to one grid.
     for path in paths:
         before = len(way)
         with DriveLog(path, config.log) as log, ScanProgress("scans", log.num_scans, shown=shown) as progress:
@@ -112,6 +113,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
                 way.append((located.base.x, located.base.y))
         if len(way) == before:
             raise InputError(f"log {path}: no scan between start and end has a pose within half a second")
+    # Turn the grid into a map of limited size.
     points = np.array(way)
     built = grid.finish(points, config.radius, config.reach)
     if built.cells.size > MAX_PIXELS:
@@ -146,6 +148,7 @@ def write_map(built: BuiltMap, path: Path) -> None:
         "occupied_thresh": 0.65,
         "free_thresh": 0.196,
     }
+    # Row 0 of the picture is the top, row 0 of the cells the bottom.
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with output_file(image) as draft:
@@ -160,7 +163,7 @@ def write_map(built: BuiltMap, path: Path) -> None:
 
 
 def describe(built: BuiltMap) -> str:
-    """One line about a map."""
+    """Return one line about a map."""
     width, height = built.map.size
     without = f" ({built.skipped} more without a pose)" if built.skipped else ""
     return (
@@ -169,5 +172,5 @@ def describe(built: BuiltMap) -> str:
 
 
 def _files(path: Path) -> tuple[Path, Path, Path]:
-    """The YAML file of a map, its picture of cells, and its picture with the way."""
+    """Return the paths of a map's YAML file, of its picture of cells, and of its picture with the path."""
     return path, path.with_suffix(".png"), path.with_name(f"{path.stem}{PICTURE}.png")

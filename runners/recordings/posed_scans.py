@@ -1,4 +1,4 @@
-"""Joins the scans of a recording with the poses at their stamps."""
+"""Pairing of the scans of a recording with the poses at their stamps."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _JITTER = SECOND // 10  # messages up to this late are ignored: threads may swap
 
 
 class Order:
-    """Checks that the stamps of a topic increase."""
+    """A check that the stamps of a topic increase."""
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
         self._last: int | None = None
 
     def accepts(self, stamp: int) -> bool:
-        """Whether `stamp` [ns] is later than all before it. Raises InputError if time jumps back."""
+        """Return whether `stamp` [ns] is later than all before it. Raises InputError if time jumps back."""
         if self._last is not None and stamp < self._last - _JITTER:
             back = (self._last - stamp) / SECOND
             raise InputError(
@@ -42,7 +42,7 @@ class Order:
 class PosedScan(NamedTuple):
     """A message with a scan, and motion and posture of the base at its stamp; None if no pose is near in time.
 
-    posture: None also for a LaserScan.
+    posture: also None for a LaserScan.
     """
 
     message: Message
@@ -51,11 +51,11 @@ class PosedScan(NamedTuple):
 
 
 class PosedScans:
-    """Takes messages in recorded order, and gives back each scan once its pose is known.
+    """Takes messages in recorded order, and returns each scan once its pose is known.
 
-    A scan waits for a pose that is later than itself, at most `stale` [ns], which is also the largest difference
-    between the stamps of a scan and of the nearest pose. due: whether a scan with this stamp [ns] is wanted.
-    Scans of another frame, whose lidar is mounted elsewhere, and of less than two beams are left out with a warning.
+    A scan waits for a later pose for at most `stale` [ns], which is also the largest difference between the stamps of
+    a scan and of the nearest pose. due: whether a scan with this stamp [ns] is wanted. Scans from another frame,
+    whose lidar is mounted elsewhere, and scans of fewer than two beams are left out with a warning.
     """
 
     def __init__(self, recording: Recording, stale: int, due: Callable[[int], bool] | None = None) -> None:
@@ -74,6 +74,7 @@ class PosedScans:
 
         Raises InputError if time goes backwards.
         """
+        # Poses and transforms come first: a message of tf may be both.
         sample = self._recording.pose(message, self.tree)
         if sample is not None:
             if self._pose_order.accepts(sample.stamp):
@@ -90,7 +91,7 @@ class PosedScans:
                     self._waiting.append((message, stamp))
 
     def _check_twist(self, sample: RecordedPose) -> None:
-        """Take velocities from the slope of the poses, once the twists have contradicted it."""
+        """Check the twist; once twists contradict the poses, velocities come from the slope of the poses."""
         if sample.twist is None or self._as_received:
             return
         self._twists.add(sample.stamp, sample.pose, sample.twist)
@@ -112,11 +113,12 @@ class PosedScans:
         return not why
 
     def ready(self, coming: Message | None) -> Iterator[PosedScan]:
-        """The waiting scans that have a later pose, or that have waited for one longer than `stale`.
+        """Yield the waiting scans that have a later pose, or that have waited longer than `stale` for one.
 
-        coming: the next message, None at the end. It must be recorded after the scan, so that every message
-        recorded together with the scan has been processed.
+        coming: the next message, None at the end. It must be recorded after the scan, so that every message recorded
+        together with the scan has been processed.
         """
+        # The oldest scan waits for a pose at or after its stamp, or until it has waited too long.
         while self._waiting:
             scan, stamp = self._waiting[0]
             if coming is not None:

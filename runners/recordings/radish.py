@@ -1,4 +1,4 @@
-"""The maps of ten real buildings, from the corrected CARMEN logs of Radish in github.com/acschaefer/ple."""
+"""Maps of ten real buildings, from the corrected CARMEN logs of Radish in github.com/acschaefer/ple."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DIGESTS = {  # SHA-256 of the logs at commit cfcb5a7 of acschaefer/ple
 
 
 def build_all(source: Path, destination: Path, overwrite: bool) -> None:
-    """Build the map of every building whose log is in `source`, into the folder `destination`; print a line for each.
+    """Build the map of every building whose log is in `source` in the folder `destination`; print a line for each.
 
     Raises InputError if there are no logs, one is not the published file, or a map exists and `overwrite` is false.
     Everything is checked before the first map is built.
@@ -54,7 +54,7 @@ def build_all(source: Path, destination: Path, overwrite: bool) -> None:
 
 
 def _logs(source: Path) -> Iterator[tuple[str, Path]]:
-    """The known buildings whose logs are in a checkout or a folder."""
+    """Yield the known buildings whose logs are in a checkout or a folder."""
     if not source.is_dir():
         raise InputError(f"{source}: {'is not a folder' if source.exists() else 'no such folder'}")
     folder = source / CHECKOUT if (source / CHECKOUT).is_dir() else source

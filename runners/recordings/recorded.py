@@ -1,4 +1,4 @@
-"""Recognises recordings that lme wrote, with `record=mcap`. They contain the config and the seed."""
+"""Recognition of recordings that lme wrote with `record=mcap`. They contain the config and the seed."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ GROUPS = ("robot", "guide", "planner", "filter")
 
 
 class RecordedEpisode(NamedTuple):
-    """An episode of `lme eval`, or a drive of `lme live` to one goal; then `world` is the number of the goal.
+    """An episode of `lme eval`, or a drive of `lme live` to one goal, whose number is then `world`.
 
-    config: of the command. scan: the geometry of every scan, as in `LaserScan`. goal_tolerance: of a drive of
-    `lme live` [m]; None for an episode.
+    config: of the command. scan: the geometry of every scan, as in `LaserScan`. goal_tolerance: of a drive of `lme
+    live` [m]; None for an episode.
     """
 
     seed: int
@@ -38,12 +38,15 @@ class RecordedEpisode(NamedTuple):
 
     @property
     def live(self) -> bool:
-        """Whether it is a drive of `lme live`."""
+        """Return whether this is a drive of `lme live`."""
         return self.goal_tolerance is not None
 
     @property
     def command(self) -> str:
-        """The topic of the planner's commands. What `lme live` sends is limited, and 0 while the robot must stop."""
+        """Return the topic of the planner's commands.
+
+        The commands that `lme live` sends are limited, and zero while the robot must stop.
+        """
         return WANTED if self.live else "/cmd_vel"
 
     def __str__(self) -> str:
@@ -52,18 +55,18 @@ class RecordedEpisode(NamedTuple):
         return f"world {self.world}, run {self.run}, seed {self.seed} of lme eval"
 
     def rng(self) -> np.random.Generator:
-        """The random generator of the navigator, spawned as in the episode."""
+        """Return the random generator of the navigator, spawned as in the episode."""
         return episode_rng(self.seed, self.world, self.run).spawn(2)[0]
 
     def read_map(self, navigator: Navigator) -> None:
-        """Give the true map to a guide that reads it, if there was one."""
+        """Give the true map to a guide that reads it, if the episode had one."""
         if isinstance(navigator.guide, MapReader) and not self.live:
             task = build.map_set(self.config, [self.world]).task(self.world)
             navigator.read_map(task.world, task.start)
 
 
 def episode_of(bag: Bag) -> RecordedEpisode | None:
-    """The episode if lme wrote the recording, else None. Raises InputError if its data are not valid."""
+    """Return the episode if lme wrote the recording, else None. Raises InputError if its data are invalid."""
     if not bag.by_lme:
         return None
     text = next((message.content.data for message in bag.messages([EPISODE])), "")
@@ -81,7 +84,7 @@ def episode_of(bag: Bag) -> RecordedEpisode | None:
 
 
 def _config(path: Path, values: dict[str, Any]) -> RecordedConfig:
-    """The config in a recording. The files that it names are those that the run around the recording holds."""
+    """Return the config in a recording. The files that it names are copies in the run that holds the recording."""
     launches = (read_launch(folder) for folder in (path.parent, path.parent.parent))
     run = next((launch for launch in launches if launch is not None), None)
     return recorded_config(values, path.parent, [] if run is None else run.inputs)

@@ -1,4 +1,4 @@
-"""Finds what a replay must know about a recording in advance: its clock, its frames, the mount of its lidar."""
+"""Properties of a recording that a replay must know in advance: its clock, its frames, the mount of its lidar."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ class RecordedPose(NamedTuple):
 class Recording:
     """A recording, its topics, and properties found in its first messages.
 
-    frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
-    of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
-    none. carrier: of the scan's frame. scan_rate [Hz]. first_scan: the first one with the usual frame and geometry.
-    tree: the transforms at the beginning. twists: whether those of odometry count.
+    frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock of the
+    file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has none.
+    carrier: of the scan's frame. scan_rate [Hz]. first_scan: the first one with the usual frame and geometry. tree:
+    the transforms at the beginning. twists: whether the twists of odometry are used.
     """
 
     bag: Bag
@@ -72,19 +72,20 @@ class Recording:
     twists: bool
 
     def stamp(self, message: Message) -> int:
-        """The stamp of a message [ns]; for a message without one, its time of recording on the clock of the stamps."""
+        """Return the stamp of a message [ns]; without a header, its time of recording on the clock of the stamps."""
         header = getattr(message.content, "header", None)
         return stamp_of(header) if self.headers and header is not None else message.recorded - self.offset
 
     def seconds(self, stamp: int) -> float:
-        """Time since the recording began [s]."""
+        """Return the time since the recording began [s]."""
         return (stamp + self.offset - self.bag.start) / SECOND
 
     def pose(self, message: Message, tree: TransformTree) -> RecordedPose | None:
-        """The pose that a message contains, if any; one with absurd numbers, or without a heading, is ignored.
+        """Return the pose in a message, if any; poses with absurd numbers or without a heading are ignored.
 
         Transforms of a tf message are first added to `tree`.
         """
+        # From tf, only if no topic gives the pose.
         if message.topic in self.topics.tf:
             tree.update(message.content)
             found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
@@ -101,19 +102,20 @@ class Recording:
         return RecordedPose(stamp, *found[1:])
 
     def doubt_twists(self, contradiction: str) -> None:
-        """Take no velocity from the odometry messages any more, and say why."""
+        """Stop using velocities of the odometry messages, and warn why."""
         self.twists = False
         warnings.warn(f"bag {self.bag.path}: {self.topics.pose_name}: {contradiction}", stacklevel=2)
 
     def check_poses(self) -> None:
-        """Compare the first twists with their poses. Raises InputError if no pose says where the robot heads.
+        """Compare the first twists with their poses. Raises InputError if no pose has a heading.
 
-        In a recording by lme the twist is what the policy received, with its errors.
+        In a recording by lme, the twist is the one that the policy received, with its errors, so nothing is checked.
         """
         pose, check = self.topics.pose, TwistCheck()
         headings: list[bool] = []
         if pose is None or self.bag.by_lme:
             return
+        # Read poses until a twist has contradicted them, or enough twists have agreed.
         for message in self.bag.messages({pose.name}, None, self.bag.start + _POSES_S * SECOND):
             headings.append(has_orientation(message.content, pose.type))
             if pose.type != ODOMETRY and headings[-1]:
@@ -125,6 +127,7 @@ class Recording:
                     check.add(stamp, sample.pose, sample.twist)
                 if check.contradiction() or check.full:
                     break
+        # A pose without any orientation cannot be used at all; a wrong twist can be left out.
         if headings and not any(headings):
             raise InputError(
                 f"bag {self.bag.path}: {pose.name}: its quaternion is zero, so it does not say where the robot heads: "
@@ -135,8 +138,9 @@ class Recording:
             self.doubt_twists(contradiction)
 
     def last_pose(self, stop: int | None) -> Pose:
-        """The last pose recorded before `stop` [ns]. Raises InputError if there is none."""
+        """Return the last pose recorded before `stop` [ns]. Raises InputError if there is none."""
         end = self.bag.end + 1 if stop is None else stop
+        # Look in the last seconds first, then farther back, then in the whole recording.
         for seconds in (*_TAIL_S, None):
             start = None if seconds is None else end - seconds * SECOND
             last, tree = None, self.tree.copy()
@@ -153,6 +157,7 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
 
     Warns of twists that contradict the poses.
     """
+    # Read static transforms, then the first messages until they say enough.
     first = _Beginning(topics)
     for message in _statics(bag, topics):
         first.tree.update(message.content)
@@ -162,14 +167,17 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
             break
     if not first.scans:
         raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} has no messages")
+    # tf does not connect the frames after all: take another topic of poses.
     if topics.pose is None and tf_frames(frames, first.tree) is None:
         topics = topics._replace(pose=other_pose(bag, topics))
         return inspect(bag, topics, frames, clock)
+    # Choose the frames and the clock, and measure the rate of the scans.
     chosen = first.frames(frames)
     headers, offset = first.clock(clock, chosen)
     stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
+    # Find the lidar's geometry and its mount.
     scan = _usual_scan(bag, topics, first.scans)
     came_from = frame(scan.content.header.frame_id)
     mount = first.tree.lookup(chosen.base, came_from)
@@ -182,12 +190,13 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
 
 
 def _usual_scan(bag: Bag, topics: Topics, first: list[Message]) -> Message:
-    """The first scan with the usual frame and geometry, since the first of all may be short, or of another lidar.
+    """Return the first scan with the usual frame and geometry; the very first may be short, or of another lidar.
 
-    Of the geometries that are not rare, it has the widest; of several as wide, the most frequent.
+    Of the geometries that are not rare, it has the widest; among several equally wide, the most frequent.
     """
     if topics.scan.type != LASER_SCAN:
         return first[0]
+    # Sample scans from all parts of the recording, and keep those of the most frequent frame.
     scans = list(first)
     for part in range(1, _PARTS):
         start = bag.start + part * (bag.end - bag.start) // _PARTS
@@ -195,6 +204,7 @@ def _usual_scan(bag: Bag, topics: Topics, first: list[Message]) -> Message:
     frames = Counter(frame(scan.content.header.frame_id) for scan in scans)
     frame_id = frames.most_common(1)[0][0]
     scans = [scan for scan in scans if frame(scan.content.header.frame_id) == frame_id and is_whole(scan)]
+    # Choose the geometry: not rare, as wide as the widest up to two beams, and then the most frequent.
     counts = Counter(map(_geometry, scans))
     usual = [one for one, count in counts.items() if count >= _RARE * len(scans)] or list(counts)
     if not usual:
@@ -206,13 +216,13 @@ def _usual_scan(bag: Bag, topics: Topics, first: list[Message]) -> Message:
 
 
 def is_whole(scan: Message) -> bool:
-    """Whether a scan has at least two beams; a cloud always counts."""
+    """Return whether a scan has at least two beams; true for every cloud."""
     ranges = getattr(scan.content, "ranges", None)
     return ranges is None or len(ranges) >= 2
 
 
 def _geometry(scan: Message) -> tuple[int, float, float]:
-    """Number of beams, increment and field of view [rad] of a LaserScan."""
+    """Return number of beams, increment and field of view [rad] of a LaserScan."""
     number, increment = len(scan.content.ranges), float(scan.content.angle_increment)
     fov = min(number * abs(increment), math.tau)
     return number, increment, fov if math.isfinite(fov) else 0.0
@@ -242,11 +252,11 @@ class _Beginning:
 
     @property
     def complete(self) -> bool:
-        """Whether there are enough scans to measure their rate, and a pose if a topic provides poses."""
+        """Return whether there are enough scans to measure their rate, and a pose if a topic provides poses."""
         return len(self.scans) == _SCANS and (self._topics.pose is None or self._pose is not None)
 
     def mounted(self, frames: FramesConfig) -> bool:
-        """Whether the transforms to the base and to the lidar are known."""
+        """Return whether the transforms to the base and to the lidar are known."""
         if self._topics.pose is None and tf_frames(frames, self.tree) is None:
             return False
         return (
@@ -255,7 +265,7 @@ class _Beginning:
         )
 
     def frames(self, frames: FramesConfig) -> Frames:
-        """Names of the odometry frame and the base frame."""
+        """Return the names of the odometry frame and the base frame."""
         if self._topics.pose is None:
             found = tf_frames(frames, self.tree)
             assert found is not None
@@ -263,7 +273,7 @@ class _Beginning:
         return message_frames(frames, None if self._pose is None else self._pose.content, self.tree)
 
     def clock(self, requested: str, frames: Frames) -> tuple[bool, int]:
-        """Whether to use the stamps of the headers, and the clock of the file minus that of the stamps [ns]."""
+        """Return whether to use the headers' stamps, and the clock of the file minus that of the stamps [ns]."""
         if requested == "recorded":
             return False, 0
         offset = min(_ahead(message) for message in self.scans)
@@ -280,12 +290,12 @@ class _Beginning:
 
 
 def _ahead(message: Message) -> int:
-    """Clock of the file minus stamp of a message [ns]."""
+    """Return the clock of the file minus the stamp of a message [ns]."""
     return message.recorded - stamp_of(message.content.header)
 
 
 def _statics(bag: Bag, topics: Topics) -> Iterator[Message]:
-    """Messages of static transforms; they may come late in the recording, but they are few."""
+    """Return the messages of static transforms, which may come late in the recording but are few."""
     return bag.messages([name for name in topics.tf if name.endswith("tf_static")])
 
 
@@ -294,5 +304,5 @@ def _pose_topics(topics: Topics) -> set[str]:
 
 
 def open_recording(path: Path) -> Bag:
-    """Open a ROS recording or a CARMEN log, by its name. Raises InputError if it is not one, or cannot be read."""
+    """Open a ROS recording or a CARMEN log, by its name. Raises InputError if it is neither, or cannot be read."""
     return CarmenLog(path) if is_carmen(path) else Bag(path)

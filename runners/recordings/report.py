@@ -26,11 +26,11 @@ _CLOSE = math.radians(30.0)  # [rad] headings that differ by less agree
 
 
 def replay_table(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
-    """The table of a replay: the rows of the log, and what the robot did.
+    """Return the table of a replay: the rows of the log, and what the robot did.
 
     recorded_command_*: the next command recorded within a period, else the previous one. robot_heading_rad: bearing
-    of the position where the robot was first `ahead` [m] away. heading_error_rad: bearing of the subgoal minus that.
-    Both are NaN if the robot did not get that far.
+    of the position where the robot was first `ahead` [m] away. heading_error_rad: bearing of the subgoal minus
+    robot_heading_rad. Both are NaN if the robot did not get that far.
     """
     import pandas as pd
 
@@ -47,9 +47,10 @@ def replay_table(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
 
 
 def headings_ahead(poses: Floats, ahead: float) -> Floats:
-    """Bearings (T,) [rad] from each of the poses (T, 3) to the first later one at least `ahead` [m] away, or NaN."""
+    """Return the bearing [rad] from each pose (T, 3) to the next at least `ahead` [m] away, (T,); NaN without one."""
     bearings = np.full(len(poses), np.nan)
     later = 0
+    # The later position only moves forward, so the search takes linear time.
     for k, (x, y, yaw) in enumerate(poses):
         later = max(later, k)
         while later < len(poses) and math.hypot(poses[later, 0] - x, poses[later, 1] - y) < ahead:
@@ -62,7 +63,7 @@ def headings_ahead(poses: Floats, ahead: float) -> Floats:
 
 
 def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> dict[str, float]:
-    """Agreement with the robot, clearance, and decision time. Names give the units; shares are from 0 to 1."""
+    """Return agreement with the robot, clearance, and decision time. Names give the units; shares are from 0 to 1."""
     heading = frame["heading_error_rad"].abs().dropna().to_numpy()
     speed = (frame["command_v_mps"] - frame["v_mps"]).to_numpy()
     turn = (frame["command_omega_radps"] - frame["omega_radps"]).to_numpy()
@@ -90,7 +91,7 @@ def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> di
 
 
 def lines(found: Mapping[str, float]) -> list[str]:
-    """The figures as a few lines of text."""
+    """Return the figures as a few lines of text."""
     ticks = f"{found['ticks']:.0f} decisions over {found['duration_s']:.1f} s"
     skipped = found["skipped_no_pose"] + found["skipped_no_goal"]
     left_out = f", {skipped:.0f} ticks left out" if skipped else ""
@@ -124,12 +125,13 @@ def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> lis
 
 
 def _recorded_commands(log: Log, stamps: Floats, period_s: float) -> Floats:
-    """Recorded commands (T, 2) [m/s, rad/s], one for each tick; NaN if there is none."""
+    """Return the recorded commands (T, 2) [m/s, rad/s], one for each tick; NaN if there is none."""
     if not log.commands:
         return np.full((len(stamps), 2), np.nan)
     commands = sorted(log.commands)
     times = np.array([stamp for stamp, _, _ in commands])
     values = np.array([[v, omega] for _, v, omega in commands])
+    # The next command counts if it comes within a period of the tick, else the previous one.
     after = np.searchsorted(times, stamps, side="left")
     timely = times[np.minimum(after, len(times) - 1)] < stamps + round(period_s * SECOND)
     use = np.where((after < len(times)) & timely, after, after - 1)
@@ -155,14 +157,14 @@ def _times(decision_us: Floats, period_s: float) -> dict[str, float]:
 
 
 def _same_way(frame: pd.DataFrame) -> float:
-    """Share of ticks with the same direction of turn, among those at which robot and command both turn."""
+    """Return the share of ticks at which both turn in the same direction, among those at which both turn."""
     one, other = frame["command_omega_radps"].to_numpy(), frame["omega_radps"].to_numpy()
     both = (np.abs(one) > _TURNING) & (np.abs(other) > _TURNING)
     return _mean(np.sign(one[both]) == np.sign(other[both]))
 
 
 def _same_command(frame: pd.DataFrame) -> float:
-    """Share of ticks whose command equals the recorded one to the last bit."""
+    """Return the share of ticks whose command equals the recorded one to the last bit."""
     v = frame["command_v_mps"].to_numpy() == frame["recorded_command_v_mps"].to_numpy()
     omega = frame["command_omega_radps"].to_numpy() == frame["recorded_command_omega_radps"].to_numpy()
     return _mean(v & omega)

@@ -1,4 +1,4 @@
-"""Writes a replay as a file for the rerun viewer (extra `rerun`)."""
+"""Replays written as a file for the rerun viewer (extra `rerun`)."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ def check_installed() -> None:
 
 
 class RerunFile:
-    """Writes each decision as it is made, in the odometry frame and at its time in the recording.
+    """A file to which each decision is written as it is made, in the odometry frame and at its recorded time.
 
-    Points and lines are 3D at height 0: rerun draws 2D ones with y downwards as in images, which swaps left and right.
+    Points and lines are 3D at height 0: rerun draws 2D ones with y downwards as in images, which swaps left and
+    right.
     """
 
     def __init__(self, path: Path, name: str, robot: Robot) -> None:
@@ -79,5 +80,5 @@ class RerunFile:
 
 
 def _flat(points: Floats) -> Floats:
-    """Points (N, 2) as (N, 3) at height 0."""
+    """Return points (N, 2) as (N, 3) at height 0."""
     return np.column_stack([points, np.zeros(len(points))])

@@ -1,4 +1,4 @@
-"""Makes the decisions in a recording by lme again, with everything behind them, for `lme explain`."""
+"""Recomputation of the decisions in a recording by lme, with everything behind them, for `lme explain`."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _NO_SUBGOAL = (np.nan, np.nan, 0.0)
 
 
 class _Moment(NamedTuple):
-    """What the robot saw at a decision [s], and the planner's command; None at the end.
+    """The time [s] and observation of a decision, and the planner's command; None at the end.
 
-    taken: stamp of the scan [s]; None if the recording does not say.
+    taken: stamp of the scan [s]; None if the recording does not contain it.
     """
 
     time: float
@@ -41,9 +41,9 @@ class _Moment(NamedTuple):
 
 
 def retrace(path: Path) -> Trace:
-    """The trace of a recording by `lme eval` or `lme live`.
+    """Return the trace of a recording by `lme eval` or `lme live`.
 
-    A simulated episode is driven again. For a real robot, whose world is unknown, only the decisions are made again.
+    A simulated episode is driven again. For a real robot, whose world is unknown, only the decisions are repeated.
     Raises InputError if lme did not make the recording, or if a decision differs from the recorded one.
     """
     with Bag(path) as bag:
@@ -59,6 +59,7 @@ def retrace(path: Path) -> Trace:
         said = [message.content.data for message in bag.messages([STATE])][-1]
     if not moments:
         raise InputError(f"bag {path}: has no decisions")
+    # Decide again on everything that was seen, then put the trace together.
     steps = _decide_again(path, episode, moments)
     rows = [_row(episode.config.robot, moment) for moment in (*moments, end)]
     last = TraceEnd(end.time, end.observation.odometry, end.observation, _NOTHING)
@@ -68,7 +69,7 @@ def retrace(path: Path) -> Trace:
 
 
 def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
-    """How the drive ended. said: the driver's last state, which is a safety stop if the simulator ended first."""
+    """Return how the drive ended. said: the driver's last state; a safety stop if the simulator ended first."""
     state = said.partition(":")[0]
     distance = float(np.hypot(*end.observation.target))
     if state in (LiveState.ARRIVED, LiveState.CANCELLED):
@@ -77,9 +78,10 @@ def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
 
 
 def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
-    """Every decision, and the end: the last pose, without a scan."""
+    """Yield every decision, and the end, which is the last pose without a scan."""
     latest: dict[str, Message] = {}
     began = None
+    # A command of the planner marks a decision on the latest messages of all other topics.
     for message in bag.messages([ODOM, GOAL, SCAN, TAKEN, WANTED, SENT]):
         latest[message.topic] = message
         if message.topic == WANTED:
@@ -88,6 +90,7 @@ def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
             time = (message.recorded - began) / SECOND
             taken = int(latest[TAKEN].content.data) / SECOND if TAKEN in latest else None
             yield _Moment(time, taken, observation, twist_of(message.content, TWIST))
+    # At the end there is a pose, but no scan that would belong to it.
     if began is not None:
         odometry = latest[ODOM]
         pose = pose_of(odometry.content, ODOMETRY)
@@ -135,7 +138,7 @@ def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) 
 
 
 def _row(robot: Robot, moment: _Moment) -> tuple[float, ...]:
-    """A row of a trajectory; its clearance is the distance to what the robot saw, NaN at the end, without a scan."""
+    """Return a row of a trajectory. Its clearance is the distance to the scan points; NaN at the end."""
     seen = moment.observation
     if moment.command is None:
         return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, np.nan)

@@ -1,4 +1,4 @@
-"""Runs `lme replay`: reads a recording, makes decisions on it, and writes the table, the figures and the pictures."""
+"""`lme replay`: reads a recording, makes decisions on it, and writes the table, the figures and the pictures."""
 
 from __future__ import annotations
 
@@ -95,9 +95,10 @@ def _replay(
     run_dir: Path,
     stack: ExitStack,
 ) -> tuple[dict[str, float], list[Path]]:
-    """Replay and write the results; return the figures and the paths of the files."""
+    """Replay the recording and write the results; return the figures and the paths of the files."""
     from runners.recordings import figures
 
+    # Find out what the recording holds, and build the lidar's view of it and the navigator.
     recording, part = _recording(bag, config, episode)
     stale = round(config.stale * SECOND)
     scan_source = ScanSource(
@@ -109,6 +110,7 @@ def _replay(
     )
     navigator = build.navigator(config, scan_source.robot)
 
+    # A driver begins anew, with the random numbers of the episode if lme made the recording.
     def driver() -> Driver:
         seed = np.random.default_rng(np.random.SeedSequence([config.seed]))
         navigator.reset(seed if episode is None else episode.rng())
@@ -118,6 +120,7 @@ def _replay(
         every_scan = episode is not None
         return Driver(recording, scan_source, navigator, goal, config.horizon, stale, every_scan)
 
+    # Drive once to load compiled code, then for the results.
     _warm_up(driver(), recording, part)
     driving = driver()
     artifacts = []
@@ -134,6 +137,7 @@ def _replay(
         driving.take(message)
     log = driving.finish()
     wall_s = perf_counter() - began
+    # Write the table, the figures of agreement, and the pictures.
     frame = report.replay_table(log, scan_source.robot.dt, config.ahead)
     found = report.figures(frame, log, scan_source.robot.dt, wall_s)
     artifacts += report.write(frame, found, run_dir)
@@ -157,14 +161,14 @@ def _recording(
 
 
 def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
-    """The robot, with its control rate reduced to the rate of the scans if they come more slowly."""
+    """Return the robot, with its control rate reduced to the rate of the scans if they are less frequent."""
     if 0.0 < recording.scan_rate < _SLOWER * config.robot.control_rate:
         return replace(config.robot, control_rate=recording.scan_rate)
     return config.robot
 
 
 def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
-    """Make a few decisions that are not recorded: the first ones load compiled code, which takes time."""
+    """Make a few decisions that are not recorded, since the first ones load compiled code, which takes time."""
     for message in recording.bag.messages(recording.topics.names, part.start, part.stop):
         driver.take(message)
         if len(driver.log.rows) >= 3:
@@ -172,7 +176,7 @@ def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
 
 
 def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | None) -> ReplayConfig:
-    """The config with the recorded system and seed, if lme made the recording."""
+    """Return the config with the recorded system and seed, if lme made the recording."""
     if episode is None:
         return job.config
     chosen = {override.lstrip("+").partition("=")[0] for override in job.overrides}
@@ -184,6 +188,7 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
             f"{requested[0]}: lme made this recording, so it is replayed with its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
+    # Take over the system. Where people truly were is not known here: then this config says where they come from.
     groups = {group: getattr(episode.config, group) for group in recorded.GROUPS}
     own = episode.config.people
     people = job.config.people if own is People.truth else own

@@ -1,4 +1,4 @@
-"""Chooses the topics of a recording: by type, or by name if there are several of a type."""
+"""Choice of the topics of a recording: by type, or by name if there are several of a type."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ChosenTopic(NamedTuple):
 class Topics(NamedTuple):
     """The topics that are read. pose: None if poses come from tf. tf: names of the tf topics, if any.
 
-    measured_twists: whether velocities come from the messages with poses, not from the slope of the poses.
+    measured_twists: whether velocities come from the messages with poses instead of the slope of the poses.
     """
 
     scan: ChosenTopic
@@ -61,18 +61,18 @@ class Topics(NamedTuple):
 
     @property
     def names(self) -> set[str]:
-        """Names of all topics that are read."""
+        """Return the names of all topics that are read."""
         single = (topic.name for topic in self if isinstance(topic, ChosenTopic))
         return {*single, *self.tf}
 
     @property
     def imu_name(self) -> str | None:
-        """The topic of the IMU; None if none is read."""
+        """Return the topic of the IMU; None if none is read."""
         return None if self.imu is None else self.imu.name
 
     @property
     def pose_name(self) -> str:
-        """The source of poses: a topic, or tf."""
+        """Return the source of poses: a topic, or tf."""
         return "tf" if self.pose is None else self.pose.name
 
 
@@ -81,6 +81,7 @@ def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
 
     Raises InputError if a topic is missing or of the wrong type, or if there are several and none has the usual name.
     """
+    # Choose a topic for each role; only the scans, and poses from some source, must be there.
     known = bag.topics()
     tf = tuple(topic.name for topic in known if set(topic.types) & set(messages.TF) and topic.number)
     scan = _choose(known, "scan", config.scan, _SCANS)
@@ -98,7 +99,7 @@ def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
 
 
 def _choose_imu(known: Sequence[Topic], requested: str | None, scan: ChosenTopic) -> ChosenTopic | None:
-    """The requested topic of an IMU, else the only one, which may level the clouds; a LaserScan needs none."""
+    """Return the requested topic of an IMU, else the only one, which may level clouds; a LaserScan needs none."""
     if requested is not None:
         return _requested_topic(known, "topics.imu", requested, _IMUS)
     there = [topic.name for topic in known if messages.IMU in topic.types and topic.number]
@@ -108,7 +109,10 @@ def _choose_imu(known: Sequence[Topic], requested: str | None, scan: ChosenTopic
 
 
 def _without_several_types(bag: Bag, known: Sequence[Topic], command: ChosenTopic) -> ChosenTopic | None:
-    """The topic of commands; None, with a warning, if it has messages of several types: a replay needs no commands."""
+    """Return the topic of commands; None, with a warning, if its messages have several types.
+
+    A replay does not need commands.
+    """
     types = next(topic.types for topic in known if topic.name == command.name)
     if len(types) == 1:
         return command
@@ -120,7 +124,7 @@ def _without_several_types(bag: Bag, known: Sequence[Topic], command: ChosenTopi
 
 
 def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
-    """A topic of poses other than odometry, e.g. of motion capture. Raises InputError if there is none."""
+    """Return a topic of poses other than odometry, e.g. of motion capture. Raises InputError if there is none."""
     known = bag.topics()
     pose = _choose(known, "pose", None, _OTHER_POSES, taken=topics.goal.name if topics.goal else None)
     if pose is None:
@@ -132,7 +136,7 @@ def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
 
 
 def table(bag: Bag) -> list[str]:
-    """One line per topic: name, type, number of messages, rate, and its possible roles."""
+    """Return one line per topic: name, type, number of messages, rate, and its possible roles."""
     known = bag.topics()
     uses = [
         ("scan", _SCANS),
@@ -155,10 +159,11 @@ def table(bag: Bag) -> list[str]:
 def _choose(
     known: Sequence[Topic], role: str, requested: str | None, types: Sequence[str], taken: str | None = None
 ) -> ChosenTopic | None:
-    """The requested topic, else the only or usual one of the first of these types that occurs; None: no such type."""
+    """Return the requested topic, else the only or usual one of the first of these types that occurs, else None."""
     key = "goal" if role == "goal" else f"topics.{role}"
     if requested is not None:
         return _requested_topic(known, key, requested, types)
+    # Take the first type that occurs; of several topics, only the usual name is clear.
     for kind in types:
         fitting = [t.name for t in known if kind in t.types and t.number and t.name != taken]
         if len(fitting) == 1 or _USUAL[role] in fitting:

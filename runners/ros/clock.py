@@ -1,4 +1,4 @@
-"""The clock of the node: the system's, or /clock."""
+"""The clock of the node: the system clock, or /clock."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class SystemClock:
     seconds_still = 0.0
 
     def now(self) -> int | None:
-        """[ns]."""
+        """Return the time [ns]."""
         return time.time_ns()
 
 
 class TopicClock:
-    """The last time on /clock."""
+    """The latest time on /clock."""
 
     def __init__(self) -> None:
         self._now: int | None = None
@@ -32,10 +32,10 @@ class TopicClock:
             self._now, self._moved = now, time.monotonic()
 
     def now(self) -> int | None:
-        """[ns]; None before the first message."""
+        """Return the time [ns]; None before the first message."""
         return self._now
 
     @property
     def seconds_still(self) -> float:
-        """Real time since it last advanced [s]."""
+        """Return the real time since the clock last advanced [s]."""
         return time.monotonic() - self._moved

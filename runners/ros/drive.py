@@ -1,4 +1,4 @@
-"""Connects a navigator, the driver and ROS, and drives."""
+"""The connection between a navigator, the driver and ROS, and the drive itself."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
 
 
 class _StatePrinter:
-    """Prints what the robot does, whenever it changes."""
+    """A listener that prints the state of the robot whenever it changes."""
 
     def __init__(self) -> None:
         self._said = ""
 
     def take(self, step: LiveStep) -> None:
-        """Process a step."""
+        """Print the state of a step if it is new."""
         if step.text != self._said:
             self._said = step.text
             print(step.text, flush=True)

@@ -1,6 +1,6 @@
-"""What RViz and Foxglove draw of a decision, as plain data: candidates by score, subgoal, path, sectors, A and B,
-and people with their motion in the next second.
+"""Markers of a decision for RViz and Foxglove, as plain data.
 
+They show candidates by score, subgoal, path, sectors, A and B, and people with their motion in the next second.
 Colours are those of the explainer page: viridis for scores, Okabe and Ito's for sectors and marks.
 """
 
@@ -46,7 +46,7 @@ class Shape(IntEnum):
 
 
 class Marker(NamedTuple):
-    """One marker in the base frame.
+    """A marker in the base frame.
 
     points: (N, 2) [m]. colours: (N, 3), or (1, 3) for all: red, green, blue from 0 to 1. size: of a point, the width
     of a line, or the height of a letter [m].
@@ -62,7 +62,7 @@ class Marker(NamedTuple):
 
 
 def markers(observation: Observation, guidance: Guidance, why: Explanation | None) -> list[Marker]:
-    """The markers of one decision. why: None for a guide that cannot explain; then there are fewer."""
+    """Return the markers of one decision. why: None for a guide that cannot explain, which has fewer markers."""
     found = [] if why is None else [*_explanation_markers(why)]
     if guidance.path is not None and len(guidance.path) > 1:
         found.append(Marker("path", 0, Shape.LINE_STRIP, guidance.path, _PATH[None], _LINE))
@@ -74,6 +74,7 @@ def markers(observation: Observation, guidance: Guidance, why: Explanation | Non
 
 def _explanation_markers(why: Explanation) -> Iterator[Marker]:
     yield Marker("candidates", 0, Shape.POINTS, why.candidates, _shades(why.scores), _DOT)
+    # Each sector as a line through its points, and a single point as a ball.
     for k, sector in enumerate(why.sectors):
         points = sector_points(why.view.points, sector)
         shape = Shape.LINE_STRIP if len(points) > 1 else Shape.SPHERES
@@ -86,7 +87,7 @@ def _explanation_markers(why: Explanation) -> Iterator[Marker]:
 
 
 def _people(pedestrians: Floats) -> Iterator[Marker]:
-    """A mark for each person (P, 4), and a line to where they are a second later."""
+    """Yield a mark for each person (P, 4), and a line to the person's position a second later."""
     for k, (x, y, vx, vy) in enumerate(pedestrians):
         way = np.array([(x, y), (x + vx, y + vy)])
         yield Marker("people", k, Shape.SPHERES, way[:1], _PERSON[None], 2.0 * _MARK)
@@ -98,7 +99,7 @@ def _mark(group: str, point: Floats, colour: Floats) -> Marker:
 
 
 def _shades(scores: Floats) -> Floats:
-    """(N, 3) colours of (N,) scores."""
+    """Return the (N, 3) colours of (N,) scores."""
     low, high = np.quantile(scores, _CLIP)
     share = np.clip((scores - low) / (high - low), 0.0, 1.0) if high > low else np.full(len(scores), 0.5)
     stops = np.linspace(0.0, 1.0, len(_VIRIDIS))

@@ -32,7 +32,7 @@ _SHUTDOWN_STOPS = 3  # times that zero velocity is sent at shutdown
 
 @dataclass(slots=True)
 class NodeConfig(LiveConfig):
-    """The driver's config and the node's."""
+    """The config of the driver, extended by that of the node."""
 
     use_sim_time: bool | None = None
 
@@ -50,7 +50,7 @@ class Node:
         driver: LiveDriver,
         period: float,
     ) -> None:
-        """period: between decisions [s], on the node's clock."""
+        """Connect to ROS. period: between decisions [s], on the node's clock."""
         self._config, self._ros, self._driver = config, transport, driver
         self._topics = topics
         self._period = round(period * SECOND)
@@ -81,14 +81,14 @@ class Node:
             self._shut_down()
 
     def _left(self) -> float:
-        """Maximum real time to wait for a message [s]."""
+        """Return the longest real time to wait for a message [s]."""
         now = self._clock.now()
         if now is None or isinstance(self._clock, TopicClock):
             return self._config.stale / 4
         return min(max(self._due - now, 0), self._period) / SECOND
 
     def _act(self) -> None:
-        """Ask the driver for a step if one is due, and also while the clock stands still, so that it notices."""
+        """Ask the driver for a step if one is due, or if the clock stands still, so that the driver notices."""
         now = self._clock.now()
         if now is None:
             return
@@ -102,6 +102,7 @@ class Node:
 
     def _publish(self, step: LiveStep) -> None:
         """Send the command and its explanation, and report to the action's client."""
+        # Without a goal, repeat zero velocity for a moment, then leave the topic to others.
         if step.state in (LiveState.DRIVING, LiveState.STOPPED):
             self._resting = None
         elif self._resting is None:
@@ -127,12 +128,14 @@ class Node:
         self._command(self._make.command(kind, stamp, base, command))
 
     def _explain(self, step: LiveStep) -> None:
-        """Publish subgoal, markers and reason of a decision, or why there is none. Cheap if nobody subscribes."""
+        """Publish subgoal, markers and reason of a decision, or why there is none. Cheap without subscribers."""
+        # Without a decision, only the reason is published.
         if step.observation is None or step.guidance is None:
             self._before = None
             if step.reason and self._reason.watched:
                 self._reason(self._make.text(f"{step.state}: {step.reason}"))
             return
+        # Publish the subgoal always, the others only for subscribers.
         base, make = self._driver.frames.base, self._make
         self._subgoal(make.point(step.stamp, base, step.guidance.subgoal))
         if not (self._markers.watched or self._reason.watched):
@@ -173,7 +176,7 @@ class Node:
         self._goal, self._goal_time = goal, now
 
     def _cancel(self, goal: ActionGoal | None = None) -> None:
-        """Cancel a goal; None: the current one, if any. Ignores a goal that is no longer the current one."""
+        """Cancel a goal; None: the current one, if any. A goal that is no longer the current one is ignored."""
         if goal is not None and goal is not self._goal:
             return
         if self._goal is not None:
@@ -191,13 +194,15 @@ class Node:
             self._ros.handle(0.1)  # in which ROS sends the result
 
     def _connect(self) -> SystemClock | TopicClock:
-        """Subscribe and advertise; returns the node's clock."""
+        """Subscribe and advertise; return the node's clock."""
         ros, topics, driver = self._ros, self._topics, self._driver
+        # What the node publishes.
         self._command = ros.publisher(topics.command, topics.command_kind)
         self._subgoal = ros.publisher(topics.subgoal, "geometry_msgs/PointStamped")
         self._markers = ros.publisher(topics.markers, "visualization_msgs/MarkerArray")
         self._reason = ros.publisher(topics.reason, "std_msgs/String")
         self._diagnostics = ros.publisher(topics.diagnostics, "diagnostic_msgs/DiagnosticArray")
+        # What it reads: the clock, then the sensors, each message with the time of its arrival.
         clock = self._connect_clock()
 
         def stamped(take: Any) -> Any:
@@ -212,6 +217,7 @@ class Node:
             fixed = partial(driver.take_transforms, static=True)
             ros.subscribe(topics.tf, TF_MESSAGE, stamped(driver.take_transforms), Delivery.ALL)
             ros.subscribe(topics.tf_static, TF_MESSAGE, stamped(fixed), Delivery.LATCHED)
+        # Goals: a topic, or the action if its package is installed.
         ros.subscribe(topics.goal_in(ros.version), "geometry_msgs/PoseStamped", self._take_goal, Delivery.ALL)
         ros.subscribe(topics.cancel, "std_msgs/Empty", lambda _: self._cancel(), Delivery.ALL)
         action = topics.action_in(ros.version)

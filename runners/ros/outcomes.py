@@ -1,4 +1,4 @@
-"""The outcomes of the simulated robot's episodes: printed, and written as a table."""
+"""Outcomes of the simulated robot's episodes: printed, and written as a table."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BARN = ("barn", "dynabarn")  # maps whose tables have the metric
 
 
 class Outcomes:
-    """Adds episodes to `outcomes.csv` in a run's directory; the columns are those of `lme eval`'s records."""
+    """Table `outcomes.csv` in a run's directory, to which episodes are added; its columns are as in `lme eval`."""
 
     def __init__(self, run_dir: Path) -> None:
         self._path = run_dir / TABLE
@@ -59,6 +59,7 @@ class Outcomes:
         self._rows.writerow([world, run, driven.outcome, driven.time, score, spl, *lengths])
         self._file.flush()
         self._successes.append(success)
+        # Only worlds of BARN have its metric.
         of_barn = driven.task.map_name.startswith(BARN)
         self._scores += [score] * of_barn
         metric = f"BARN metric {score:.3f}, " if of_barn else ""

@@ -1,4 +1,4 @@
-"""Makes the messages that are published. Both versions of ROS use the same field names."""
+"""Messages that are published. Both versions of ROS use the same field names."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
 
 
 class OutgoingMessages:
-    """Makes messages for one version of ROS. Stamps are in nanoseconds."""
+    """Factory of messages for one version of ROS. Stamps are in nanoseconds."""
 
     def __init__(self, transport: Transport) -> None:
         self._ros = transport
 
     def text(self, data: str) -> Any:
-        """std_msgs/String."""
+        """Return a std_msgs/String."""
         return self._ros.type("std_msgs/String")(data=data)
 
     def clock(self, now: int) -> Any:
-        """rosgraph_msgs/Clock."""
+        """Return a rosgraph_msgs/Clock."""
         return self._ros.type("rosgraph_msgs/Clock")(clock=self._ros.stamp(now))
 
     def command(self, kind: str, now: int, frame: str, twist: Twist) -> Any:
-        """geometry_msgs/Twist or TwistStamped, according to `kind`."""
+        """Return a geometry_msgs/Twist or TwistStamped, according to `kind`."""
         message = self._ros.type(f"geometry_msgs/{kind}")()
         moving = message
         if kind == "TwistStamped":
@@ -42,7 +42,7 @@ class OutgoingMessages:
         return message
 
     def scan(self, now: int, frame: str, scan: LaserScan, period: float) -> Any:
-        """sensor_msgs/LaserScan. period: between scans [s]."""
+        """Return a sensor_msgs/LaserScan. period: between scans [s]."""
         message = self._ros.type("sensor_msgs/LaserScan")()
         self._head(message, now, frame)
         message.angle_min, message.angle_increment = scan.angle_min, scan.angle_increment
@@ -53,7 +53,7 @@ class OutgoingMessages:
         return message
 
     def odometry(self, now: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
-        """nav_msgs/Odometry."""
+        """Return a nav_msgs/Odometry."""
         message = self._ros.type("nav_msgs/Odometry")()
         self._head(message, now, frame)
         message.child_frame_id = child
@@ -62,14 +62,14 @@ class OutgoingMessages:
         return message
 
     def pose(self, now: int, frame: str, pose: Pose) -> Any:
-        """geometry_msgs/PoseStamped."""
+        """Return a geometry_msgs/PoseStamped."""
         message = self._ros.type("geometry_msgs/PoseStamped")()
         self._head(message, now, frame)
         self._place(message.pose, pose)
         return message
 
     def transform(self, now: int, frame: str, child: str, pose: Pose) -> Any:
-        """tf2_msgs/TFMessage with one transform."""
+        """Return a tf2_msgs/TFMessage with one transform."""
         stamped = self._ros.type("geometry_msgs/TransformStamped")()
         self._head(stamped, now, frame)
         stamped.child_frame_id = child
@@ -79,21 +79,21 @@ class OutgoingMessages:
         return self._ros.type("tf2_msgs/TFMessage")(transforms=[stamped])
 
     def point(self, now: int, frame: str, point: Floats) -> Any:
-        """geometry_msgs/PointStamped. point: (2,) [m]."""
+        """Return a geometry_msgs/PointStamped. point: (2,) [m]."""
         message = self._ros.type("geometry_msgs/PointStamped")()
         self._head(message, now, frame)
         message.point.x, message.point.y = map(float, point)
         return message
 
     def markers(self, now: int, frame: str, found: Sequence[Marker]) -> Any:
-        """A visualization_msgs/MarkerArray that replaces all earlier markers of the topic."""
+        """Return a visualization_msgs/MarkerArray that replaces all earlier markers of the topic."""
         clear = self._ros.type("visualization_msgs/Marker")(action=_DELETE_ALL)
         self._head(clear, now, frame)
         drawn = [clear, *(self._marker(now, frame, one) for one in found)]
         return self._ros.type("visualization_msgs/MarkerArray")(markers=drawn)
 
     def diagnostics(self, now: int, name: str, level: int, text: str, values: Mapping[str, object]) -> Any:
-        """diagnostic_msgs/DiagnosticArray with one status."""
+        """Return a diagnostic_msgs/DiagnosticArray with one status."""
         array = self._ros.type("diagnostic_msgs/DiagnosticArray")()
         array.header.stamp = self._ros.stamp(now)
         status = self._ros.type("diagnostic_msgs/DiagnosticStatus")(

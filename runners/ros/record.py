@@ -1,4 +1,4 @@
-"""Records what the live driver saw and decided: an MCAP file for each goal, for `lme replay` and `lme explain`."""
+"""Recordings of what the live driver saw and decided: an MCAP file per goal, for `lme replay` and `lme explain`."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _ADVICE = "free some space there, or choose another directory with hydra.run.dir
 
 
 class LiveRecorder:
-    """Writes the steps of a driver into `goal-1.mcap`, `goal-2.mcap`, …; use as a context manager.
+    """Recorder of a driver's steps in `goal-1.mcap`, `goal-2.mcap`, …; use as a context manager.
 
     A file begins with the first decision on the way to its goal, and ends when the robot has arrived, or when the
-    goal is cancelled or replaced. Stamps are those of the ticks; if the clock jumps back, they continue from the last.
-    Methods raise InputError if the file cannot be written.
+    goal is cancelled or replaced. Stamps are those of the ticks; if the clock jumps back, they continue from the
+    last. Methods raise InputError if the file cannot be written.
     """
 
     def __init__(self, folder: Path, config: DriveConfig, driver: LiveDriver) -> None:
@@ -54,7 +54,8 @@ class LiveRecorder:
         self._close()
 
     def take(self, step: LiveStep) -> None:
-        """Add a step, unless it is a repeated one because the clock stands still."""
+        """Add a step, unless it repeats the previous one because the clock stands still."""
+        # A new goal ends the file of the former; its own begins with its first decision.
         if self._writer is not None and step.goal != self._goal:
             self._close()
         if self._writer is None and step.observation is not None:
@@ -64,6 +65,7 @@ class LiveRecorder:
         now = self._stamp(step)
         if now is None:
             return
+        # Write the decision, or only where the robot is, then what was sent.
         if step.observation is not None:
             self._decision(self._writer, step, now)
         elif step.motion is not None:
@@ -105,9 +107,10 @@ class LiveRecorder:
             self._before = step.explanation
 
     def _stamp(self, step: LiveStep) -> int | None:
-        """The stamp in the file [ns], later than all before it; None if the step is not new."""
+        """Return the stamp in the file [ns], later than all before it; None if the step is not new."""
         if step.stamp + self._shift == self._latest:
             return None
+        # The clock has jumped back: continue one control period after the last stamp.
         if step.stamp + self._shift < self._latest:
             self._shift = self._latest + round(1e9 * self._driver.robot.dt) - step.stamp
         self._latest = step.stamp + self._shift

@@ -29,7 +29,7 @@ _SHUTDOWN_S = 3.0  # for a node's last commands when ROS ends it
 
 
 def check_installed() -> None:
-    """Raise InputError unless ROS 1 can be imported. Finds Debian's packages from a virtual environment too.
+    """Raise InputError unless ROS 1 can be imported. Debian's packages are also found from a virtual environment.
 
     Debian's folder is last in the search path, so the environment's own packages take precedence.
     """
@@ -67,11 +67,11 @@ class Ros1:
         self.sim_time = bool(rospy.get_param("/use_sim_time", False))
 
     def has(self, kind: str) -> bool:
-        """Whether the package of a message type is installed."""
+        """Return whether the package of a message type is installed."""
         return find_spec(kind.partition("/")[0]) is not None
 
     def type(self, kind: str) -> Any:
-        """The class of a message. Raises InputError if its package is not installed."""
+        """Return the class of a message. Raises InputError if its package is not installed."""
         package, _, name = kind.partition("/")
         try:
             return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -80,11 +80,11 @@ class Ros1:
             raise InputError(f"{kind} needs the package {package}: apt-get install {wanted}") from error
 
     def stamp(self, time: int) -> Any:
-        """A message's time from nanoseconds."""
+        """Return a message's time from nanoseconds."""
         return self._rospy.Time(*divmod(time, SECOND))
 
     def duration(self, time: int) -> Any:
-        """A message's duration from nanoseconds."""
+        """Return a message's duration from nanoseconds."""
         return self._rospy.Duration(*divmod(time, SECOND))
 
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
@@ -93,7 +93,7 @@ class Ros1:
         self._rospy.Subscriber(topic, self.type(kind), self._later(take), queue_size=size, tcp_nodelay=True)
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
-        """A publisher. latched: later subscribers receive the last message."""
+        """Return a publisher. latched: later subscribers receive the last message."""
         made = self._rospy.Publisher(
             topic, self.type(kind), queue_size=_QUEUE, latch=latched, tcp_nodelay=True
         )
@@ -102,7 +102,7 @@ class Ros1:
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
     ) -> bool:
-        """Serve the action move_base_msgs/MoveBase; False if its package is not installed."""
+        """Serve the action move_base_msgs/MoveBase; return False if its package is not installed."""
         if not (self.has("actionlib/x") and self.has("move_base_msgs/x")):
             return False
         import actionlib
@@ -127,12 +127,13 @@ class Ros1:
         return True
 
     def client(self, action: str) -> Publisher:
-        """Sends PoseStamped as goals of the action move_base_msgs/MoveBase."""
+        """Return a publisher that sends PoseStamped as goals of the action move_base_msgs/MoveBase."""
         self.type("move_base_msgs/MoveBaseAction")
         return _Ros1ActionClient(action)
 
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
+        # Wait for the first message, then deliver without waiting until none is left.
         with contextlib.suppress(queue.Empty):
             self._inbox.get(timeout=max(timeout, 0.0))()
             end = time.monotonic() + HANDLING
@@ -145,13 +146,13 @@ class Ros1:
         self._rospy.signal_shutdown("done")
 
     def _end(self) -> None:
-        """When ROS ends the node, as by `rosnode kill`: end as Ctrl-C does, and keep the topics open until then."""
+        """End as Ctrl-C does when ROS ends the node, as by `rosnode kill`, and keep the topics open until then."""
         if not self._closed.is_set():
             self._inbox.put(_interrupt)
             self._closed.wait(_SHUTDOWN_S)
 
     def _later(self, take: Take) -> Take:
-        """Defer `take`: rospy calls back in its own threads, `handle` in the caller's."""
+        """Defer `take`: rospy calls back in its own threads, while `handle` delivers in the caller's."""
         return lambda message: self._inbox.put(partial(take, message))
 
 

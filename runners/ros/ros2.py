@@ -53,11 +53,11 @@ class Ros2:
         self.sim_time = bool(self._node.get_parameter("use_sim_time").value)
 
     def has(self, kind: str) -> bool:
-        """Whether the package of a message type is installed."""
+        """Return whether the package of a message type is installed."""
         return find_spec(kind.partition("/")[0]) is not None
 
     def type(self, kind: str) -> Any:
-        """The class of a message. Raises InputError if its package is not installed."""
+        """Return the class of a message. Raises InputError if its package is not installed."""
         package, _, name = kind.partition("/")
         try:
             return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -68,12 +68,12 @@ class Ros2:
             ) from error
 
     def stamp(self, time: int) -> Any:
-        """A message's time from nanoseconds."""
+        """Return a message's time from nanoseconds."""
         sec, nanosec = divmod(time, SECOND)
         return self.type("builtin_interfaces/Time")(sec=sec, nanosec=nanosec)
 
     def duration(self, time: int) -> Any:
-        """A message's duration from nanoseconds."""
+        """Return a message's duration from nanoseconds."""
         sec, nanosec = divmod(time, SECOND)
         return self.type("builtin_interfaces/Duration")(sec=sec, nanosec=nanosec)
 
@@ -93,7 +93,7 @@ class Ros2:
         self._node.create_subscription(self.type(kind), topic, counted, profile)
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
-        """A publisher. latched: later subscribers receive the last message."""
+        """Return a publisher. latched: later subscribers receive the last message."""
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
@@ -104,12 +104,13 @@ class Ros2:
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
     ) -> bool:
-        """Serve the action nav2_msgs/NavigateToPose; False if its package is not installed."""
+        """Serve the action nav2_msgs/NavigateToPose; return False if its package is not installed."""
         if not self.has("nav2_msgs/x"):
             return False
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionServer, CancelResponse
 
+        # Accepting and cancelling are left to `handle`, when the server's own part is done.
         goals: dict[bytes, _Ros2ActionGoal] = {}
 
         def begin(handle: Any) -> None:
@@ -137,7 +138,10 @@ class Ros2:
         return True
 
     def client(self, action: str) -> Publisher:
-        """Sends PoseStamped as goals of the action nav2_msgs/NavigateToPose. Raises InputError without its package."""
+        """Return a publisher that sends PoseStamped as goals of the action nav2_msgs/NavigateToPose.
+
+        Raises InputError if its package is not installed.
+        """
         if not self.has("nav2_msgs/x"):
             raise InputError(
                 "live.goal=action needs the package nav2_msgs: source the setup.bash of a ROS 2 workspace"
@@ -147,11 +151,13 @@ class Ros2:
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
         before = self._handled
+        # Wait once, then deliver without waiting as long as messages come.
         self._executor.spin_once(timeout_sec=max(timeout, 0.0))
         end = time.monotonic() + HANDLING
         while self._handled != before and time.monotonic() < end:
             before = self._handled
             self._executor.spin_once(timeout_sec=0.0)
+        # Do what the action server has requested.
         later, self._later = self._later, []
         for call in later:
             call()
@@ -182,9 +188,9 @@ class _Ros2ActionClient:
 class _Ros2ActionGoal:
     """A goal of nav2_msgs/NavigateToPose.
 
-    rclpy is asked to execute it only when it ends. A coroutine that waits for the end would be resumed at every turn of
-    the executor, before any message, and the node would no longer hear its sensors. So clients see the state ACCEPTED,
-    not EXECUTING, while the robot drives.
+    rclpy is asked to execute it only when it ends. A coroutine that waits for the end would be resumed at every turn
+    of the executor, before any message, and the node would no longer receive its sensors' data. Clients therefore see
+    the state ACCEPTED, not EXECUTING, while the robot drives.
     """
 
     def __init__(self, handle: Any, action: Any) -> None:
@@ -200,7 +206,7 @@ class _Ros2ActionGoal:
         self._finish(self._handle.succeed)
 
     def cancel(self, reason: str) -> None:
-        """Cancel the goal if the client asked for it; abort one that another goal replaces, as Nav2 does."""
+        """Cancel the goal if the client asked for it; abort a goal that another one replaces, as Nav2 does."""
         self._finish(self._handle.canceled if self._handle.is_cancel_requested else self._handle.abort)
 
     def abort(self, reason: str) -> None:

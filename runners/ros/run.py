@@ -1,4 +1,4 @@
-"""Runs `lme live`: the node, or the simulated robot."""
+"""`lme live`: the node, or the simulated robot."""
 
 from __future__ import annotations
 
@@ -69,6 +69,7 @@ def drive(job: Job[LiveCommandConfig], arguments: Sequence[str] = ()) -> None:
         came.append(number)
         raise KeyboardInterrupt
 
+    # Let every signal that ends the command stop the robot first.
     before = {number: signal.signal(number, interrupt) for number in _ends()}
     transport = None
     try:
@@ -87,7 +88,7 @@ def drive(job: Job[LiveCommandConfig], arguments: Sequence[str] = ()) -> None:
 
 
 def connect(version: int | None, name: str, arguments: Sequence[str]) -> Transport:
-    """A node of ROS 1 or 2. Raises InputError if it is not installed, or if ROS 1 has no master."""
+    """Return a node of ROS 1 or 2. Raises InputError if it is not installed, or if ROS 1 has no master."""
     return ros1.Ros1(name, arguments) if version == 1 else ros2.Ros2(name, arguments)
 
 
@@ -108,7 +109,7 @@ def _simulate(job: Job[LiveCommandConfig], transport: Transport) -> None:
 
 
 def _tasks(config: LiveCommandConfig) -> Iterator[tuple[Task, np.random.Generator]]:
-    """Every task with the simulator's random numbers, as `lme eval` draws them."""
+    """Yield every task with the simulator's random numbers, as `lme eval` draws them."""
     maps = build.map_set(config)
     for world, run in _keys(maps.numbers, config.runs):
         task = maps.task(world)
@@ -121,7 +122,7 @@ def _keys(worlds: Sequence[int], runs: int) -> list[tuple[int, int]]:
 
 
 def _finely_stepped(config: LiveCommandConfig) -> LiveCommandConfig:
-    """The config with the simulator's step instead of the control period: commands may come at any time."""
+    """Return the config with the simulator's step as control period, since commands may come at any time."""
     return replace(config, robot=replace(config.robot, control_rate=1.0 / config.live["step"]))
 
 
@@ -140,6 +141,6 @@ def _check_keys(job: Job[LiveCommandConfig]) -> None:
 
 
 def _ends() -> list[signal.Signals]:
-    """Signals that end the command. A terminal that closes sends SIGHUP, which nohup ignores."""
+    """Return the signals that end the command. A closing terminal sends SIGHUP, which nohup ignores."""
     hears = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hears else [])]

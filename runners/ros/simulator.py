@@ -1,4 +1,7 @@
-"""The simulator behind the topics of a real robot: publishes clock, scans, odometry, tf, goals; takes commands."""
+"""The simulator behind a real robot's topics.
+
+It publishes clock, scans, odometry, tf and goals, and takes commands.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +68,7 @@ class Driven(NamedTuple):
 
 
 class SimulatedRobot:
-    """A robot in one world after another. `robot`: of the config; `simulator`: of the robot with dt = step."""
+    """A robot in one world after another. `robot`: from the config. `simulator`: of the robot with dt = step."""
 
     Config = SimulatorConfig
 
@@ -98,13 +101,15 @@ class SimulatedRobot:
                 self._clock(self._make.clock(self._now))
 
     def _episode(self, task: Task, rng: np.random.Generator) -> Driven:
-        """An episode. Its time begins with the first command that moves the robot."""
+        """Drive an episode. Its time begins with the first command that moves the robot."""
+        # The goal is sent in the odometry frame, whose origin is the start.
         observation = self._simulator.reset(task, rng)
         progress = Progress(task, self._simulator.state)
         self._command = _REST
         goal = relative(Pose(float(task.goal[0]), float(task.goal[1]), task.start.yaw), task.start)
         sent = begun = False
         waited = 0.0
+        # The world stands still until the first command moves the robot.
         while (outcome := progress.outcome(self._simulator.state)) is None and waited < task.time_limit:
             self._publish(observation)
             sent = sent or self._send(goal)
@@ -129,12 +134,12 @@ class SimulatedRobot:
         )
 
     def _current_command(self) -> Twist:
-        """The last command; zero if it is older than the watchdog allows."""
+        """Return the last command; zero if it is older than the watchdog allows."""
         fresh = self._now - self._commanded <= self._config.watchdog * SECOND
         return self._command if fresh else _REST
 
     def _wait(self) -> None:
-        """Wait for the next step and take the commands that arrive meanwhile. A late step delays the others."""
+        """Wait for the next step and take the commands that arrive meanwhile. A late step delays the later ones."""
         while (left := self._next - time.monotonic()) > 0.0:
             self._ros.handle(left)
         self._ros.handle(0.0)
@@ -142,7 +147,7 @@ class SimulatedRobot:
         self._now += self._step
 
     def _publish(self, observation: Observation) -> None:
-        """Publish the sensors' data, and then the time, so that a node has all data of that time."""
+        """Publish the sensors' data and then the time, so that a node has all data of that time."""
         now, make, pose = self._now, self._make, observation.odometry
         self._odometry(make.odometry(now, ODOM, BASE, pose, observation.twist))
         if self._tf is not None:
@@ -154,7 +159,7 @@ class SimulatedRobot:
         self._clock(make.clock(now))
 
     def _send(self, goal: Pose) -> bool:
-        """Send the goal if somebody subscribes; returns whether it was sent."""
+        """Send the goal if somebody subscribes; return whether it was sent."""
         if self._goal is None:
             return True
         if not self._goal.watched:

@@ -1,4 +1,4 @@
-"""What /diagnostics says about the node."""
+"""The node's messages on /diagnostics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PERIOD = 1.0  # [s] of real time between messages
 
 
 class Status:
-    """Collects steps for a second."""
+    """Statistics of the steps since the last message."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -31,11 +31,11 @@ class Status:
 
     @property
     def due(self) -> bool:
-        """Whether it is time for a message."""
+        """Return whether the next message is due."""
         return time.monotonic() - self._began >= _PERIOD
 
     def message(self, step: LiveStep, soft_stops: int, make: OutgoingMessages) -> Any:
-        """A diagnostic_msgs/DiagnosticArray for the time since the last one. soft_stops: so far."""
+        """Return a diagnostic_msgs/DiagnosticArray for the time since the last one. soft_stops: total so far."""
         seconds = time.monotonic() - self._began
         made = self._decisions
         values = {

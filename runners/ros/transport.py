@@ -1,4 +1,7 @@
-"""What the node and the simulated robot need of ROS. `ros1.py` and `ros2.py` provide it; nothing else imports ROS."""
+"""The interface that the node and the simulated robot need from ROS.
+
+`ros1.py` and `ros2.py` provide it; nothing else imports ROS.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ HANDLING = 0.05  # [s] in one call of `handle`: messages that arrive too fast mu
 
 
 class Delivery(Enum):
-    """Which messages a subscriber receives."""
+    """The messages that a subscriber receives."""
 
     NEWEST = auto()  # as of sensors; older ones may be lost
     ALL = auto()
@@ -20,11 +23,11 @@ class Delivery(Enum):
 
 
 class Publisher(Protocol):
-    """Publishes on one topic."""
+    """A publisher on one topic."""
 
     @property
     def watched(self) -> bool:
-        """Whether anybody subscribes."""
+        """Return whether anybody subscribes."""
 
     def __call__(self, message: Any) -> None:
         """Send a message."""
@@ -32,14 +35,14 @@ class Publisher(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TopicPublisher:
-    """Publishes on a topic; rospy and rclpy have other names for its parts. subscribers: returns their number."""
+    """A publisher on a topic, whose parts have other names in rospy and rclpy. subscribers: returns their number."""
 
     publish: Take
     subscribers: Callable[[], int]
 
     @property
     def watched(self) -> bool:
-        """Whether anybody subscribes."""
+        """Return whether anybody subscribes."""
         return bool(self.subscribers())
 
     def __call__(self, message: Any) -> None:
@@ -56,49 +59,52 @@ class ActionGoal(Protocol):
         """Report the robot's PoseStamped, its distance to the goal [m], and the time since the goal arrived [ns]."""
 
     def succeed(self) -> None:
-        """The robot has arrived."""
+        """End the goal because the robot has arrived."""
 
     def cancel(self, reason: str) -> None:
-        """The client has cancelled the goal, or another goal has replaced it."""
+        """End the goal because the client has cancelled it, or another goal has replaced it."""
 
     def abort(self, reason: str) -> None:
-        """The goal cannot be reached."""
+        """End the goal because it cannot be reached."""
 
 
 class Transport(Protocol):
     """A node of ROS 1 or ROS 2, named by `version`. Message types are named as in "sensor_msgs/LaserScan".
 
-    Everything that arrives is delivered in `handle`, in the thread that calls it.
+    All messages are delivered in `handle`, in the thread that calls it.
     """
 
     version: int
     sim_time: bool  # whether ROS's own parameter use_sim_time is set
 
     def has(self, kind: str) -> bool:
-        """Whether the package of a message type is installed."""
+        """Return whether the package of a message type is installed."""
 
     def type(self, kind: str) -> Any:
-        """The class of a message. Raises InputError if its package is not installed."""
+        """Return the class of a message. Raises InputError if its package is not installed."""
 
     def stamp(self, time: int) -> Any:
-        """A message's time from nanoseconds."""
+        """Return a message's time from nanoseconds."""
 
     def duration(self, time: int) -> Any:
-        """A message's duration from nanoseconds."""
+        """Return a message's duration from nanoseconds."""
 
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages."""
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
-        """A publisher. latched: later subscribers receive the last message."""
+        """Return a publisher. latched: later subscribers receive the last message."""
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
     ) -> bool:
-        """Serve the navigation action; False if its package is not installed."""
+        """Serve the navigation action; return False if its package is not installed."""
 
     def client(self, action: str) -> Publisher:
-        """Sends PoseStamped as goals of the navigation action. Raises InputError if its package is not installed."""
+        """Return a publisher that sends PoseStamped as goals of the navigation action.
+
+        Raises InputError if its package is not installed.
+        """
 
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""

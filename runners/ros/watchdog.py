@@ -1,4 +1,4 @@
-"""Stops the robot while the loop that should drive it is blocked."""
+"""A watchdog that stops the robot while the loop that should drive it is blocked."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Self
 
 
 class Watchdog:
-    """Calls `halt`, from its own thread, whenever `feed` was not called for `patience` [s]; a context manager."""
+    """Context manager that calls `halt`, from its own thread, if `feed` was not called for `patience` [s]."""
 
     def __init__(self, patience: float, halt: Callable[[], None]) -> None:
         self._patience, self._halt = patience, halt
