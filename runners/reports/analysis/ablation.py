@@ -33,9 +33,10 @@ ABOUT = {"map": "barn", "robot": "jackal", "scale": ""}  # and its benchmark
 
 
 class Claim(NamedTuple):
-    """What the paper says about removing a part. tier: 3 the largest loss, 0 none; None: a loss of unknown size.
+    """The paper's statement about removing a part. tier: from 3, the largest loss, to 0, no loss.
 
-    ASSUMED: "noticeable" (2) is more than "moderate" (1), because the paper lists them in this order.
+    tier is None for a loss of unknown size. ASSUMED: "noticeable" (2) is more than "moderate" (1), because the paper
+    lists them in this order.
     """
 
     tier: int | None
@@ -83,8 +84,8 @@ CAPTION = (
 class Variant:
     """A line of the table. change: difference from the complete method, by measure; empty for the complete method.
 
-    claim: what the paper says. agrees: "yes", "in part", "no" or "open". words: a sentence with the reason. All three
-    are empty if the paper says nothing.
+    claim: the paper's statement. agrees: "yes", "in part", "no" or "open". words: a sentence with the reason. All
+    three are empty if the paper makes no statement.
     """
 
     ablation: str
@@ -130,7 +131,7 @@ class AblationStudy(SweepStudy):
 
     @property
     def judged(self) -> list[Variant]:
-        """The variants of which the paper says something."""
+        """Variants about which the paper makes a statement."""
         return [variant for variant in self.variants if variant.agrees]
 
     def sentences(self) -> list[str]:
@@ -161,7 +162,7 @@ class AblationStudy(SweepStudy):
             }
 
     def notes(self) -> Sequence[str]:
-        """Return how verdicts are found, too, if there are any."""
+        """Return the notes, including how verdicts are found if there are any."""
         return (*paired.NOTES, *(NOTES if self.judged else ()))
 
     @classmethod
@@ -193,14 +194,14 @@ class AblationStudy(SweepStudy):
 
 
 def variant_label(ablation: str) -> str:
-    """ "No a_close" for no_a_close, "No c_o, c_t" for two at once."""
+    """Return a label such as "No a_close" for no_a_close, and "No c_o, c_t" for two parts at once."""
     if ablation == COMPLETE:
         return "Complete"
     return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(SEVERAL))}"
 
 
 def _is_the_papers(block: Block) -> bool:
-    """Whether the paper's statements apply: its method on its benchmark, with some successes."""
+    """Return whether the paper's statements apply: its method on its benchmark, with some successes."""
     first = block.baseline.iloc[0]
     same = all(str(first.get(key, value)) == value for key, value in ABOUT.items())
     return same and str(first["system"]) in SYSTEMS and bool((block.baseline["outcome"] == SUCCESS).any())
@@ -209,7 +210,7 @@ def _is_the_papers(block: Block) -> bool:
 def _verdict(
     name: str, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str] | None:
-    """Whether the change agrees with the claim, and a sentence with the reason; None if nothing was compared."""
+    """Return whether the change agrees with the claim, and a sentence with the reason; None without a comparison."""
     change = found.get(name)
     if change is None:
         return None
@@ -246,7 +247,7 @@ def _judge(
 
 
 def _is_open(change: Difference, tier: int | None) -> bool:
-    """Whether there are too few worlds, or too wide an interval, to show a difference."""
+    """Return whether there are too few worlds, or too wide an interval, to show a difference."""
     reach = max(-change.low, change.high) if tier == 0 else -change.low
     return not change.beyond_noise and (change.worlds < FEWEST or reach > MARGIN)
 
@@ -265,7 +266,7 @@ def _judge_largest_loss(
 def _exceeded_variants(
     name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> Iterator[str]:
-    """Variants with a larger loss in the paper that lose less here, with disjoint intervals."""
+    """Yield the variants with a larger loss in the paper that lose less here, with disjoint intervals."""
     tier = claims[name].tier or 0
     for other, claim in claims.items():
         if claim.tier is not None and claim.tier > tier and other in found and change.high < found[other].low:
@@ -379,7 +380,7 @@ def _difference(axes: Axes, column: int, change: Difference) -> None:
 
 
 def _label(ablation: str) -> str:
-    """The name in lines, with features as in the paper."""
+    """Return the name in several lines, with features written as in the paper."""
     if ablation == COMPLETE:
         return "Complete"
     parts = [part.removeprefix("no_") for part in ablation.split(SEVERAL)]

@@ -10,7 +10,7 @@ from runners.config.escaping import csv_value, visible
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
-    """One line per row, with cells padded to the width of their column. right: columns that are right-aligned."""
+    """Return one line per row, with cells padded to the width of their column. right: the right-aligned columns."""
     rows = [[visible(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
@@ -23,7 +23,7 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
 
 
 def csv_text(lines: Sequence[Mapping[str, object]]) -> str:
-    """A CSV with every column that any line has, in order of first appearance."""
+    """Return a CSV with every column that any line has, in order of first appearance."""
     names = list(dict.fromkeys(name for line in lines for name in line))
     text = io.StringIO()
     writer = csv.DictWriter(text, names, lineterminator="\n")

@@ -25,12 +25,12 @@ NOTES = (*paired.NOTES, "Time and path: pairs in which both succeeded.")
 
 
 def to_text(found: Sequence[RunComparison]) -> str:
-    """The tables and notes for a terminal of 80 columns."""
+    """Return the tables and notes for a terminal of 80 columns."""
     return "\n\n".join("\n".join(_lines(each)) for each in found) + "\n"
 
 
 def to_markdown(found: Sequence[RunComparison], pictures: Sequence[Path] = ()) -> str:
-    """The tables, notes, pictures and differing keys. pictures: one for each comparison, or none."""
+    """Return the tables, notes, pictures and differing keys. pictures: one for each comparison, or none."""
     parts = []
     for number, each in enumerate(found):
         parts += [f"**{markdown_text(each.place)}**", _reference(each), _table(each)]
@@ -71,7 +71,7 @@ def _lines(study: RunComparison) -> Iterator[str]:
 
 
 def _under_names(study: RunComparison, lines: Sequence[str], shown: Sequence[str]) -> Iterator[str]:
-    """The lines of the table, those of each run below its name."""
+    """Yield the lines of the table, with those of each run below its name."""
     header, *left = lines
     yield header
     for each in study.compared:
@@ -83,7 +83,7 @@ def _under_names(study: RunComparison, lines: Sequence[str], shown: Sequence[str
 
 
 def _cells(change: Change, measure: str) -> list[str]:
-    """Means, difference, interval and p."""
+    """Return the cells for means, difference, interval and p."""
     digits = max(MEASURES[measure].digits, 2)
     difference = change.difference
     star = "*" if difference.beyond_noise else ""
@@ -140,12 +140,12 @@ def _reference(study: RunComparison) -> str:
 
 
 def _code(text: str) -> str:
-    """Text as code, in which nothing but its own end can be markup."""
+    """Return text as code, in which only the end of the code itself can be markup."""
     return f"`{visible(text).replace('`', chr(39))}`"
 
 
 def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:
-    """Lines of the CSV, not rounded: one for each run and measure."""
+    """Yield the lines of the CSV, not rounded: one for each run and measure."""
     for each in study.compared:
         for measure, change in each.changes.items():
             yield {
@@ -165,7 +165,7 @@ def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:
 
 
 def _worlds(study: RunComparison) -> Iterator[dict[str, object]]:
-    """Lines of the CSV by world."""
+    """Yield the lines of the CSV by world."""
     for each in study.compared:
         for world, row in each.worlds.iterrows():
             means = {"measure": study.measure, "reference_mean": row["reference"], "mean": row["other"]}

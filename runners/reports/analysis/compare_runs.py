@@ -1,4 +1,4 @@
-"""Compares runs with one of them, by world and run, in the worlds that both drove.
+"""Comparison of runs with one of them, by world and run, in the worlds that both drove.
 
 The statistics are those of `runners.reports.analysis.paired`. The first run is the reference.
 """
@@ -30,7 +30,7 @@ MEASURES = {
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A measure over the pairs of two runs: means over worlds of the reference and of the other, and the difference."""
+    """A measure over the pairs of two runs: means over worlds of reference and other run, and the difference."""
 
     reference: float
     other: float
@@ -51,12 +51,12 @@ class Compared:
 
     @property
     def better(self) -> list[int]:
-        """The worlds in which it is better than the reference."""
+        """Worlds in which the run is better than the reference."""
         return list(self.worlds.index[self._gain > TIE])
 
     @property
     def worse(self) -> list[int]:
-        """The worlds in which it is worse."""
+        """Worlds in which the run is worse than the reference."""
         return list(self.worlds.index[self._gain < -TIE])
 
     @property
@@ -65,14 +65,14 @@ class Compared:
 
     @property
     def counts(self) -> str:
-        """ "20 worlds, 60 pairs"."""
+        """Numbers of worlds and pairs, such as "20 worlds, 60 pairs"."""
         pairs = self.changes[SUCCESS].difference.pairs
         return f"{counted(len(self.worlds), 'world')}, {counted(pairs, 'pair')}"
 
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
-    """Runs that share worlds with the reference. place: what all have in common. measure: drawn by world.
+    """Runs that share worlds with the reference. place: what all have in common. measure: the one drawn by world.
 
     notes: what a reader must know about the pairs. keys: of the configs that differ, with the value of each run.
     """
@@ -92,9 +92,9 @@ class RunComparison:
 
 
 def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
-    """Compare the runs of records from `read_episodes`; returns a comparison for each group that shares worlds.
+    """Compare the runs of records from `read_episodes`; return a comparison for each group that shares worlds.
 
-    Raises InputError if there are not two runs, or no two share an episode.
+    Raises InputError if there are fewer than two runs, or no two share an episode.
     """
     runs = [
         ComparedRun(Path(str(run_dir)), part.dropna(axis=1, how="all"))
@@ -144,7 +144,7 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
 
 
 def _changes(baseline: pd.DataFrame, parts: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:
-    """The changes of each run by name and measure; measures without pairs are left out."""
+    """Return the changes of each run by name and measure; measures without pairs are left out."""
     found: dict[str, dict[str, Change]] = {}
     for measure, metric in MEASURES.items():
         one, others = baseline, dict(parts)
@@ -162,7 +162,7 @@ def _successes(part: pd.DataFrame) -> pd.DataFrame:
 
 
 def _by_world(baseline: pd.DataFrame, part: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """Means by world of the episodes that both have: columns `reference` and `other`."""
+    """Return the means by world over the episodes that both have: columns `reference` and `other`."""
     import pandas as pd
 
     series = {"reference": paired.values(baseline, measure), "other": paired.values(part, measure)}
@@ -202,7 +202,7 @@ def _notes(
 
 
 def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
-    """What two runs do not share; empty if every episode has a partner."""
+    """Return a description of what two runs do not share; empty if every episode has a partner."""
     both, number = reference.worlds & run.worlds, len(shared)
     parts = [
         f"{counted(len(worlds - both), 'world')} that only {whose} drove"
@@ -218,7 +218,7 @@ def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozens
 
 
 def _describe_worlds(run: ComparedRun) -> str:
-    """ "barn with crowd orca, 20 worlds from 0 to 285, run 0"; "runs 0 to 2" for several."""
+    """Return "barn with crowd orca, 20 worlds from 0 to 285, run 0", or "runs 0 to 2" for several runs."""
     numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
     times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
     place = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")

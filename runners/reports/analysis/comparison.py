@@ -1,4 +1,4 @@
-"""Compares systems: how each row of the table differs from the reference system, episode by episode.
+"""Comparison of systems: differences of each row of the table from the reference system, episode by episode.
 
 The reference is LME, or the system driven first if LME was not driven.
 """
@@ -27,7 +27,7 @@ ROW = "row"  # a column of the records: the row's name in the table
 
 @dataclass(frozen=True, slots=True)
 class Comparison(SweepStudy):
-    """Differences of the other rows from the reference's row, in one setting. The chart of the table is its picture.
+    """Differences of the other rows from the reference's row, in one setting. Its picture is the chart of the table.
 
     reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first.
     """
@@ -92,7 +92,7 @@ class Comparison(SweepStudy):
 
 
 def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
-    """The system of each record, and its value of every key in which records differ, unless it is the usual one."""
+    """Return the name of each record: its system, and the values of keys in which records differ, unless usual."""
     names = as_text(frame["system"])
     for key in keys:
         values = as_text(frame[key])
@@ -130,7 +130,7 @@ def _cells(name: str, changes: Mapping[str, Difference], measures: Sequence[str]
 
 
 def _change(change: Difference | None) -> list[str]:
-    """The difference, bold beyond the noise, its interval and p."""
+    """Return the difference, bold if it exceeds the noise, its interval and p."""
     if change is None:
         return [DASH] * 3
     mean = f"**{signed(change.mean)}**" if change.beyond_noise else signed(change.mean)

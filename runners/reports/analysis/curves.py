@@ -142,13 +142,13 @@ class CurveStudy(SweepStudy):
 
 
 def _is_curve(frame: pd.DataFrame, key: str) -> bool:
-    """Whether some system has at least LEAST numbers for the key."""
+    """Return whether some system has at least LEAST numbers for the key."""
     values = _numbers(frame[key])
     return bool(values.notna().all() and values.groupby(frame["system"]).nunique().max() >= LEAST)
 
 
 def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
-    """Records in which no other key is changed, each episode once, with the key's number as AT."""
+    """Return the records in which no other key is changed, each episode once, with the key's number as AT."""
     others = {other for other in keys if other != key}
     changed = frame["changes"].map(lambda text: {part.partition("=")[0] for part in text.split(", ")})
     part = frame[[others.isdisjoint(each) for each in changed]]
@@ -210,7 +210,7 @@ def _line(axes: Axes, curve: Curve, measure: str, number: int) -> None:
 
 
 def _look(number: int, label: str) -> Line2D:
-    """An empty line in the style of the curve with this number."""
+    """Return an empty line in the style of the curve with this number."""
     from matplotlib.lines import Line2D
 
     colour, line, marker = LOOKS[number % len(LOOKS)]

@@ -35,12 +35,12 @@ def page_path(run_dir: Path, key: EpisodeKey) -> Path:
 
 
 def folder(run_dir: Path) -> list[Path]:
-    """The folder of a run's pages; empty if there is none."""
+    """Return the folder of a run's pages in a list, which is empty if there is none."""
     return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
 
 
 def refuse_link(path: Path, run_dir: Path) -> None:
-    """Raise InputError if the folder of a run's pages is a link: in somebody else's run it could lead anywhere."""
+    """Raise InputError if the folder of a run's pages is a link, which could lead anywhere in another user's run."""
     if path == run_dir / FOLDER and path.is_symlink():
         raise InputError(
             f"{path}: is a link to {path.readlink()}; remove it, or write the pages elsewhere with --output"
@@ -48,12 +48,12 @@ def refuse_link(path: Path, run_dir: Path) -> None:
 
 
 def is_failure(episodes: pd.DataFrame) -> pd.Series:
-    """A mask of the episodes that did not reach the goal."""
+    """Return a mask of the episodes that did not reach the goal."""
     return episodes["outcome"] != str(Outcome.SUCCESS)
 
 
 def failed_section(frame: pd.DataFrame, place: Path) -> str:
-    """The section of `place`/table.md on failed episodes, with links; empty if no episode has a page.
+    """Return the section of `place`/table.md on failed episodes, with links; empty if no episode has a page.
 
     frame: records of one or more runs, with their `run_dir`.
     """
@@ -82,7 +82,7 @@ def episode_rows(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 
 def cells(episode: Mapping[str, Any]) -> list[str]:
-    """The cells of a table for one episode of `episode_rows`."""
+    """Return the cells of a table for one episode of `episode_rows`."""
     closest = episode["closest_m"]
     return [
         str(episode["world"]),
@@ -94,7 +94,7 @@ def cells(episode: Mapping[str, Any]) -> list[str]:
 
 
 def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
-    """Smallest distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
+    """Return the smallest distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
     if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
         return {}
     keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
@@ -110,7 +110,7 @@ def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
 
 
 def _link(path: Path, place: Path) -> str:
-    """A Markdown link to a file, relative to the folder `place`."""
+    """Return a Markdown link to a file, relative to the folder `place`."""
     relative = Path(os.path.relpath(path, place)).as_posix()
     return f"[{markdown_text(relative)}]({html_address(relative)})"
 
@@ -122,7 +122,7 @@ def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
 
 
 def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
-    """A name for each run of a sweep, by directory: its folder and the settings that not all runs share."""
+    """Return a name for each run of a sweep, by directory: its folder, and the settings that not all runs share."""
     runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
     launches = {run_dir: launch_record.read_launch(run_dir) for run_dir in runs}
     settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
@@ -142,7 +142,7 @@ UP_TO_M = (
 
 
 def timeouts_section(frame: pd.DataFrame) -> str:
-    """The section of table.md; empty unless a robot was driving for longer than a minute when its time was up.
+    """Return the section on time-outs; empty unless one of them was driving for more than a minute.
 
     frame: records of one or more runs.
     """

@@ -1,4 +1,4 @@
-"""The section of a results table on the families of worlds, of map sets that draw one for every episode."""
+"""The section of a results table on the families of worlds, for map sets that draw one for every episode."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FAMILY = "world_family"
 
 
 def families_section(frame: pd.DataFrame) -> str:
-    """The section of table.md; empty if the records have no families. frame: records of one or more runs."""
+    """Return the section of table.md; empty if the records have no families. frame: records of one or more runs."""
     if FAMILY not in frame:
         return ""
     found = frame[frame[FAMILY].notna()]

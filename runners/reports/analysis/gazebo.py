@@ -1,7 +1,7 @@
-"""Compares our episodes with logs of the BARN Challenge in Gazebo, world by world.
+"""Comparison of our episodes with logs of the BARN Challenge in Gazebo, world by world.
 
-A log has a line `world success collision timeout time metric` per episode, as the challenge's run.py writes it; or it
-is a CSV file whose header names these columns, with `time` or `time_s`, and perhaps `block`.
+A log has a line `world success collision timeout time metric` per episode, as written by the challenge's run.py. It
+may also be a CSV file whose header names these columns, with `time` or `time_s`, and perhaps `block`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Agreement:
 
 
 def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
-    """The episodes of a log: columns world, outcome and time_s, as in `episodes.parquet`.
+    """Read the episodes of a log: columns world, outcome and time_s, as in `episodes.parquet`.
 
     block: read only the lines of this block. Raises InputError if the file cannot be read or has no such episodes.
     """
@@ -104,25 +104,25 @@ def agreement(one: pd.DataFrame, other: pd.DataFrame) -> Agreement:
 
 
 def rates(frame: pd.DataFrame) -> Rates:
-    """Shares of the outcomes and mean time of success of episodes with the columns outcome and time_s."""
+    """Return shares of the outcomes and mean time of success of episodes with the columns outcome and time_s."""
     share = {outcome: float((frame["outcome"] == outcome).mean()) for outcome in _FLAGS}
     times = frame.loc[frame["outcome"] == Outcome.SUCCESS, "time_s"]
     return Rates(**share, time_s=float(times.mean()), episodes=len(frame))
 
 
 def _success_by_world(frame: pd.DataFrame) -> Floats:
-    """Success rate of each world, in the order of their numbers."""
+    """Return the success rate of each world, in the order of their numbers."""
     by_world = (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean()
     return np.asarray(by_world, dtype=np.float64)
 
 
 def _correlation(p: Floats, q: Floats) -> float:
-    """Pearson's correlation; nan if either has no spread."""
+    """Return Pearson's correlation; nan if either has no spread."""
     return float(np.corrcoef(p, q)[0, 1]) if np.ptp(p) > 0.0 and np.ptp(q) > 0.0 else math.nan
 
 
 def _mean_times(one: pd.DataFrame, other: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Mean times of success of both sets [s] in the worlds where both have one."""
+    """Return the mean times of success of both sets [s] in the worlds where both have one."""
     import pandas as pd
 
     means = [
@@ -133,7 +133,7 @@ def _mean_times(one: pd.DataFrame, other: pd.DataFrame) -> tuple[Floats, Floats]
 
 
 def _episode(path: Path, number: int, line: dict[str, str]) -> tuple[int, str, float]:
-    """World, outcome and time of a line. Raises InputError unless exactly one of the three flags is 1."""
+    """Return world, outcome and time of a line. Raises InputError unless exactly one of the three flags is 1."""
     try:
         flags = [name for name in _FLAGS if int(line[name])]
         world, time = int(line["world"]), float(line["time_s"] if "time_s" in line else line["time"])
@@ -149,7 +149,7 @@ def _episode(path: Path, number: int, line: dict[str, str]) -> tuple[int, str, f
 
 
 def _cell(path: Path, number: int, header: list[str], words: list[str], name: str) -> str:
-    """The value of a column in a line."""
+    """Return the value of a column in a line."""
     line = dict(zip(header, words, strict=False))
     if name not in line:
         raise InputError(f"{path}:{number}: has no column {name}: must have one to choose a {name}")

@@ -39,7 +39,7 @@ _DIGITS = 9  # figures that agree to these digits count as equal
 
 
 class Setting(NamedTuple):
-    """Where runs were driven. traits: what is unusual, or tells it from other settings, such as "robot.v_max=1"."""
+    """The conditions of a run. traits: what is unusual, or tells it from other settings, such as "robot.v_max=1"."""
 
     map: str
     subset: str
@@ -54,7 +54,7 @@ class Setting(NamedTuple):
 
 
 class BoardSystem(NamedTuple):
-    """What drove. traits: what is unusual, or tells it from other systems, such as "ablation no_c_o"."""
+    """The evaluated system. traits: what is unusual, or tells it from other systems, such as "ablation no_c_o"."""
 
     label: str
     traits: tuple[str, ...] = ()
@@ -66,10 +66,10 @@ class BoardSystem(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BoardEntry:
-    """One run. row: its figures. metric_interval: 95 % interval of the mean BARN metric. runs: as planned.
+    """A run. row: its figures. metric_interval: 95 % interval of the mean BARN metric. runs: as planned.
 
-    repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one
-    to show: the newest finished one.
+    repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one to
+    show, which is the newest finished one.
     """
 
     run_dir: Path
@@ -88,7 +88,7 @@ class BoardEntry:
 
     @property
     def job(self) -> tuple[Any, ...]:
-        """What runs of one job have in common."""
+        """The properties that runs of one job have in common."""
         return self.setting, self.system, self.seed, self.runs
 
 
@@ -107,15 +107,16 @@ class _ReadRun(NamedTuple):
     of_system: dict[str, Any]
 
     def text(self, column: str) -> str:
-        """The value that all episodes of a run share; empty without the column."""
+        """Return the value that all episodes of a run share; empty without the column."""
         return _text(self.frame, column)
 
 
 def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = None) -> list[BoardEntry]:
-    """An entry for each run, the newest first.
+    """Return an entry for each run, the newest first.
 
-    frames: records of each run by its directory, as `read_episodes` returns them for this run alone. problems: takes a
-    line for each run whose files hold what lme does not write, which is left out; without it, such a run raises.
+    frames: records of each run by its directory, as `read_episodes` returns them for this run alone. problems: gets a
+    line for each run whose files hold something that lme does not write; such a run is left out. Without it, such a
+    run raises.
     """
     runs = []
     for run_dir, frame in frames.items():
@@ -170,10 +171,10 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
 
 
 def _by_worlds(subset: str, map_set: Mapping[str, Any], frame: pd.DataFrame) -> tuple[str, dict[str, Any]]:
-    """The subset and the keys of a map set of which a run drove chosen worlds, with these worlds.
+    """Return the subset and the keys of a map set of which a run drove chosen worlds, with these worlds.
 
-    `lme figure` drives the worlds that it draws and does not name them here. The number of an official world says
-    which world it is, whatever subset is named beside it; that of a fresh world does not.
+    `lme figure` drives the worlds that it draws and does not name them here. The number of an official world
+    identifies it whatever subset is named beside it; the number of a fresh world does not.
     """
     named = map_set.get("subset")
     needless = ("subset", "count") if named in OFFICIAL else ()
@@ -187,13 +188,13 @@ def _text(frame: pd.DataFrame, column: str) -> str:
 
 
 def _unusual(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
-    """The columns whose value a name has to show, each as text, such as "filter stopping"."""
+    """Return the columns whose value a name has to show, each as text, such as "filter stopping"."""
     values = {key: _text(frame, key) for key in columns}
     return tuple(f"{key} {value}" for key, value in values.items() if value not in usual(key))
 
 
 def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
-    """The changed keys of a part of the config that are no columns of a name, each as text."""
+    """Return the changed keys of a part of the config that have no column in a name, each as text."""
     return _each_as_text({key: changes[key] for key in changes if key in part and key not in _NAMED})
 
 
@@ -202,7 +203,7 @@ def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:
-    """The different configs of each name, without those whose keys are unknown."""
+    """Return the different configs of each name, without those whose keys are unknown."""
     found: dict[_Name, list[dict[str, Any]]] = {}
     for name, values in named:
         namesakes = found.setdefault(name, [])
@@ -212,7 +213,7 @@ def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[
 
 
 def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """The keys in which a config differs from its namesakes, as text; none if its keys are not known."""
+    """Return the keys in which a config differs from its namesakes, as text; none if its keys are unknown."""
     if not values:
         return ()
     keys = dict.fromkeys(key for other in namesakes for key in other)
@@ -242,13 +243,13 @@ def _entry(run: _ReadRun, setting: Setting, system: BoardSystem, with_interval: 
 
 
 def _last_written(run_dir: Path) -> str:
-    """When the records were written, for a run without a start time."""
+    """Return the time at which the records were written, for a run without a start time."""
     times = [path.stat().st_mtime for name in (EPISODES, APPEND_LOG) if (path := run_dir / name).is_file()]
     return datetime.fromtimestamp(max(times), UTC).isoformat(timespec="seconds")
 
 
 def _command(run_dir: Path, launch: Launch | None) -> str:
-    """The command that drove it; that of `lme train` or `lme learn` for the evaluation at its end."""
+    """Return the command that drove a run; that of `lme train` or `lme learn` for the evaluation at its end."""
     try:
         parent = read_launch(run_dir.parent)
     except InputError as error:  # it says nothing about the run but how it was started
@@ -260,7 +261,7 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
 
 
 def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
-    """The entries, each with what is known about other runs of its job. found: the newest first."""
+    """Return the entries, each with what is known about other runs of its job. found: the newest first."""
     groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
     for entry in found:
         groups.setdefault(entry.job, []).append(entry)
@@ -274,6 +275,6 @@ def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
 
 
 def _figures(entry: BoardEntry) -> str:
-    """Figures of a run as text, equal for runs with the same results."""
+    """Return the figures of a run as text, which is equal for runs with the same results."""
     rounded = {key: round(value, _DIGITS) for key, value in numbers(entry.row).items()}
     return json.dumps([entry.row.episodes, rounded], sort_keys=True)

@@ -66,7 +66,7 @@ class Difference:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether the difference is significant."""
+        """Return whether the difference is significant."""
         return self.adjusted < LEVEL
 
 
@@ -90,7 +90,7 @@ class Block:
 def blocks(
     frame: pd.DataFrame, column: str, baseline: str, keys: Sequence[str] | None = None
 ) -> Iterator[Block]:
-    """Split records by `keys`, and each part by `column`; omits a part without the baseline or without a variant.
+    """Split records by `keys`, and each part by `column`; skip a part without the baseline or without a variant.
 
     keys: by default the system and all other columns that vary.
     """
@@ -107,7 +107,7 @@ def blocks(
 
 
 def compare(block: Block, quantity: str) -> dict[str, Difference]:
-    """The difference of each variant from the baseline, by name of variant; omits variants without pairs."""
+    """Return the difference of each variant from the baseline, by name; variants without pairs are left out."""
     pairs = {name: difference(block.baseline, part, quantity) for name, part in block.variants.items()}
     found = {name: value for name, value in pairs.items() if value is not None}
     adjusted = holm([value.p for value in found.values()])
@@ -117,7 +117,7 @@ def compare(block: Block, quantity: str) -> dict[str, Difference]:
 
 
 def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
-    """`variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
+    """Return `variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
     one, other = (values(part, quantity) for part in (baseline, variant))
     changes = (other - one).dropna()
     if changes.empty:
@@ -128,13 +128,13 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
 
 
 def interval_of_mean(part: pd.DataFrame, quantity: str) -> tuple[float, float]:
-    """95 % interval of the mean of a quantity: bootstrap over worlds. (NaN, NaN) for fewer than two worlds."""
+    """Return the 95 % interval of a quantity's mean, bootstrapped over worlds; (NaN, NaN) for fewer than two."""
     by_world = values(part, quantity).dropna().groupby("world").mean().to_numpy()
     return _bounds(by_world) if len(by_world) > 1 else (math.nan, math.nan)
 
 
 def values(part: pd.DataFrame, quantity: str) -> pd.Series:
-    """The quantity of each episode, indexed by world and run; NaN where it is not known."""
+    """Return the quantity of each episode, indexed by world and run; NaN where it is unknown."""
     if quantity == METRIC and METRIC in part:
         part = part.assign(**{METRIC: barn_metric(part)})
     indexed = part.set_index(["world", "run"])
@@ -155,30 +155,30 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def signed(value: float) -> str:
-    """Three decimals and a sign, with a minus as wide as a plus; no sign if the value rounds to zero."""
+    """Return three decimals and a sign, with a minus as wide as a plus; no sign if the value rounds to zero."""
     text = f"{value:+.3f}".replace("-", "\u2212")
     return "0.000" if float(f"{value:.3f}") == 0 else text
 
 
 def interval(value: Difference) -> str:
-    """ "−0.500 to −0.333"; empty if there is no interval."""
+    """Return an interval such as "−0.500 to −0.333"; empty if there is none."""
     return "" if math.isnan(value.low) else f"{signed(value.low)} to {signed(value.high)}"
 
 
 def p_value(value: Difference) -> str:
-    """The adjusted p with three decimals; empty if there is none."""
+    """Return the adjusted p with three decimals; empty if there is none."""
     if math.isnan(value.adjusted):
         return ""
     return f"< {LEAST_P:g}" if value.adjusted < LEAST_P else f"{value.adjusted:.3f}"
 
 
 def row(part: pd.DataFrame) -> Row:
-    """The figures of the baseline or of a variant, as a row of a table."""
+    """Return the figures of the baseline or of a variant, as a row of a table."""
     return measure(part, str(part["system"].iloc[0]), {})
 
 
 def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float | bool | None]:
-    """Columns of a CSV for a row and its differences by measure, not rounded."""
+    """Return the columns of a CSV for a row and its differences by measure, not rounded."""
     columns: dict[str, float | bool | None] = {
         "episodes": figures.episodes,
         "worlds": figures.worlds,
@@ -198,7 +198,7 @@ def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float
 
 
 def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
-    """Interval of the mean of the differences (W,), and p-value of a mean of zero; NaN for fewer than two worlds."""
+    """Return the interval of the mean of differences (W,), and the p-value of mean zero; NaN if W is less than 2."""
     worlds = len(by_world)
     if worlds < 2:
         return math.nan, math.nan, math.nan
@@ -212,7 +212,7 @@ def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
 
 
 def _bounds(by_world: Floats) -> tuple[float, float]:
-    """Bootstrap interval of the mean of one value per world (W,)."""
+    """Return the bootstrap interval of the mean of one value per world (W,)."""
     means = by_world[_draws(len(by_world))].mean(axis=1)
     low, high = np.quantile(means, [LEVEL / 2, 1 - LEVEL / 2])
     return float(low), float(high)
@@ -220,13 +220,13 @@ def _bounds(by_world: Floats) -> tuple[float, float]:
 
 @cache
 def _draws(worlds: int) -> Ints:
-    """Indices (RESAMPLES, W) of worlds drawn with replacement, for the bootstrap."""
+    """Return indices (RESAMPLES, W) of worlds drawn with replacement, for the bootstrap."""
     return np.random.default_rng(SEED).integers(worlds, size=(RESAMPLES, worlds))
 
 
 @cache
 def _signs(worlds: int) -> Floats:
-    """Signs (S, W), +1 or -1: all combinations if there are at most RESAMPLES, else RESAMPLES random ones."""
+    """Return signs (S, W), +1 or -1: all combinations if there are at most RESAMPLES, else RESAMPLES random ones."""
     if 2**worlds <= RESAMPLES:
         bits = np.arange(2**worlds)[:, None] >> np.arange(worlds) & 1
         return np.where(bits, -1.0, 1.0).astype(np.float64)

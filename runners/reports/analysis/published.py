@@ -32,7 +32,7 @@ class PublishedSetting(NamedTuple):
 
 
 class DrivenSetting(NamedTuple):
-    """The map of records and the robots that theirs is by its values. difference: from the shipped one of its name."""
+    """The map of records, and the robots whose values theirs has. difference: from the shipped robot of its name."""
 
     map: str
     robots: tuple[str, ...]
@@ -40,12 +40,12 @@ class DrivenSetting(NamedTuple):
     difference: str = ""
 
     def figures_of(self, name: str, known: Mapping[tuple[str, PublishedSetting], Figures]) -> Figures | None:
-        """The published figures of a system that can be compared with these records."""
+        """Return the published figures of a system that can be compared with these records, if any."""
         keys = [(name, PublishedSetting(self.map, robot)) for robot in self.robots]
         return next((known[key] for key in keys if key in known), None)
 
     def why_none(self, name: str, known: Mapping[tuple[str, PublishedSetting], Figures]) -> str:
-        """Why figures of a robot of this name are not compared with these records; empty if there are none."""
+        """Return why figures of a robot of this name are not compared with these records; empty if there are none."""
         if self.figures_of(name, known) or (name, PublishedSetting(self.map, self.robot)) not in known:
             return ""
         return self.difference or f"the robot {self.robot} is not the shipped one"
@@ -55,7 +55,7 @@ class Figures(NamedTuple):
     """Published figures. label: without our system's settings in brackets.
 
     stats: (mean, standard deviation) by metric; a deviation that was not published is NaN. source: the log that they
-    are from, with the formula of its BARN metric; empty for those of the paper.
+    were taken from, with the formula of its BARN metric; empty for figures of the paper.
     """
 
     label: str
@@ -65,7 +65,7 @@ class Figures(NamedTuple):
 
 
 def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
-    """Published figures by the name of the system in `conf/system/` and by setting."""
+    """Return the published figures by the name of the system in `conf/system/` and by setting."""
     return {
         (name, PublishedSetting(map_name, robot)): Figures(
             system.name, system.global_planner, _stats(given), _source(given)
@@ -77,11 +77,11 @@ def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting],
 
 
 def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
-    """The setting whose published figures can be compared with these records; None if no figures can.
+    """Return the setting whose published figures can be compared with these records; None if no figures can.
 
-    Only the complete method is compared, with any weights, no filter, no crowd and no changed key, on all worlds of the
-    map; on BARN on all of `lab100` or `official50`. Map and robot count by their values: a user's own option may have
-    the name of a shipped one. Records without a launch record have names alone.
+    Only the complete method is compared, with any weights, no filter, no crowd and no changed key, on all worlds of
+    the map; on BARN, on all of `lab100` or `official50`. Map and robot are identified by their values, since a user's
+    own option may have the name of a shipped one. Records without a launch record are identified by names alone.
     """
     known = [key for key in (*_AS_PUBLISHED, "scale", "changes", "map", "subset", "robot") if key in group]
     first = {key: str(group[key].iloc[0]) for key in known if group[key].notna().iloc[0]}
@@ -101,7 +101,7 @@ def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
-    """Notes for a table with published figures, and for one that could have some."""
+    """Return the notes for a table with published figures, and for a table that could have some."""
     maps = {row.published_map for row in rows if row.published_map}
     lines = []
     if maps:
@@ -121,13 +121,13 @@ def notes(rows: Sequence[Row]) -> list[str]:
 
 
 def _simulator(sim: str) -> str:
-    """A simulator in words, with its option; of records that do not name it, the one that was there first."""
+    """Return a simulator in words, with its option; the first simulator for records that do not name it."""
     words = _SIMULATORS.get(sim, "2D simulator")
     return f"{words} (sim={sim})" if sim else words
 
 
 def _same(group: pd.DataFrame, column: str, otherwise: str) -> str:
-    """The value that all records have in a column that comes from launch records; empty if they differ."""
+    """Return the value that all records have in a column that comes from launch records; empty if they differ."""
     if column not in group:
         return otherwise
     values = group[column].fillna(otherwise).unique()
@@ -135,7 +135,7 @@ def _same(group: pd.DataFrame, column: str, otherwise: str) -> str:
 
 
 def _stats(given: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """(mean, std) by metric, from [mean, std], or from [mean] if no deviation was published."""
+    """Return (mean, std) by metric, from [mean, std], or from [mean] if no deviation was published."""
     return {
         key: (float(values[0]), float(values[1]) if len(values) > 1 else float("nan"))
         for key, values in given.items()
@@ -144,7 +144,7 @@ def _stats(given: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 
 
 def _source(given: Mapping[str, Any]) -> str:
-    """What a note says of the figures: their log, and the formula of its metric."""
+    """Return the note's text about the figures: their log, and the formula of its metric."""
     if "source" not in given:
         return ""
     return (

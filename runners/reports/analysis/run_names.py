@@ -1,4 +1,4 @@
-"""Names of the runs in a comparison: what differs between them, and what they have in common."""
+"""Names of the runs in a comparison: their differences, and what they have in common."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _WHICH_WORLDS = (
 
 
 def names(runs: Sequence[ComparedRun]) -> list[str]:
-    """A name for each run, made of what differs between them; runs that do not differ are named by their folders."""
+    """Return a name for each run, made of its differences from the others; runs without any are named by folder."""
     differing = _telling(runs)
     found = [", ".join(_shorten([_part(run, column) for column in differing])) for run in runs]
     times = Counter(found)
@@ -48,7 +48,7 @@ def names(runs: Sequence[ComparedRun]) -> list[str]:
 
 
 def heading(runs: Sequence[ComparedRun]) -> str:
-    """What all runs have in common: system, map, robot, and whatever is unusual."""
+    """Return what all runs have in common: system, map, robot, and whatever is unusual."""
     first, *others = runs
     common = [
         column
@@ -59,7 +59,7 @@ def heading(runs: Sequence[ComparedRun]) -> str:
 
 
 def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
-    """The keys that decide results and differ between the configs, with the value of each run or None."""
+    """Return the keys that decide results and differ between the configs, with the value of each run or None."""
     configs = [dict(flatten(launch.configs[0])) for launch in launches]
     keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
     values = {key: [config.get(key) for config in configs] for key in keys}
@@ -67,9 +67,9 @@ def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
 
 
 def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
-    """Conditions, besides guides and planners, that differ between the runs: robot, simulator, rules of the map, added
-    people, the filter, whom the system sees.
+    """Return the conditions, besides guides and planners, that differ between the runs.
 
+    Conditions are the robot, the simulator, the rules of the map, added people, the filter, and whom the system sees.
     keys: those that differ, if they are known.
     """
     found = []
@@ -84,14 +84,16 @@ def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[Compa
 
 
 def _condition(run: ComparedRun, group: str) -> str:
-    """The option of a run; records of a run with a launch record hold a crowd and a filter only if there is one."""
+    """Return the option of a run; records with a launch record name a crowd and a filter only if there is one."""
     has_none = group in ("crowd", "filter") and run.text("sim")
     return run.text(group) or ("none" if has_none else "")
 
 
 def _telling(runs: Sequence[ComparedRun]) -> list[str]:
-    """The columns that differ, without what others say already: the usual weights of a system, and equal keys of two
-    groups with the same values, such as robot.v_max and planner.v_max.
+    """Return the columns that differ, without those that others imply.
+
+    Others imply the usual weights of a system, and equal keys of two groups with the same values, such as robot.v_max
+    and planner.v_max.
     """
     values = {column: tuple(run.text(column) for run in runs) for column in _columns(runs)}
     differing = {column: each for column, each in values.items() if len(set(each)) > 1}

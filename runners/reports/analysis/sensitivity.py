@@ -1,4 +1,4 @@
-"""The sensitivity study: how the results change when one parameter is multiplied by a factor."""
+"""The sensitivity study: the change in results when one parameter is multiplied by a factor."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class ParameterCurve:
         return max(rates) - min(rates)
 
     def beyond(self, measure: str) -> list[Point]:
-        """Points whose difference from factor 1 in the measure is beyond the noise."""
+        """Return the points whose difference from factor 1 in the measure is beyond the noise."""
         return [each for each in self.points if measure in each.change and each.change[measure].beyond_noise]
 
 
@@ -119,7 +119,7 @@ class SensitivityStudy(SweepStudy):
 
     @property
     def scored(self) -> bool:
-        """Whether some records have the BARN metric."""
+        """Return whether some records have the BARN metric."""
         return any(METRIC in point.row.stats for curve in self.curves for point in curve.points)
 
     def sentences(self) -> list[str]:
@@ -153,7 +153,7 @@ class SensitivityStudy(SweepStudy):
                 }
 
     def notes(self) -> Sequence[str]:
-        """Return what a range and a band are, too."""
+        """Return the notes, including what a range and a band are."""
         return (*paired.NOTES, *NOTES)
 
     @classmethod
@@ -192,19 +192,19 @@ class SensitivityStudy(SweepStudy):
 
 
 def factors(curves: Sequence[ParameterCurve]) -> list[float]:
-    """All factors of some curves, increasing."""
+    """Return all factors of the curves, increasing."""
     return sorted({point.factor for curve in curves for point in curve.points})
 
 
 def _single(frame: pd.DataFrame) -> pd.DataFrame:
-    """Records of runs with at most one multiplied parameter."""
+    """Return the records of runs with at most one multiplied parameter."""
     if COLUMN not in frame:
         return frame
     return frame[[len(scale_from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
 
 
 def _value(block: Block, parameter: str) -> str:
-    """The unchanged value of the parameter; empty if unknown."""
+    """Return the unchanged value of the parameter; empty if unknown."""
     launch = read_launch(Path(block.baseline["run_dir"].iloc[0])) if "run_dir" in block.baseline else None
     parameters = launch.configs[0]["guide"].get("parameters", {}) if launch is not None else {}
     return str(parameters.get(parameter, ""))
@@ -221,14 +221,14 @@ def _sentence(curve: ParameterCurve) -> str:
 
 
 def _beyond(curve: ParameterCurve, measure: str) -> str:
-    """ "success 0.020 at × 0"; empty if no point is beyond the noise."""
+    """Return text such as "success 0.020 at × 0"; empty if no point is beyond the noise."""
     points = curve.beyond(measure)
     shown = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
     return f"{NAMES[measure]} {shown}" if shown else ""
 
 
 def _table(study: SensitivityStudy, measure: str) -> str:
-    """A line for each parameter and a column for each factor; bold beyond the noise."""
+    """Return a table with a line for each parameter and a column for each factor; bold beyond the noise."""
     columns = factors(study.curves)
     lines = [[NAMES[measure], "Value", *(f"{TIMES} {factor:g}" for factor in columns)]]
     lines.append(["---", *["---:"] * (len(columns) + 1)])
@@ -253,7 +253,7 @@ def _cell(point: Point, measure: str) -> str:
 
 
 def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> None:
-    """Draw success with its band, and the BARN metric; factor 0 is apart on the left."""
+    """Draw success with its band, and the BARN metric; factor 0 stands apart on the left."""
     _band(axes, curve.points, places)
     rows: list[tuple[str, dict[str, Any]]] = [(SUCCESS, _SUCCESS), (METRIC, _METRIC)]
     for measure, look in rows:
@@ -276,7 +276,7 @@ def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> Non
 
 
 def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> None:
-    """Draw the interval of the success rates as a band; for factor 0, which is apart, as a bar."""
+    """Draw the interval of the success rates as a band, and as a bar for factor 0, which stands apart."""
     bounds = [(places[point.factor], *(point.row.interval or (math.nan, math.nan))) for point in points]
     alone, curve = (bounds[:1], bounds[1:]) if points[0].factor == 0 else ([], bounds)
     x, low, high = zip(*curve, strict=True)
@@ -286,14 +286,14 @@ def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> No
 
 
 def _places(found: Sequence[float]) -> dict[float, float]:
-    """Positions of factors on the axis, log2 of the factor; 0 goes to the left of all others."""
+    """Return the positions of factors on the axis: log2 of the factor, with 0 to the left of all others."""
     places = {factor: math.log2(factor) for factor in found if factor > 0}
     left, right = min(places.values()), max(places.values())
     return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in found else {}), **places}
 
 
 def _named(places: dict[float, float]) -> list[float]:
-    """The factors that get a tick label: 1, the outermost ones, and those that fit between."""
+    """Return the factors that get a tick label: 1, the outermost ones, and those that fit between."""
     room = TICK_GAP * (max(places.values()) - min(places.values()))
     named: list[float] = []
     for factor in dict.fromkeys([1.0, *sorted(places)[::-1][:1], *sorted(places)]):

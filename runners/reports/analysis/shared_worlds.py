@@ -1,4 +1,4 @@
-"""Which runs drove the same worlds."""
+"""Search for the runs that drove the same worlds."""
 
 from __future__ import annotations
 
@@ -32,31 +32,31 @@ class ComparedRun:
 
     @property
     def worlds(self) -> set[int]:
-        """The numbers of the worlds that it drove."""
+        """Numbers of the worlds that the run drove."""
         return set(self.frame["world"])
 
     @property
     def episodes(self) -> set[tuple[int, int]]:
-        """World and number of the run of each of its episodes."""
+        """World and number of the run, of each episode."""
         return set(zip(self.frame["world"], self.frame["run"], strict=True))
 
     def text(self, column: str) -> str:
-        """The value that all its episodes have in a column; empty without the column."""
+        """Return the value that all episodes have in a column; empty without the column."""
         return visible(str(self.frame[column].iloc[0])) if column in self.frame else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Runs that share worlds with the first of them. others: those, each with the numbers of the worlds shared."""
+    """Runs that share worlds with the first of them. others: each with the numbers of the shared worlds."""
 
     reference: ComparedRun
     others: tuple[tuple[ComparedRun, frozenset[int]], ...]
 
 
 def groups(runs: Sequence[ComparedRun]) -> list[Group]:
-    """The runs grouped by shared worlds, in their order. A run that shares none is a group without others.
+    """Return the runs grouped by shared worlds, in their order. A run that shares none is a group without others.
 
-    Runs share worlds if they have an episode in common, the same world and number of the run, to compare.
+    Runs share worlds if they have an episode in common to compare, with the same world and number of the run.
     """
     found = []
     left = list(runs)
@@ -69,14 +69,15 @@ def groups(runs: Sequence[ComparedRun]) -> list[Group]:
 
 
 def _with_pairs(worlds: frozenset[int], one: ComparedRun, other: ComparedRun) -> frozenset[int]:
-    """The worlds, if the runs have an episode in common there; otherwise none."""
+    """Return the worlds if the runs have an episode in common in one of them; otherwise none."""
     return worlds if any(world in worlds for world, _ in one.episodes & other.episodes) else frozenset()
 
 
 def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
-    """The numbers under which both drove the same task: the same map set, start, goal and measures of the world.
+    """Return the numbers under which both drove the same task.
 
-    A measure that only one of them has, such as the number of people, tells their worlds apart.
+    Tasks are the same if map set, start, goal and measures of the world are. A measure that only one of them has,
+    such as the number of people, makes their worlds different.
     """
     numbers = sorted(one.worlds & other.worlds)
     if one.text("map") != other.text("map") or not numbers:
@@ -94,7 +95,7 @@ def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
 
 
 def _alike(one: pd.Series, other: pd.Series) -> Bools:
-    """Where two columns agree: numbers but for rounding, texts exactly. A missing value is like another."""
+    """Return where two columns agree: numbers except for rounding, texts exactly. Missing values agree."""
     from pandas.api.types import is_numeric_dtype
 
     one, other = one.infer_objects(), other.infer_objects()
@@ -110,10 +111,10 @@ _Key = tuple[str, EpisodeKey]
 
 @dataclass(frozen=True, slots=True)
 class WorstWorld:
-    """A world, by its worst episode. outcome, reward, time_s [s]: of this episode.
+    """A world, represented by its worst episode. outcome, reward, time_s [s]: of this episode.
 
-    runs, failed: how many episodes there are, and how many failed. start_failed: of the start; None if the start is the
-    result. lost: how many failed where the start succeeded.
+    runs, failed: number of episodes, and of failed ones. start_failed: failed ones of the start; None if the start is
+    the result. lost: failed episodes of the result in which the start succeeded.
     """
 
     run_dir: Path
@@ -128,10 +129,10 @@ class WorstWorld:
 
 
 def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) -> list[WorstWorld]:
-    """At most `count` worlds: those with failures first, then those with the lowest reward.
+    """Return at most `count` worlds: those with failures first, then those with the lowest reward.
 
-    Of equal ones, those where the start succeeded most often come first. frame, start: records with their `run_dir`
-    and the column `reward`; maps have directories of the same name. start: None if the start is the result.
+    Among equal ones, those where the start succeeded most often come first. frame, start: records with their
+    `run_dir` and the column `reward`; maps have directories of the same name. start: None if the start is the result.
     """
     good = None if start is None else _good(start)
     by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
@@ -141,7 +142,7 @@ def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) ->
 
 
 def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
-    """In how many episodes the result fails where the start succeeded."""
+    """Return the number of episodes in which the result fails where the start succeeded."""
     good = _good(start)
     return sum(_failed(row) and _key(row) in good for row in frame.to_dict("records"))
 
@@ -172,10 +173,10 @@ def _failed(row: Mapping[str, Any]) -> bool:
 
 
 def _good(start: pd.DataFrame) -> set[_Key]:
-    """The episodes in which the start succeeded."""
+    """Return the episodes in which the start succeeded."""
     return {_key(row) for row in start.to_dict("records") if not _failed(row)}
 
 
 def _key(row: Mapping[str, Any]) -> _Key:
-    """What an episode of the result and one of the start have in common: the map and the key."""
+    """Return what an episode of the result and one of the start have in common: the map and the key."""
     return Path(row["run_dir"]).name, EpisodeKey.of(row)

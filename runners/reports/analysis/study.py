@@ -1,4 +1,4 @@
-"""The studies of a sweep: what the records say about systems, ablations, parameters or values of a key."""
+"""The studies of a sweep: what its records show about systems, ablations, parameters or values of a key."""
 
 from __future__ import annotations
 

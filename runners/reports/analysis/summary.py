@@ -1,4 +1,4 @@
-"""Summarises episode records as the rows of a result table.
+"""Summaries of episode records as the rows of a result table.
 
 There is one row for each combination of the system and other values that vary (ablation, map subset, seed, swept
 keys). The published figures of a system follow its row if they were measured in the same setting.
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 class Metric(NamedTuple):
     """A column of the table.
 
-    spread: show ± over runs. of_successes: only successful episodes count. spare: omitted first on a narrow terminal.
-    measured: only episodes that have the value count, else one without it leaves none.
+    spread: whether to show ± over runs. of_successes: whether only successful episodes count. spare: whether the
+    column is omitted first on a narrow terminal. measured: whether episodes without the value are ignored; otherwise
+    one of them leaves the column empty.
     """
 
     key: str
@@ -103,7 +104,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """The row's name in the table: its label, with its ablation and with how much was driven."""
+        """The row's name in the table: its label, with its ablation and the share that was driven."""
         system, _, source = self.label.rpartition(" ")
         label = f"{system} {self.ablated} {source}" if self.ablated else self.label
         return f"{label}, {self.unfinished}" if self.unfinished else label
@@ -115,7 +116,7 @@ def summarise(
     systems: Mapping[str, System] | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> list[Row]:
-    """Rows of the table for `frame` (one line per episode): for each system our rows, then the published ones.
+    """Return the rows of the table for `frame` (one line per episode): for each system ours, then the published ones.
 
     order: names of systems whose rows come first, in this order. A system without episodes has only its published
     figures. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by
@@ -139,13 +140,13 @@ def summarise(
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
-    """All numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
+    """Return all numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
     row = summarise(frame, systems={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
 def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
-    """The metrics of each map, prefixed with its name if there are several: numbers of one tracked run."""
+    """Return the metrics of each map, prefixed with its name if there are several, for one tracked run."""
     places = list(dict.fromkeys(frame["map"]))
     return {
         f"{place}_{key}" if len(places) > 1 else key: value
@@ -155,7 +156,7 @@ def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
 
 
 def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
-    """The row of the table for these records. keys: values that distinguish it from other rows, by column."""
+    """Return the row of the table for these records. keys: values that distinguish it from other rows, by column."""
     successes = group["outcome"] == "success"
     worlds, runs = int(group["world"].nunique()), int(group["run"].nunique())
     stats = {}
@@ -181,7 +182,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
 
 
 def numbers(row: Row) -> dict[str, float]:
-    """Means, deviations over runs (`_std`) and bounds of the success rate of a row, if it has them."""
+    """Return the means, deviations over runs (`_std`) and bounds of the success rate of a row, if it has them."""
     pairs = {
         f"{key}{end}": value
         for key, both in row.stats.items()
@@ -193,7 +194,7 @@ def numbers(row: Row) -> dict[str, float]:
 
 
 def row_keys(frame: pd.DataFrame) -> list[str]:
-    """Columns besides `system` that distinguish rows: those that vary, and those with unusual values."""
+    """Return the columns besides `system` that distinguish rows: those that vary, or have unusual values."""
     keys = [
         key
         for key in [*(key for key in GROUP_KEYS if key in frame), *changed_columns(frame)]
@@ -206,20 +207,20 @@ def row_keys(frame: pd.DataFrame) -> list[str]:
 
 
 def usual(key: str) -> frozenset[str]:
-    """The values of a column that need not be shown."""
+    """Return the values of a column that need not be shown."""
     return _USUAL_PEOPLE if key == "people" else _USUAL
 
 
 def changed_columns(frame: pd.DataFrame) -> list[str]:
-    """Columns for config keys that some run has changed."""
+    """Return the columns for config keys that some run has changed."""
     return [column for column in frame.columns if "." in column]
 
 
 def barn_metric(frame: pd.DataFrame) -> pd.Series:
-    """The BARN metric of each episode; NaN on a map that is not of the benchmark, whose speed and limit it assumes.
+    """Return the BARN metric of each episode; NaN on maps outside the benchmark, whose speed and limit it assumes.
 
-    BARN's worlds are known by the map's name, or in an option of one's own by their cylinders, which no other map set
-    counts but the cold trial's families.
+    BARN's worlds are recognised by the map's name, or in a user's own option by their cylinders, which no other map
+    set counts except the families of the cold trial.
     """
     columns = frame.reindex(columns=["map", "world_cylinders", "world_family"])
     known = columns.notna()
@@ -228,7 +229,7 @@ def barn_metric(frame: pd.DataFrame) -> pd.Series:
 
 
 def as_text(column: pd.Series) -> pd.Series:
-    """Values of a column as text, as a table shows them; empty for a missing value."""
+    """Return the values of a column as text, as a table shows them; empty for a missing value."""
     return column.astype(object).where(column.notna(), "").astype(str)
 
 
@@ -255,7 +256,7 @@ def _with_published(
 
 
 def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
-    """The name of the system that drove: of those with its label, the one of its guide and planner, if one is."""
+    """Return the name of the system: among those with its label, the one of its guide and planner, if any."""
     first = group.iloc[0]
     label, pair = str(first["system"]), (first.get("guide"), first.get("planner"))
     names = [name for name, system in systems.items() if system.label == label]
@@ -283,7 +284,7 @@ def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
 
 
 def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
-    """ "12 of 100 worlds", or "250 of 300 episodes" if no world is missing; empty for a finished run."""
+    """Return "12 of 100 worlds", or "250 of 300 episodes" if no world is missing; empty for a finished run."""
     all_worlds = max(worlds, planned(group, PLANNED_WORLDS))
     if worlds < all_worlds:
         return f"{worlds} of {all_worlds} worlds"
@@ -292,7 +293,7 @@ def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
 
 
 def _global_planner(group: pd.DataFrame) -> str:
-    """Whether the guide planned on a global map, and on which; "no" for records without this column."""
+    """Return the kind of global map that the guide planned on; "no" without one, or without this column."""
     return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
@@ -302,7 +303,7 @@ def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:
 
 
 def _varies(frame: pd.DataFrame, column: str) -> bool:
-    """Whether a column has several values: one of SETTING in the table, any other within a system."""
+    """Return whether a column has several values: a column of SETTING in the table, any other within a system."""
     if column in SETTING:
         return bool(frame[column].nunique(dropna=False) > 1)
     return bool((frame.groupby("system")[column].nunique(dropna=False) > 1).any())

@@ -1,4 +1,4 @@
-"""Writes result tables as Markdown, CSV, LaTeX and HTML, and prints them on the terminal."""
+"""Result tables as Markdown, CSV, LaTeX and HTML, and on the terminal."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def title(frame: pd.DataFrame) -> str:
-    """What all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
+    """Return what all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
     shown = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
     values = {key: str(frame[key].iloc[0]) for key in shown if frame[key].nunique() == 1}
     common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
@@ -45,7 +45,7 @@ def title(frame: pd.DataFrame) -> str:
 
 
 def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
-    """Notes that explain the table. left_out: headers of columns that it omits."""
+    """Return the notes that explain the table. left_out: headers of columns that it omits."""
     lines = []
     if any(row.runs is not None and row.runs > 1 for row in rows):
         lines.append("± is the standard deviation over runs.")
@@ -73,12 +73,12 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
 
 
 def _sources(rows: Sequence[Row]) -> dict[str, str]:
-    """Where the published figures are from that are not the paper's, by the row's label."""
+    """Return the sources of published figures that are not from the paper, by the row's label."""
     return {row.label: row.source for row in rows if row.source}
 
 
 def changed_notes(rows: Sequence[Row]) -> list[str]:
-    """Notes on keys that differ from the files of their options."""
+    """Return the notes on keys that differ from the files of their options."""
     ours = [row for row in rows if not row.published_map]
     if len({row.changes for row in ours}) == 1:
         return [f"Changed: {ours[0].changes}."] if ours[0].changes else []
@@ -86,7 +86,7 @@ def changed_notes(rows: Sequence[Row]) -> list[str]:
 
 
 def _counted(frame: pd.DataFrame, column: str) -> str:
-    """Number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
+    """Return the number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
     keys = ["system", *row_keys(frame)]
     counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
     fewest, most = int(counts.min()), int(counts.max())
@@ -101,7 +101,7 @@ Column = tuple[str, ...]  # its header, then a cell for each row
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
-    """The table in GitHub's Markdown, with notes below."""
+    """Return the table in GitHub's Markdown, with notes below."""
     header, *lines = _cells(rows, " ± ")
     first = 1 + len(rows[0].keys)
     rule = ["---"] * first + ["---:"] * (len(header) - first)
@@ -110,7 +110,7 @@ def to_markdown(rows: Sequence[Row]) -> str:
 
 
 def to_csv(rows: Sequence[Row]) -> str:
-    """The numbers of the table, not rounded; a missing one is empty. Changed keys have a column if there are any."""
+    """Return the numbers of the table, not rounded; missing ones are empty. Changed keys have a column if any."""
     changed = any(row.changes for row in rows)
     return csv_text(
         [
@@ -130,7 +130,7 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 
 def to_html(rows: Sequence[Row]) -> str:
-    """The table and its notes as HTML elements."""
+    """Return the table and its notes as HTML elements."""
     header, *lines = ([html_text(cell) for cell in line] for line in _cells(rows, " ± "))
     head = "".join(f"<th>{cell}</th>" for cell in header)
     body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
@@ -139,7 +139,7 @@ def to_html(rows: Sequence[Row]) -> str:
 
 
 def to_latex(rows: Sequence[Row]) -> str:
-    """The table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
+    """Return the table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
     import pandas as pd
 
     header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
@@ -152,7 +152,10 @@ def to_latex(rows: Sequence[Row]) -> str:
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
-    """The table for a terminal of `width` columns, at least 80; what does not fit is wrapped, or omitted and named."""
+    """Return the table for a terminal of `width` columns, at least 80; what does not fit is wrapped or omitted.
+
+    Omitted columns are named.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
@@ -200,7 +203,7 @@ def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
 
 
 def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
-    """Header and lines as text; the interval is next to the success rate."""
+    """Return header and lines as text; the interval is next to the success rate."""
     metrics = _shown_metrics(rows)
     headers = [metric.header for metric in metrics]
     keys = [key.capitalize() if key in GROUP_KEYS else visible(key) for key in rows[0].keys]
@@ -218,15 +221,15 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
 
 
 def _compares_planners(rows: Sequence[Row]) -> bool:
-    """Whether to show the column on global planners: with several systems, or if one used a global planner."""
+    """Return whether to show the column on global planners: with several systems, or if one used such a planner."""
     names = {row.label.rpartition(" ")[0] for row in rows}
     return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
 def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Column]]:
-    """Columns that fit into `width` characters, the gap between them, and the columns that were omitted.
+    """Return columns that fit into `width` characters, the gap between them, and the columns that were omitted.
 
-    First ± moves below its mean, then as few columns as possible are omitted.
+    First, ± moves below its mean; then as few columns as possible are omitted.
     """
     columns = list(zip(*_cells(rows, " ±"), strict=True))
     if _width(columns, GAP) <= width:
@@ -242,9 +245,10 @@ def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Colum
 
 
 def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
-    """The columns that a table can omit: those with one value, then spare metrics, then others, each from the right.
+    """Return the columns that a table can omit, those that are needed least first.
 
-    keys: number of columns at the left that distinguish the rows; they stay if they vary, like the success rate.
+    These are columns with one value, then spare metrics, then others, each from the right. keys: number of columns at
+    the left that distinguish the rows; they stay if they vary, like the success rate.
     """
     metrics = {metric.header: metric for metric in METRICS}
     ranked = []
@@ -262,13 +266,13 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
 
 
 def _is_constant(column: Column) -> bool:
-    """Whether several rows have a value, and all the same one."""
+    """Return whether several rows have a value, all of them the same one."""
     values = [cell for cell in column[1:] if cell != MISSING]
     return len(values) > 1 and len(set(values)) == 1
 
 
 def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
-    """Lines that name the omitted columns, and say where to find them."""
+    """Return lines that name the omitted columns and say where to find them."""
     same = [
         f"{header} {next(cell for cell in cells if cell != MISSING)}"
         for header, *cells in left_out
@@ -285,13 +289,13 @@ def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
 
 
 def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
-    """Width of the table on the terminal, in characters."""
+    """Return the width of the table on the terminal, in characters."""
     widest = (max(len(line) for cell in column for line in cell.split("\n")) for column in columns)
     return sum(width + gap for width in widest) - gap
 
 
 def _wrap(column: Column) -> Column:
-    """The cells, wrapped to the width of their longest word."""
+    """Return the cells, wrapped to the width of their longest word."""
     narrow = max(len(word) for cell in column for word in cell.split())
     return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)
 

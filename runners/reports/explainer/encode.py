@@ -48,7 +48,7 @@ class Stretch(NamedTuple):
 
 
 def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str = "") -> str:
-    """An episode, with one sentence per decision, as base64 text. system, play: see `write.write_page`."""
+    """Return an episode, with one sentence per decision, as base64 text. system, play: see `write.write_page`."""
     packer = Packer()
     movers = [trace.moving(frame) for frame in trace.frames]
     stretch = Stretch(trace.robot, trace.steps, trace.frames, trace.episode.trajectory, movers)
@@ -87,7 +87,7 @@ def _add_thoughts(
 
 
 def title(trace: Trace) -> str:
-    """The name of the episode."""
+    """Return the name of the episode."""
     return f"{trace.task.map_name} {trace.world}, run {trace.run}"
 
 
@@ -112,7 +112,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
 
 
 def robot_header(robot: Robot) -> dict[str, Any]:
-    """What is drawn of a robot, and how long its steps are."""
+    """Return what is drawn of a robot, and the duration of its steps."""
     return {"dt": robot.dt, "box": robot.footprint.box, "cell": CELL_M}
 
 
@@ -121,7 +121,7 @@ def _ablation(trace: Trace) -> dict[str, float]:
 
 
 def policy(first: Explanation) -> dict[str, Any]:
-    """What the page needs to decide. Infinity is a word, since JSON has none."""
+    """Return what the page needs to decide. Infinity is written as a word, since JSON has none."""
     weights = dict(zip(first.names, first.parameters.weights.tolist(), strict=True))
     given = {**weights, "d1": first.parameters.d1, "d2": first.parameters.d2}
     return {
@@ -134,7 +134,7 @@ def policy(first: Explanation) -> dict[str, Any]:
 
 
 def _first_line(name: str, first: Explanation) -> str:
-    """The first line of the docstring of a criterion of LME or LME+, in the reading that is in force."""
+    """Return the first line of a criterion's docstring, from LME or LME+, for the interpretation that is in use."""
     known: Mapping[str, Callable[..., Floats]] = {**PAPER_CRITERIA, "a_mount": SURMOUNT[first.view.surmount]}
     if PLUS_CRITERIA.keys() == set(first.names):
         known = PLUS_CRITERIA
@@ -175,19 +175,19 @@ def _add_scan(packer: Packer, stretch: Stretch) -> list[Floats]:
 
 
 def cells_of(points: Floats) -> Ints:
-    """The cells (N, 2) in which points (N, 2) of the world lie."""
+    """Return the cells (N, 2) that contain the points (N, 2) of the world."""
     return np.floor(points / CELL_M).astype(np.int64)
 
 
 def add_seen(packer: Packer, counts: Ints, cells: Ints) -> None:
-    """Add the cells (N, 2) seen for the first time, and how many (F,) each frame adds."""
+    """Add the cells (N, 2) seen for the first time, and their number (F,) in each frame."""
     packer.add_integers("seen.count", counts)
     packer.add_integers("seen.x", cells[:, 0], differences=True)
     packer.add_integers("seen.y", cells[:, 1], differences=True)
 
 
 def add_world(packer: Packer, world: World) -> None:
-    """Add the true world, which the robot does not know, without what moves in it."""
+    """Add the true world, which the robot does not know, without its moving parts."""
     packer.add_singles("world.circles", world.circles)
     packer.add_singles("world.segments", world.segments)
     packer.add_counts("polygons", world.polygons)
@@ -195,21 +195,21 @@ def add_world(packer: Packer, world: World) -> None:
 
 
 def _movers(packer: Packer, stretch: Stretch) -> None:
-    """Add what moves, at every frame."""
+    """Add the moving objects at every frame."""
     for name, moving in zip(("discs", "edges"), zip(*stretch.movers, strict=True), strict=True):
         packer.add_counts(name, moving)
         packer.add_singles(name, np.concatenate(moving))
 
 
 def _is_mapped(trace: Trace) -> bool:
-    """Whether the true world is known; that of a real robot is not."""
+    """Return whether the true world is known, as it is not for a real robot."""
     world = trace.task.world
     parts = (world.circles, world.segments, world.polygons, *trace.moving(trace.frames[0]))
     return any(len(part) for part in parts)
 
 
 def plans_paths(steps: Sequence[TracedStep]) -> bool:
-    """Whether the guide plans paths."""
+    """Return whether the guide plans paths."""
     return any(step.guidance.path is not None for step in steps)
 
 
@@ -220,7 +220,7 @@ def _plans(packer: Packer, stretch: Stretch) -> None:
 
 
 def tracks_people(config: SystemConfig) -> bool:
-    """Whether the system finds people in the scans."""
+    """Return whether the system finds people in the scans."""
     return build.people_of(config) is People.tracked
 
 
@@ -267,7 +267,7 @@ def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
 
 
 def _blocking_sector(why: Explanation) -> int:
-    """Index of the sector with the ends E1 and E2; −1 if none blocks."""
+    """Return the index of the sector with the ends E1 and E2; −1 if none blocks."""
     way, points = why.view.blockage, why.view.points
     if way is None:
         return -1

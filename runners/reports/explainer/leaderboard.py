@@ -30,7 +30,7 @@ _NOTES = (
 
 
 class _Column(NamedTuple):
-    """first: the direction that is sorted in first, the best on top. digits: of a figure."""
+    """A column. first: the direction of the first sort, with the best on top. digits: of a figure."""
 
     header: str
     key: str
@@ -51,7 +51,7 @@ COLUMNS = (
 
 
 class _Cell(NamedTuple):
-    """value: what it is sorted by; empty comes last. below: small, under the text."""
+    """A cell. value: what it is sorted by; empty comes last. below: small text under `text`."""
 
     value: str
     text: str
@@ -90,7 +90,7 @@ def _count(entries: Sequence[BoardEntry]) -> str:
 
 
 def _settings(entries: Sequence[BoardEntry], page_dir: Path) -> Iterator[tuple[Any, list[dict[str, Any]]]]:
-    """Yield each setting with its lines: the setting with most systems and the line with the best success first."""
+    """Yield each setting and its lines, by decreasing number of systems; the best success is the first line."""
     systems = Counter(setting for setting, _ in {(entry.setting, entry.system) for entry in entries})
     for setting in sorted(systems, key=lambda setting: (-systems[setting], setting)):
         shown = [entry for entry in entries if entry.setting == setting and entry.shown]
@@ -114,7 +114,7 @@ def _worst_last(entry: BoardEntry) -> tuple[bool, float, float]:
 
 
 def _line(entry: BoardEntry, several: bool, runs: Sequence[BoardEntry], page_dir: Path) -> dict[str, Any]:
-    """The parts of a line. several: its system has other jobs in this setting. runs: all of its job."""
+    """Return the parts of a line. several: whether its system has other jobs in the setting. runs: all of its job."""
     job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if several else ()
     return {
         "label": entry.system.label,
@@ -127,7 +127,7 @@ def _line(entry: BoardEntry, several: bool, runs: Sequence[BoardEntry], page_dir
 
 
 def _cells(entry: BoardEntry) -> Iterator[_Cell]:
-    """Yield the cells of a line but for its name. A figure of an unfinished run has no value to sort by."""
+    """Yield the cells of a line except its name. Figures of an unfinished run have no value to sort by."""
     row, intervals = entry.row, {SUCCESS: entry.row.interval, METRIC: entry.metric_interval}
     for column in COLUMNS:
         if not column.digits:
@@ -148,7 +148,7 @@ def _cells(entry: BoardEntry) -> Iterator[_Cell]:
 def _facts(
     entry: BoardEntry, repeats: Sequence[BoardEntry], page_dir: Path
 ) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Yield what is known of a run: a name, and texts with addresses, which start from the folder of the page."""
+    """Yield what is known of a run: a name, and texts with addresses relative to the folder of the page."""
 
     def link(path: Path, text: str = "", end: str = "") -> tuple[str, str]:
         return text or str(path), html_address(os.path.relpath(path, page_dir)) + end

@@ -19,7 +19,7 @@ _WHOLE = ("<i1", "<i2", "<i4")
 
 
 class Packer:
-    """Collects named arrays. `arrays` in the header gives type, first byte, count and differences of each."""
+    """A collection of named arrays. `arrays` in the header gives type, first byte, count and differences of each."""
 
     def __init__(self) -> None:
         self._directory: dict[str, tuple[str, int, int, bool]] = {}
@@ -47,11 +47,11 @@ class Packer:
         self.add_integers(f"{name}.count", [len(row) for row in rows])
 
     def text(self, header: Mapping[str, Any]) -> str:
-        """The header and all arrays, compressed and in base64; equal arrays give equal text."""
+        """Return the header and all arrays, compressed and in base64; equal arrays give equal text."""
         return base64.b64encode(gzip.compress(self.raw(header), 6, mtime=0)).decode("ascii")
 
     def raw(self, header: Mapping[str, Any]) -> bytes:
-        """The header and all arrays."""
+        """Return the header and all arrays."""
         head = json.dumps({**header, "arrays": self._directory}, ensure_ascii=False, allow_nan=False).encode()
         return b"".join([len(head).to_bytes(4, "little"), head, *self._planes])
 

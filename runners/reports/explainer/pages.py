@@ -1,4 +1,4 @@
-"""Explainer pages of a run: which episodes get one, where pages are, and how they are made."""
+"""Explainer pages of a run: the choice of episodes, the places of their pages, and the making of them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class PagePayload:
 
 
 def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
-    """Make the pages that `explain=` asks for, and their index. Keeps pages that exist.
+    """Make the pages that `explain=` asks for, and their index. Existing pages are kept.
 
     Warns once of pages that could not be made. Raises InputError if their folder or the index cannot be written.
     """
@@ -74,7 +74,7 @@ def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
 
 
 def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:
-    """The key of every row."""
+    """Return the key of every row."""
     return [
         EpisodeKey(int(world), int(run))
         for world, run in zip(episodes["world"], episodes["run"], strict=True)
@@ -82,9 +82,10 @@ def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:
 
 
 def select_episodes(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
-    """The episodes that the words name: "WORLD" (its run 0), "WORLD/RUN" or "failures"; each once, in order.
+    """Return the episodes that the words name, each once, in order.
 
-    Raises InputError for an episode that does not exist, and names the nearest worlds.
+    Words are "WORLD" (its run 0), "WORLD/RUN" or "failures". Raises InputError for an episode that does not exist,
+    and names the nearest worlds.
     """
     there, wanted = keys_of(episodes), []
     for word in words:
@@ -104,7 +105,8 @@ def make_pages(
 ) -> Iterator[Page]:
     """Write the page of each episode to its place; yield results as they finish.
 
-    keep: skip a page that exists. Several pages are made by `executor`, with a progress bar; one is made here.
+    keep: whether to skip a page that exists. Several pages are made by `executor`, with a progress bar; a single page
+    is made in this process.
     """
     marks = _marks(run_dir, episodes)
     outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
@@ -126,7 +128,7 @@ def make_pages(
 
 
 def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
-    """The function that makes one page, for a worker process."""
+    """Return the function that makes one page, for a worker process."""
     from runners.reports.explainer.write import write_page
     from runners.workers.trace import rerun_recorded
 
@@ -171,7 +173,7 @@ def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
 
 
 def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
-    """A hash for each episode, of the run's config and of how the episode ended."""
+    """Return a hash for each episode, made from the run's config and from how the episode ended."""
     launch = launch_record.read_launch(run_dir)
     config = launch.fingerprint if launch is not None else ""
     columns = [name for name in ("steps", "path_length_m", "final_distance_m") if name in episodes]
@@ -185,7 +187,7 @@ def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
 
 
 def _has_mark(path: Path, mark: str) -> bool:
-    """Whether the file is a complete page of the episode with this mark."""
+    """Return whether the file is a complete page of the episode with this mark."""
     end = _MARK.format(mark).encode()
     try:
         with path.open("rb") as page:

@@ -44,14 +44,14 @@ LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 def write_page(trace: Trace, path: Path, system: str = "", ending: str = "", play: str = "") -> None:
     """Write the explainer page of an episode. Raises InputError if the file cannot be written.
 
-    system: its name in tables. ending: text after the page. play: what `lme play` plays, "RUN 282/1" or the name of a
-    recording beside the page, which finds out itself where it is; "" for nothing.
+    system: its name in tables. ending: text after the page. play: argument of `lme play`: "RUN 282/1", or the name of
+    a recording beside the page, which finds out its own location; "" for none.
     """
     write_html(path, page(trace, sentences(trace), system, play) + ending)
 
 
 def write_html(path: Path, text: str) -> None:
-    """Write a page or an index whole or not at all. Raises InputError if the file cannot be written."""
+    """Write a page or an index, either whole or not at all. Raises InputError if the file cannot be written."""
     try:
         write_atomically(path, text)
     except OSError as error:
@@ -59,14 +59,14 @@ def write_html(path: Path, text: str) -> None:
 
 
 def sentences(trace: Trace) -> list[str]:
-    """The reason for every decision of LME, as text; empty for other guides."""
+    """Return the reason for every decision of LME, as text; an empty list for other guides."""
     reasons = [step.explanation for step in trace.steps]
     pairs = zip([None, *reasons], reasons, strict=False)
     return [reason(now, before) for before, now in pairs if now is not None]
 
 
 def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "") -> str:
-    """The HTML of the page. reasons: one sentence per decision. system, play: as in `write_page`."""
+    """Return the HTML of the page. reasons: one sentence per decision. system, play: as in `write_page`."""
     style = "\n".join(asset(name) for name in STYLES)
     scripts = "\n".join(asset(name) for name in SCRIPTS)
     script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
@@ -81,12 +81,12 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "")
 
 
 def fill(name: str, parts: Mapping[str, str]) -> str:
-    """An asset in which each NAME in double braces is replaced by its part."""
+    """Return an asset in which each NAME in double braces is replaced by its part."""
     return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], asset(name))
 
 
 def document_parts(title: str, styles: Sequence[str], scripts: Sequence[str]) -> dict[str, str]:
-    """HEAD and SCRIPT of a page that is not an episode's. title: text. styles, scripts: names of assets."""
+    """Return HEAD and SCRIPT of a page that shows no episode. title: text. styles, scripts: names of assets."""
     style = "\n".join(map(asset, styles))
     script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, scripts)))
     policy = content_security_policy(style, script)
@@ -95,7 +95,7 @@ def document_parts(title: str, styles: Sequence[str], scripts: Sequence[str]) ->
 
 
 def content_security_policy(style: str, script: str) -> str:
-    """Content security policy: this style, this script, and no connections."""
+    """Return the content security policy: this style, this script, and no connections."""
     return (
         f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; img-src data:; "
         "base-uri 'none'; form-action 'none'"
@@ -107,5 +107,5 @@ def _hash(text: str) -> str:
 
 
 def asset(name: str) -> str:
-    """The text of a file that pages are made of."""
+    """Return the text of a file that pages are made of."""
     return (ASSETS / name).read_text(encoding="utf-8")

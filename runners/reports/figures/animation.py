@@ -36,14 +36,14 @@ CANDIDATES_KEY = "dots: candidates, the brighter the higher their score S"
 
 
 class FilmPace(NamedTuple):
-    """times: simulated time of each frame [s]. fps: of the film [1/s]."""
+    """The times of a film. times: simulated time of each frame [s]. fps: of the film [1/s]."""
 
     times: Floats
     fps: float
 
     @property
     def held(self) -> Floats:
-        """The times, with the last one repeated for `LAST_S`."""
+        """Return the times, with the last one repeated for `LAST_S`."""
         return np.append(self.times, np.full(math.ceil(LAST_S * self.fps), self.times[-1]))
 
 
@@ -93,16 +93,16 @@ class Screen:
         self._still: Any = None
 
     def pictures(self, times: Sequence[float] | Floats) -> Iterator[Picture]:
-        """One picture for each of the times [s]."""
+        """Return one picture for each of the times [s]."""
         return (self.at(time) for time in times)
 
     def sample(self, times: Floats) -> list[Picture]:
-        """A few pictures, evenly spread over the times."""
+        """Return a few pictures, evenly spread over the times."""
         chosen = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
         return list(self.pictures(times[chosen]))
 
     def at(self, time_s: float) -> Picture:
-        """The picture at this time, (height, width, 3)."""
+        """Return the picture at this time, (height, width, 3)."""
         canvas: Any = self._figure.canvas
         if self._still is None:
             canvas.draw()
@@ -114,7 +114,7 @@ class Screen:
 
 
 class _Panel:
-    """One episode."""
+    """The panel of one episode."""
 
     def __init__(self, axes: Axes, trace: Trace, label: str, candidates: bool) -> None:
         self._axes, self._trace = axes, trace
@@ -140,7 +140,7 @@ class _Panel:
             artist.set_animated(True)
 
     def show(self, time_s: float) -> None:
-        """Draw the frame at this time; after the end of the episode, its end."""
+        """Draw the frame at this time, or the end if the episode has ended."""
         index = index_at(self._trace, time_s)
         self._stage.show(index)
         self._trail.set_data(*self._way[: index + 1].T)
@@ -154,7 +154,7 @@ class _Panel:
 
 
 def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
-    """The box shown of a world: the same for all episodes in it."""
+    """Return the box of the world that is shown, which is the same for all episodes in the world."""
     here = [each for each in traces if (each.config.map, each.world) == (trace.config.map, trace.world)]
     ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
     return common_box([trace.task], np.vstack(ways))

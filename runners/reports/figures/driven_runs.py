@@ -68,7 +68,7 @@ class Shot(NamedTuple):
 
 
 def telling_step(trace: Trace) -> int:
-    """The step of the most telling decision: the first with the most of these properties.
+    """Return the step of the most telling decision: the first with the most of these properties.
 
     A sector blocks the way to the target; both its ends and B are within the candidates' range; a better subgoal
     replaces the old one; it gains by c_t; it gains by a_mount; recent positions count.
@@ -93,10 +93,10 @@ LME = Guided(Lme, "LME", "lme", telling_step)
 def shots(
     runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str, by: Guided = LME
 ) -> list[Shot]:
-    """The decision to draw for every run and world. Skips runs that another guide guides.
+    """Return the decision to draw for every run and world. Runs with another guide are skipped.
 
-    step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if
-    no run is left, or if an episode has no such step.
+    step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if no
+    run is left, or if an episode has no such step.
     """
     check_guided([driven.config for driven in runs], figure, by)
     guided = [driven for driven in runs if _is_guided(driven.config, by)]
@@ -105,7 +105,7 @@ def shots(
 
 
 def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> None:
-    """Raise InputError if another guide guides all of the systems. figure: name of the kind."""
+    """Raise InputError if none of the systems has this guide. figure: name of the kind."""
     if not any(_is_guided(config, by) for config in configs):
         guides = ", ".join(sorted(set(map(_target, configs))))
         raise InputError(
@@ -115,13 +115,13 @@ def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> No
 
 
 def candidate_reach(trace: Trace) -> float:
-    """The largest distance of a candidate from the robot [m]; LME+, without a setting for it, has LME's default."""
+    """Return the largest distance of a candidate from the robot [m]; LME's default for LME+, which has no setting."""
     candidates = getattr(_guide(trace.config), "candidates", CandidateConfig())
     return float(min(candidates.max_range, trace.robot.lidar.range_max))
 
 
 def heading(shot: Shot) -> list[str]:
-    """Lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
+    """Return the lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
     trace = shot.trace
     where = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
     when = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
@@ -130,7 +130,7 @@ def heading(shot: Shot) -> list[str]:
 
 
 def heading_height(lines: Sequence[str]) -> float:
-    """Height of a heading [in]."""
+    """Return the height of a heading [in]."""
     return 0.08 + LINE_IN * len(lines)
 
 
@@ -171,7 +171,7 @@ def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None, by: Guided
 
 
 def _signs(why: Explanation, reach: float) -> list[bool]:
-    """Which of the properties that `telling_step` counts a decision has."""
+    """Return for each property that `telling_step` counts whether a decision has it."""
     blockage = why.view.blockage
     ends = () if blockage is None else (blockage.E1, blockage.E2, blockage.B)
     return [
@@ -185,7 +185,7 @@ def _signs(why: Explanation, reach: float) -> list[bool]:
 
 
 def _gain(why: Explanation, name: str) -> float:
-    """By how much the best candidate exceeds the old subgoal in one criterion; 0 without an old subgoal."""
+    """Return by how much the best candidate exceeds the old subgoal in a criterion; 0 without an old subgoal."""
     if why.old_features is None:
         return 0.0
     row = why.names.index(name)
@@ -198,7 +198,7 @@ def _is_guided(config: SystemConfig, by: Guided) -> bool:
 
 
 def _guide(config: SystemConfig) -> Any:
-    """The checked config of LME."""
+    """Return the checked config of LME."""
     return configured(config.guide, "guide")[1]
 
 
@@ -246,7 +246,7 @@ class DrivenRun:
         return read_trajectories([self.run_dir])
 
     def steps(self, worlds: Collection[int]) -> pd.DataFrame:
-        """One row per control step in these worlds. Episodes that lack theirs are driven again, once.
+        """Return one row per control step in these worlds. Episodes without steps are driven again, once.
 
         Raises InputError if that is not possible.
         """
@@ -283,14 +283,17 @@ class Kind(Protocol):
 
 
 def read_runs(paths: Sequence[Path]) -> list[DrivenRun]:
-    """The runs below these paths of runs and sweeps, in order. Raises InputError for a path without records."""
+    """Return the runs below these paths of runs and sweeps, in order.
+
+    Raises InputError for a path without records.
+    """
     run_dirs = find_runs(paths)
     frame = read_episodes(run_dirs)
     return runs_of(frame, run_dirs)
 
 
 def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
-    """The runs of records that are already read. Skips a folder without a launch record."""
+    """Return the runs of records that are already read. A folder without a launch record is skipped."""
     launches = [(run_dir, launch_record.read_launch(run_dir)) for run_dir in run_dirs]
     records = {run_dir: frame[frame["run_dir"] == str(run_dir)] for run_dir in run_dirs}
     return [
@@ -301,7 +304,7 @@ def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
 
 
 def chosen_world(driven: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
-    """(world, run number) of the episode to draw: the first in the first of `worlds`, else the first of all.
+    """Return (world, run number) of the episode to draw, in the first of `worlds`, or the first of all without any.
 
     Raises InputError if the run has no episode in that world.
     """

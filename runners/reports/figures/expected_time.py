@@ -49,9 +49,9 @@ SAME_M = 1e-6  # [m] a known point this near to one of the scan is that point
 
 
 def telling_step(trace: Trace) -> int:
-    """The step of the most telling decision: the switch to a better subgoal with the longest detour.
+    """Return the step of the most telling decision: the switch to a better subgoal with the longest detour.
 
-    Without such a switch, the step with the longest detour.
+    Without such a switch, it is the step with the longest detour.
     """
     seen = sights(trace, len(trace.steps) - 1)
     return max(range(len(seen)), key=lambda step: (_switched(trace, step), _detour(seen[step]), -step))
@@ -61,7 +61,7 @@ LME_PLUS = Guided(LmePlus, "LME+", "lme_plus", telling_step)
 
 
 class ExpectedTime:
-    """The field of expected times in the robot frame with the heading up, and what is decided on it."""
+    """The field of expected times in the robot frame with the heading up, and the decision that is based on it."""
 
     Config = StepConfig
     name = "expected_time"
@@ -80,7 +80,7 @@ class ExpectedTime:
 
 
 def sights(trace: Trace, last: int) -> list[Sight]:
-    """The input of the criteria at each step up to the `last`, from the observations once more."""
+    """Recompute the input of the criteria at each step up to the `last`, from the observations."""
     guide = build.navigator(trace.config).guide
     assert isinstance(guide, LmePlus)
     guide.reset(np.random.default_rng(0))  # candidates change nothing of it
@@ -115,7 +115,7 @@ def expected_time_figure(shot: Shot) -> Figure:
 
 
 def _box(shot: Shot) -> Box:
-    """The range of candidates ahead, part of it to the sides, and behind less, unless the target is there."""
+    """Return the range of candidates ahead, part of it to the sides, and less behind unless the target is there."""
     far = view.MARGIN * candidate_reach(shot.trace)
     behind = min(1.1 * float(shot.why.view.target[0]), -BEHIND * far)
     return Box(-BESIDE * far, max(behind, -far), BESIDE * far, far)
@@ -127,7 +127,7 @@ def _switched(trace: Trace, step: int) -> bool:
 
 
 def _detour(sight: Sight) -> float:
-    """Expected time beyond that of the straight line to the target [s]; 0 if no way is known."""
+    """Return the expected time beyond that of the straight line to the target [s]; 0 if no way is known."""
     straight = math.dist(sight.field.here, sight.field.target) / sight.v_max
     return sight.field.robot_time - straight if math.isfinite(sight.field.robot_time) else 0.0
 
@@ -155,7 +155,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
 
 
 def _on_page(sight: Sight, along: Any) -> Floats:
-    """(K, K, 2) page coordinates of the places with these (K,) distances from the grid's corner on both axes."""
+    """Return (K, K, 2) page coordinates of the points at these (K,) distances from the grid's corner on both axes."""
     grid = sight.field.grid
     places = np.stack(np.meshgrid(grid.x + along, grid.y + along, indexing="ij"), axis=-1)
     return view.upwards(to_robot(places.reshape(-1, 2), sight.pose)).reshape(*places.shape)

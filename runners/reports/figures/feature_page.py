@@ -24,7 +24,7 @@ KEY_LINE_IN, KEY_COLUMNS, NOTE_IN = 0.155, 4, 0.34
 
 
 def columns(panels: int) -> int:
-    """The number of panels in a row. Leaves a free place for the key if that adds no row."""
+    """Return the number of panels in a row, with a free place for the key if that adds no row."""
     return panels + 1 if panels < 4 else 3 if panels in (5, 6) else 4
 
 
@@ -56,7 +56,7 @@ class FeaturePage:
         return math.ceil(len(self._key) / KEY_COLUMNS)
 
     def panel(self, index: int, title: str) -> Axes:
-        """The axes of a panel."""
+        """Return the axes of a panel."""
         x, y = self._corner(index)
         axes = self._axes(x, y, self._width, self._tall)
         frame_panel(axes, self._box)
@@ -64,13 +64,13 @@ class FeaturePage:
         return axes
 
     def bar(self, index: int) -> Axes:
-        """The axes of the colour bar below a panel."""
+        """Return the axes of the colour bar below a panel."""
         x, y = self._corner(index)
         inset = 0.06 * self._width
         return self._axes(x + inset, y - BAR_TOP_IN - BAR_IN, self._width - 2 * inset, BAR_IN)
 
     def below(self, index: int) -> tuple[float, float]:
-        """The middle of a panel's lower edge, in figure coordinates."""
+        """Return the middle of a panel's lower edge, in figure coordinates."""
         x, y = self._corner(index)
         return (x + self._width / 2) / PAGE_IN, y / self._height
 
@@ -109,7 +109,7 @@ class FeaturePage:
         draw_key(self.figure, self._key, at, "upper left", labelspacing=0.35, **look)
 
     def _corner(self, index: int) -> tuple[float, float]:
-        """Lower left corner of a panel [in]; the grid is centred on the page."""
+        """Return the lower left corner of a panel [in]; the grid is centred on the page."""
         row, column = divmod(index, self._columns)
         whole = self._columns * (self._width + GAP_IN) - GAP_IN
         x = (PAGE_IN - whole) / 2 + column * (self._width + GAP_IN)

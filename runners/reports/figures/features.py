@@ -63,9 +63,9 @@ class FeaturesConfig(StepConfig):
 
 
 class _Layer(NamedTuple):
-    """One panel. values: (N,), one per candidate. lettered: whether E1, E2, A and B get their names.
+    """A panel. values: (N,), one per candidate. lettered: whether E1, E2, A and B get their names.
 
-    yes: (N,) whether the feature is 1, and names: of 0 and of 1, for a feature with two values only.
+    yes: (N,) whether the feature is 1, and names: of 0 and of 1; for a feature with only two values.
     """
 
     title: str
@@ -111,7 +111,10 @@ def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
 
 
 def chosen_criteria(why: Explanation, asked: Sequence[str] | None) -> list[str]:
-    """Names of the criteria to draw, without S; all where `asked` is None. Raises InputError for an unknown one."""
+    """Return the names of the criteria to draw, without S; all if `asked` is None.
+
+    Raises InputError for an unknown criterion.
+    """
     if asked is None:
         return list(why.names)
     names = [name for name in asked if name != "S"]
@@ -142,7 +145,7 @@ def _layer(why: Explanation, name: str, values: str) -> _Layer:
 
 
 def _is_two(name: str, raw: Floats) -> bool:
-    """Whether a feature has only the values 0 and 1. A custom criterion counts only if both occur."""
+    """Return whether a feature has only the values 0 and 1. A custom criterion counts only if both occur."""
     values = set(np.unique(raw))
     return values == {0.0, 1.0} or (name in TWO_NAMES and values <= {0.0, 1.0})
 
@@ -190,7 +193,7 @@ def _draw_many(
 
 
 def clipped_range(values: Floats, percentiles: Sequence[float]) -> tuple[float, float]:
-    """Ends of the colour scale: these percentiles, or the extremes if the percentiles are equal."""
+    """Return the ends of the colour scale: these percentiles, or the extremes if the percentiles are equal."""
     low, high = np.percentile(values, percentiles)
     return (float(low), float(high)) if low < high else (float(values.min()), float(values.max()))
 

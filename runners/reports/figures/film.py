@@ -31,7 +31,7 @@ QUALITY = "23"  # of x264: the encoder's own default; lower is better and larger
 def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
     """Save pictures of one size as GIF or MP4, by the suffix of `path`. A failure leaves no partial file.
 
-    fps: [1/s]. sample: pictures from which a GIF's colours are chosen. Raises InputError if ffmpeg is missing or
+    fps: [1/s]. sample: pictures from which the colours of a GIF are chosen. Raises InputError if ffmpeg is missing or
     fails.
     """
     with replacing(path) as draft:
@@ -42,7 +42,7 @@ def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
 
 def find_ffmpeg() -> str:
-    """Path of ffmpeg: from the PATH, else from the package imageio-ffmpeg. Raises InputError if there is neither."""
+    """Return the path of ffmpeg: from PATH, else from imageio-ffmpeg. Raises InputError if there is neither."""
     found = shutil.which("ffmpeg")
     if found is not None:
         return found
@@ -58,7 +58,7 @@ def find_ffmpeg() -> str:
 
 
 def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
-    """Use one palette for all frames, so that each frame stores only its differences from the previous one."""
+    """Write a GIF with one palette for all frames, so that each stores only its differences from the previous one."""
     from PIL import Image
 
     palette = _palette(np.vstack(sample))
@@ -74,7 +74,7 @@ def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
 
 def _palette(picture: Picture) -> Image.Image:
-    """The most frequent clearly different colours: Pillow's fast quantizer confuses similar ones."""
+    """Return the most frequent clearly different colours: Pillow's fast quantizer confuses similar ones."""
     from PIL import Image
 
     colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)

@@ -1,4 +1,4 @@
-"""Rows of panels of one width; sizes are in inches, so that texts do not overlap."""
+"""Rows of panels of equal width. Sizes are in inches, so that texts do not overlap."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Around(NamedTuple):
 
 
 def panel_width(columns: int, count: int, aspect: float, page: tuple[float, float], around: Around) -> float:
-    """The largest width of `count` panels in `columns` columns on a page [in]. aspect: height over width."""
+    """Return the largest width of `count` panels in `columns` columns on a page [in]. aspect: height over width."""
     rows = math.ceil(count / columns)
     across = (page[0] - around.left) / columns - around.gap
     down = (page[1] - around.header - around.footer) / rows - around.per_row
@@ -48,12 +48,12 @@ def panel_width(columns: int, count: int, aspect: float, page: tuple[float, floa
 
 
 def best_columns(count: int, aspect: float, page: tuple[float, float], around: Around) -> int:
-    """The number of columns that gives the widest panels."""
+    """Return the number of columns that gives the widest panels."""
     return max(range(1, count + 1), key=lambda columns: panel_width(columns, count, aspect, page, around))
 
 
 def wrapped(items: Sequence[Item], columns: int) -> list[list[Item]]:
-    """Rows of at most `columns` items."""
+    """Return rows of at most `columns` items."""
     return [list(items[first : first + columns]) for first in range(0, len(items), columns)]
 
 
@@ -85,7 +85,7 @@ def lay_out(
 
 
 def aspect_of(box: Box) -> float:
-    """Height over width."""
+    """Return height over width."""
     return (box.y1 - box.y0) / (box.x1 - box.x0)
 
 
@@ -99,7 +99,7 @@ SIDES = 24  # of the polygon that outlines a disc
 
 
 def extent(task: Task) -> Box:
-    """The box around obstacles, movers at their first pose, start and goal."""
+    """Return the box around obstacles, movers at their first pose, start and goal."""
     ends = np.array([task.start[:2], task.goal])
     movers = (mover_outline(mover) for mover in task.world.movers)
     points = np.vstack([ends, extremes(task.world), *movers])
@@ -107,7 +107,7 @@ def extent(task: Task) -> Box:
 
 
 def mover_outline(mover: Mover) -> Floats:
-    """(V, 2) corners of a mover at its first pose [m]; a disc becomes a polygon of `SIDES` sides."""
+    """Return (V, 2) corners of a mover at its first pose [m]; a disc becomes a polygon of `SIDES` sides."""
     angles = np.arange(SIDES) * (2 * math.pi / SIDES)
     outline = mover.outline
     if outline is None:
@@ -116,13 +116,13 @@ def mover_outline(mover: Mover) -> Floats:
 
 
 def metres(task: Task) -> str:
-    """The size of a world as text, start and goal included, rounded to half a metre."""
+    """Return the size of a world as text, start and goal included, rounded to half a metre."""
     box = extent(task)
     return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
 
 
 def describe_set(chosen: Chosen, task: Task) -> str:
-    """Two lines: the size of the world shown, and the number of worlds."""
+    """Return two lines: the size of the world shown, and the number of worlds."""
     count = len(chosen.maps.numbers)
     choice = f", {chosen.choice}" if chosen.choice else ""
     return f"{metres(task)}\n{count} world{'s' * (count > 1)}{choice}"

@@ -79,7 +79,7 @@ class Maps:
     def __init__(
         self, config: MapsConfig, robot: Robot | None = None, configs: Catalogue | None = None
     ) -> None:
-        """robot, configs: as for `runners.config.map_sets.choose`.
+        """Choose the worlds. robot, configs: as for `runners.config.map_sets.choose`.
 
         Raises InputError for a map set, a world or a setting that does not exist.
         """
@@ -105,7 +105,7 @@ class Maps:
         return save(sheet(panels, self.config.columns), stem, formats)
 
     def _every_set(self) -> Iterator[list[str]]:
-        """All map sets that work without a setting."""
+        """Yield the words of every map set that works without a setting."""
         for name in self._configs.titles("map"):
             with suppress(InputError):
                 choose([name], self._robot, self._configs)
@@ -119,7 +119,7 @@ class Maps:
 
 
 def panels_of(chosen: Chosen) -> list[MapPanel]:
-    """One panel per chosen world; if none is chosen, the first world stands for the whole set."""
+    """Return one panel per chosen world; if none is chosen, the first world represents the whole set."""
     maps = chosen.maps
     if not chosen.worlds:
         task = maps.task(maps.numbers[0])
@@ -164,7 +164,7 @@ def _describe_world(task: Task) -> str:
 
 
 def _box(task: Task) -> Box:
-    """The box of a panel: the world, the goal circle and the letters, with a margin."""
+    """Return the box of a panel: the world, the goal circle and the letters, with a margin."""
     box, reach = extent(task), task.goal_tolerance
     room = ROOM * max(box.x1 - box.x0, box.y1 - box.y0)
     ends = np.array([task.start[:2], task.goal])
@@ -178,21 +178,21 @@ def _box(task: Task) -> Box:
 
 
 def _size(box: Box, width_in: float) -> tuple[float, float]:
-    """Width and height of the box on the page [in]: at most `width_in` wide and `TALL` times that high."""
+    """Return width and height of the box on the page [in]: at most `width_in` wide, and `TALL` times that high."""
     across, up = box.x1 - box.x0, box.y1 - box.y0
     scale = min(width_in / across, width_in * TALL / up)
     return across * scale, up * scale
 
 
 def _step(longest_m: float) -> float:
-    """The smallest step of 1, 2 or 5 times a power of ten that gives at most `SQUARES` squares [m]."""
+    """Return the smallest step of 1, 2 or 5 times a power of ten that gives at most `SQUARES` squares [m]."""
     least = longest_m / SQUARES
     power = 10.0 ** math.floor(math.log10(least))
     return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= least)
 
 
 def _placed(figure: Figure, top_middle: tuple[float, float], size: tuple[float, float]) -> Axes:
-    """Axes of a size [in] below a heading whose top is at `top_middle` [in]."""
+    """Add axes of a size [in] below a heading whose top is at `top_middle` [in]."""
     page, height = figure.get_size_inches()
     left, bottom = top_middle[0] - size[0] / 2, top_middle[1] - HEADING_IN - size[1]
     return figure.add_axes((left / page, bottom / height, size[0] / page, size[1] / height))
@@ -243,7 +243,7 @@ def _head(figure: Figure, panel: MapPanel, top_middle: tuple[float, float]) -> N
 
 
 def _keys(panels: Sequence[MapPanel]) -> list[Line2D]:
-    """Entries of the key, for what the panels show."""
+    """Return the entries of the key, for what the panels show."""
     from matplotlib.lines import Line2D
 
     keys = legend_keys(())

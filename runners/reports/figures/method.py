@@ -81,7 +81,7 @@ def method_figure(shot: Shot) -> Figure:
 
 
 def _panels(shot: Shot) -> list[tuple[Box, Any]]:
-    """(box, drawing function) of each panel; the function returns the caption."""
+    """Return (box, drawing function) of each panel; the function returns the caption."""
     reach = candidate_reach(shot.trace)
     whole = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
     blockage, history = shot.why.view.blockage, shot.why.view.history
@@ -92,7 +92,7 @@ def _panels(shot: Shot) -> list[tuple[Box, Any]]:
 
 
 def _square(points: Floats, margin: float, beyond_m: float = 0.0) -> Box:
-    """The square on the page around points of the robot frame, at least `NEAREST_M` to each side.
+    """Return the square on the page around points of the robot frame, at least `NEAREST_M` to each side.
 
     margin: factor on their extent. beyond_m: added to each side.
     """
@@ -144,14 +144,14 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
 
 
 def _letters(blockage: Blockage, target: Floats) -> list[view.Letter]:
-    """E1, E2, A and B, the name of B turned away from the target: it must not look like the target's name."""
+    """Return the letters E1, E2, A and B, with the name of B turned away from the target's name."""
     *ends, beyond = view.letters(blockage)
     turn = -math.copysign(TURN_RAD, _between(blockage.A, target))
     return [*ends, beyond._replace(away=to_world(beyond.away, Pose(0.0, 0.0, turn)))]
 
 
 def _free_side(points: Sequence[Floats]) -> Floats:
-    """(2,) unit vector on the page into the middle of the widest gap between the lines from the robot to points."""
+    """Return a (2,) unit vector on the page into the widest gap between the lines from the robot to the points."""
     bearings = np.sort([math.atan2(y, x) for x, y in map(view.upwards, points)])
     gaps = np.diff(bearings, append=bearings[0] + math.tau)
     middle = bearings[gaps.argmax()] + gaps.max() / 2
@@ -159,7 +159,7 @@ def _free_side(points: Sequence[Floats]) -> Floats:
 
 
 def _in_points(axes: Axes, length_m: float) -> float:
-    """A length of the panel on the page [pt]."""
+    """Return a length of the panel on the page [pt]."""
     (x0, _), (x1, _) = axes.transData.transform([(0.0, 0.0), (length_m, 0.0)])
     return float(x1 - x0) * 72 / axes.figure.dpi
 
@@ -191,7 +191,7 @@ def _draw_angles(axes: Axes, blockage: Blockage, target: Floats) -> None:
 
 
 def _between(a: Floats, b: Floats) -> float:
-    """The angle from a to b [rad], counter-clockwise in (−π, π]."""
+    """Return the angle from a to b [rad], counter-clockwise in (−π, π]."""
     return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 
 

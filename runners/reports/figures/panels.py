@@ -48,7 +48,7 @@ class Panel(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a panel shows besides the paths.
+    """The parts of a panel that are shown besides the paths.
 
     moment: a step, or seconds since the start; None: no scan. subgoals: none, faded or numbered. systems: style of
     each system by label; empty: outcomes decide the styles.
@@ -60,12 +60,12 @@ class Look(NamedTuple):
 
 
 def episodes_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
-    """The records of a run in a place."""
+    """Return the records of a run in a place."""
     return run.frame[run.frame["world"].isin(place.numbers)]
 
 
 def steps_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
-    """The control steps of a run in a place."""
+    """Return the control steps of a run in a place."""
     return run.steps(place.numbers)
 
 
@@ -102,20 +102,20 @@ def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: L
 
 
 def scale_drop_pt(panels: Sequence[Panel], look: Look, width_in: float) -> float:
-    """Distance of the scale bar below a panel [pt]: next to the first line of text, or below the last line."""
+    """Return the distance of the scale bar below a panel [pt]: next to the first line of text, or below the last."""
     labels = [run.label for panel in panels for run in panel.runs]
     is_beside = width_in * (1 - SCALE) - METRES_IN >= least_in(labels, look)
     return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels, look)
 
 
 def footer_height_in(panels: Sequence[Panel], look: Look, width_in: float) -> float:
-    """Height of the texts and the scale bar below each panel [in]."""
+    """Return the height of the texts and the scale bar below each panel [in]."""
     last = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
     return (last + LINE_PT / 2) / 72
 
 
 def least_in(labels: Sequence[str], look: Look) -> float:
-    """The least width of a panel that holds the text below it [in]."""
+    """Return the least width of a panel that holds the text below it [in]."""
     longest = max((len(label) + 2 for label in labels if label in look.systems), default=0)
     return LETTER_IN * (longest + len("collision, 100.0 s"))
 
@@ -125,7 +125,7 @@ def _lines(panels: Sequence[Panel], look: Look) -> int:
 
 
 def ends_before(panels: Sequence[Panel], moment: float) -> bool:
-    """Whether any of the drawn episodes ended before this moment. Raises InputError if all of them did."""
+    """Return whether any of the drawn episodes ended before this moment. Raises InputError if all of them did."""
     column = "time_s" if isinstance(moment, float) else "step"
     driven = [steps_of(run, panel.place).groupby(["world", "run"]) for panel in panels for run in panel.runs]
     ends = [episodes[column].max().iloc[0] + 1e-9 for episodes in driven if len(episodes)]
@@ -165,7 +165,7 @@ def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
 
 
 def subgoals_of(steps: pd.DataFrame, task: Task) -> Floats:
-    """(K, 2) positions of subgoals when they were chosen [m], without those at the goal."""
+    """Return the (K, 2) positions of subgoals when they were chosen [m], without those at the goal."""
     chosen = (steps["switched"] > 0) | (steps["step"] == steps["step"].min())
     points: Floats = steps.loc[chosen, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
     to_goal: Floats = np.hypot(*(points - task.goal).T)
@@ -185,7 +185,7 @@ def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box:
 
 
 def _keep_apart(points: Floats, distance: float) -> Floats:
-    """The points, in order, that are at least this far from all those kept before them."""
+    """Return the points, in order, that are at least this far from all points kept before them."""
     kept: list[Floats] = []
     for point in points:
         if all(math.dist(point, other) >= distance for other in kept):
@@ -194,10 +194,10 @@ def _keep_apart(points: Floats, distance: float) -> Floats:
 
 
 def _outcome_text(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:
-    """Outcome and time of one episode, or the number of successes among several.
+    """Return outcome and time of one episode, or the number of successes among several.
 
-    The time counts from the start, as in the key and in a film. The time in a record may start later, with the
-    clock of the task.
+    The time counts from the start, as in the key and in a film. The time in a record may start later, with the clock
+    of the task.
     """
     if len(episodes) > 1:
         return f"{(episodes['outcome'] == 'success').sum()}/{len(episodes)}"

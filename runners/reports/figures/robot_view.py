@@ -1,4 +1,4 @@
-"""What the robot sees and decides, drawn in the robot frame with the heading up, as in the paper's figures."""
+"""The robot's view and decision, drawn in the robot frame with the heading up, as in the paper's figures."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class Letter(NamedTuple):
 
 
 def upwards(points: Floats) -> Floats:
-    """Points of the robot frame (x ahead, y left) on the page with the heading up: (..., 2)."""
+    """Return points of the robot frame (x ahead, y left) on the page with the heading up: (..., 2)."""
     return np.stack([-points[..., 1], points[..., 0]], axis=-1)
 
 
 def reach_box(candidates: Floats, reach_m: float) -> Box:
-    """The view of the candidates' range; behind the robot it reaches only as far as the candidates."""
+    """Return the view of the candidates' range; behind the robot it reaches only as far as the candidates."""
     far = MARGIN * reach_m
     low = min(float(candidates[:, 0].min()) - (MARGIN - 1) * reach_m, -0.2 * reach_m)
     return Box(-far, max(low, -far), far, far)
@@ -62,7 +62,7 @@ def draw_scale(axes: Axes, box: Box) -> None:
 
 
 def sector_styles(count: int) -> list[tuple[str, str]]:
-    """(colour, marker) of each sector around the robot, the last a neighbour of the first."""
+    """Return (colour, marker) of each sector around the robot; the last sector is a neighbour of the first."""
     styles = [SECTORS[index % 3] for index in range(count)]
     if count > 1 and count % 3 == 1:
         styles[-1] = SECTORS[1]
@@ -135,7 +135,7 @@ def draw_history(axes: Axes, history: Floats, size_pt: float) -> None:
 
 
 def greens(count: int) -> Floats:
-    """(count, 3) colours from the oldest, light, to the newest, dark."""
+    """Return (count, 3) colours from the oldest, light, to the newest, dark."""
     share = np.linspace(0.0, 1.0, count)[:, None] if count > 1 else np.ones((1, 1))
     return (1 - share) * OLD + share * YOUNG
 
@@ -151,7 +151,7 @@ def draw_subgoals(axes: Axes, why: Explanation) -> None:
 
 
 def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
-    """Name and position of the subgoal that was not chosen; None at the first step."""
+    """Return name and position of the subgoal that was not chosen; None at the first step."""
     if why.old is None:
         return None
     if why.decision.choice.switched:
@@ -160,7 +160,7 @@ def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
 
 
 def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
-    """E1, E2, A and B. The end that is A is labelled "A = E1" or "A = E2"; `brief`: only "A"."""
+    """Return E1, E2, A and B. The end that is A is labelled "A = E1" or "A = E2"; if `brief`, only "A"."""
     ends = ((blockage.E1, "$E_1$", 1.0), (blockage.E2, "$E_2$", -1.0))  # clockwise end first
     named = []
     for end, name, turn in ends:
@@ -173,7 +173,7 @@ def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
 
 
 def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
-    """The blocking sector if any of its points lies in the box, else None."""
+    """Return the blocking sector if any of its points lies in the box, else None."""
     blockage = why.view.blockage
     if blockage is None or not any(is_inside(point, box) for point in blockage.points):
         return None
@@ -193,7 +193,7 @@ def draw_letters(
 
 
 def _avoid_points(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
-    """The letter, moved to another side if it would hide one of these points."""
+    """Return the letter, moved to another side if it would hide one of these points."""
     dots = axes.figure.dpi / 72
     point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
     x, y = letter.away
@@ -222,14 +222,14 @@ def write(axes: Axes, letter: Letter, away_pt: float) -> None:
 
 
 def halo() -> list[Any]:
-    """A white outline that keeps text readable on any background."""
+    """Return a white outline that keeps text readable on any background."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=HALO_PT, foreground="white")]
 
 
 def is_inside(point: Floats, box: Box) -> bool:
-    """Whether a point of the robot frame lies in this box of the page."""
+    """Return whether a point of the robot frame lies in this box of the page."""
     x, y = upwards(point)
     return _share_inside(x, y, box) == 1.0
 
@@ -240,7 +240,7 @@ def _corners(axes: Axes) -> tuple[float, float, float, float]:
 
 
 def _share_inside(x: float, y: float, box: Box) -> float:
-    """The largest t ≤ 1 with t·(x, y) in the box, which contains the origin."""
+    """Return the largest t ≤ 1 with t·(x, y) in the box, which contains the origin."""
     across = (box.x1 if x > 0 else box.x0) / x if x else math.inf
     along = (box.y1 if y > 0 else box.y0) / y if y else math.inf
     return min(across, along, 1.0)
@@ -251,7 +251,7 @@ def _side(x: float) -> str:
 
 
 def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
-    """Entries of the key, for the marks that the view has."""
+    """Return the entries of the key, for the marks that the view has."""
     rival, blockage = rival_subgoal(why), blockage_seen(why, box)
     outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
     entries = [
@@ -273,7 +273,7 @@ def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
 
 
 def _sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
-    """One entry of a key with a mark in each sector colour."""
+    """Return one entry of a key with a mark in each sector colour."""
     colours = [colour for colour, _ in SECTORS]
     return tuple(
         mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
@@ -291,14 +291,14 @@ def draw_key(figure: Figure, entries: Sequence[Any], at: tuple[float, float], lo
 
 
 def mark(label: str, **look: Any) -> Artist:
-    """An entry of a key: a point."""
+    """Return an entry of a key that is a point."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **{"linestyle": "", **look})
 
 
 def line(label: str, **look: Any) -> Artist:
-    """An entry of a key: a line."""
+    """Return an entry of a key that is a line."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **look)

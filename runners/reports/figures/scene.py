@@ -49,7 +49,7 @@ class Box(NamedTuple):
 
 
 def common_box(tasks: Sequence[Task], path: Floats) -> Box:
-    """The box that every panel shows: obstacles, starts, goals and paths, without the empty space around them.
+    """Return the box for every panel: obstacles, starts, goals and paths, without the empty space around them.
 
     path: (N, 2) positions on all paths [m]; those that are not finite, in damaged records, do not count.
     """
@@ -72,7 +72,7 @@ def frame_panel(axes: Axes, box: Box) -> None:
 
 
 def same_size(boxes: Sequence[Box]) -> list[Box]:
-    """The boxes, each enlarged about its centre to the largest width and height of all."""
+    """Return the boxes, each enlarged about its centre to the largest width and height of all."""
     sides = np.array([(box.x1 - box.x0, box.y1 - box.y0) for box in boxes])
     more = (sides.max(axis=0) - sides) / 2
     return [
@@ -81,7 +81,7 @@ def same_size(boxes: Sequence[Box]) -> list[Box]:
 
 
 def outline(footprint: Footprint) -> Floats:
-    """(V, 2) corners of the rounded box in the robot frame [m], counter-clockwise."""
+    """Return (V, 2) corners of the rounded box in the robot frame [m], counter-clockwise."""
     half_length, half_width, rounding = footprint.box
     parts = []
     for quarter, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
@@ -124,7 +124,7 @@ def draw_task(axes: Axes, task: Task) -> None:
 
 
 def pointer(yaw: float) -> Path:
-    """A marker that points along a heading [rad]."""
+    """Return a marker that points along a heading [rad]."""
     from matplotlib.path import Path
 
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -154,7 +154,7 @@ def draw_paths(
 
 
 def legend_keys(outcomes: Sequence[str] = LEGEND_ORDER, by_system: bool = False) -> list[Line2D]:
-    """Entries of the key: paths by outcome, start, goal and its tolerance.
+    """Return the entries of the key: paths by outcome, start, goal and its tolerance.
 
     by_system: lines show systems; only the marker at the end of a path shows its outcome.
     """
@@ -219,13 +219,13 @@ def write(axes: Axes, text: str, point: Sequence[float], offset_pt: tuple[float,
 
 
 def _round_length(most: float) -> float:
-    """The longest of 1, 2 and 5 times a power of ten up to `most` [m]."""
+    """Return the longest of 1, 2 and 5 times a power of ten up to `most` [m]."""
     power = 10.0 ** math.floor(math.log10(most))
     return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= most * (1 + 1e-9))
 
 
 def _flag(in_key: bool = False) -> dict[str, Any]:
-    """A pennant whose foot is at its point; in a key it is centred."""
+    """Return a pennant whose foot is at its point; in a key it is centred."""
     from matplotlib.path import Path
 
     if in_key:
@@ -236,6 +236,6 @@ def _flag(in_key: bool = False) -> dict[str, Any]:
 
 
 def extremes(world: World) -> Floats:
-    """(N, 2) points that span the obstacles [m]."""
+    """Return (N, 2) points that span the obstacles [m]."""
     centres, radii = world.circles[:, :2], world.circles[:, 2:]
     return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2)])

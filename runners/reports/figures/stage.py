@@ -38,7 +38,7 @@ BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}
 
 
 def index_at(trace: Trace, time_s: float) -> int:
-    """Index of the last frame at or before this time; 0 if there is none."""
+    """Return the index of the last frame at or before this time; 0 if there is none."""
     times = np.array([frame.time for frame in trace.frames])
     return max(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, 0)
 
@@ -49,7 +49,7 @@ class Stage:
     def __init__(
         self, axes: Axes, trace: Trace, colour: str = BLUE, *, beams: bool = False, candidates: bool = False
     ) -> None:
-        """colour: of the robot. beams: draw lines from the lidar to the scan points instead of dots."""
+        """Create the artists. colour: of the robot. beams: draw lines from lidar to scan points instead of dots."""
         from matplotlib.collections import LineCollection, PatchCollection
 
         self._trace, self._frames = trace, trace.frames
@@ -143,7 +143,7 @@ def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
 
 
 def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
-    """Entries of the key for a still `Stage`. when: such as "at 12.5 s". colour: of the robot."""
+    """Return the entries of the key for a still `Stage`. when: such as "at 12.5 s". colour: of the robot."""
     from matplotlib.lines import Line2D
 
     keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {when}")]
@@ -156,12 +156,12 @@ def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line
 
 
 def seen(frame: TracedStep | TraceEnd, robot: Robot) -> Floats:
-    """(M, 2) points that the beams hit, in the world frame [m]."""
+    """Return (M, 2) points that the beams hit, in the world frame [m]."""
     return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
 
 
 def _candidates(axes: Axes) -> Any:
-    """An empty scatter for candidates."""
+    """Return an empty scatter for candidates."""
     return axes.scatter([], [], s=7, c=[], cmap="viridis", vmin=0.0, vmax=1.0, linewidths=0, zorder=3.5)
 
 
@@ -182,7 +182,7 @@ class DrivenPlace:
 
 
 def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[DrivenPlace]:
-    """The places to draw: each of `worlds` in each map.
+    """Return the places to draw: each of `worlds` in each map.
 
     Without `worlds`: one place for a map whose worlds have the same obstacles, a sample of worlds for any other.
     Raises InputError for a world without an episode.
@@ -196,7 +196,7 @@ def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[Driven
 
 
 def _places_of(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenPlace]:
-    """The places of runs in one map."""
+    """Return the places of runs in one map."""
     name, maps = _map_name(runs[0]), runs[0].maps
     numbers = sorted({int(number) for run in runs for number in run.frame["world"]})
     if not worlds and len(numbers) > 1:
@@ -220,7 +220,7 @@ def _check_driven(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
 
 
 def _map_name(run: DrivenRun) -> str:
-    """The name of the map set, with its kind where it has one."""
+    """Return the name of the map set, with its kind if it has one."""
     name, kind = str(run.frame["map"].iloc[0]), run.worlds_config.map.get("kind")
     return f"{name}: {kind}" if kind else name
 

@@ -58,7 +58,7 @@ _PRINT: dict[Any, Any] = {
 
 
 def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:
-    """An empty figure with a canvas that needs no display."""
+    """Return an empty figure with a canvas that needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -86,7 +86,10 @@ def save_as(figure: Figure, path: Path, ending: str) -> None:
 
 
 def picture(figure: Figure, ending: str) -> memoryview:
-    """The bytes of a figure's file. Not drawn into the file: on a full disk Matplotlib fails for other reasons."""
+    """Return the bytes of a figure's file.
+
+    They are not drawn into the file directly: on a full disk, Matplotlib fails for other reasons.
+    """
     from matplotlib import rc_context
 
     with rc_context(_PRINT):
@@ -96,7 +99,7 @@ def picture(figure: Figure, ending: str) -> memoryview:
 
 
 def symbol(name: str) -> str:
-    """A name in math text as in the paper: "a_close" and "d1" get a subscript; other names stay as they are."""
+    """Return a name in math text as in the paper: "a_close" and "d1" get a subscript; other names are unchanged."""
     letter, index = name[:1], name[1:].removeprefix("_")
     is_symbol = letter in "acd" and index.isalnum() and (name[1:2] == "_" or index.isdigit())
     return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else plot_text(name)

@@ -100,8 +100,8 @@ class Trajectories:
 def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
     """Draw the paths of every run of a sweep, save them in `folder` as PNG and PDF, and return the paths.
 
-    Draws nothing for a single system, or for more systems than fit on a page; warns if steps were deleted, and if a
-    run names code or files that may not be used, since tables do without them.
+    Nothing is drawn for a single system, or for more systems than fit on a page. Warns if steps were deleted, and if
+    a run names code or files that may not be used, since tables do not need them.
     """
     try:
         runs = runs_of(frame, run_dirs)
@@ -144,7 +144,7 @@ def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
 def _rows(
     runs: Sequence[DrivenRun], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
 ) -> list[list[Panel]]:
-    """Rows of panels for a page of this width. Raises InputError for too many rows."""
+    """Return rows of panels for a page of this width. Raises InputError for too many rows."""
     labels = _labels(runs)
     fitting = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
     columns = int(max(min(fitting, COLUMNS), 1))
@@ -204,7 +204,7 @@ def _widest_page(
     keys: Sequence[Line2D],
     width_in: float,
 ) -> _Page:
-    """The page with the widest panels that `width_in` and the page height allow."""
+    """Return the page with the widest panels that `width_in` and the page height allow."""
     left = Around().left if _is_wrapped(rows) else LABEL_IN
     columns = max(map(len, rows))
     panel = min((width_in - left) / columns - Around().gap, WIDEST_IN)
@@ -229,17 +229,17 @@ def _key_columns(keys: Sequence[Line2D], width_in: float) -> int:
 
 
 def _is_wrapped(rows: Sequence[Sequence[Panel]]) -> bool:
-    """Whether panels show different places instead of different systems."""
+    """Return whether panels show different places instead of different systems."""
     return rows[0][0].title == rows[0][0].place.name
 
 
 def _is_repeated(rows: Sequence[Sequence[Panel]]) -> bool:
-    """Whether every row has the same titles, so that only the first row needs them."""
+    """Return whether every row has the same titles, so that only the first row needs them."""
     return all([panel.title for panel in row] == [panel.title for panel in rows[0]] for row in rows)
 
 
 def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
-    """Entries of the key, for the lines and markers that occur."""
+    """Return the entries of the key, for the lines and markers that occur."""
     from matplotlib.lines import Line2D
 
     shown = [(run, panel.place) for panel in panels for run in panel.runs]
@@ -265,7 +265,7 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
 
 
 def _subgoal_key(look: Look) -> Line2D:
-    """The entry for subgoals. Overlaid systems colour those along the path; the one of a moment is yellow."""
+    """Return the entry for subgoals. Overlaid systems colour those along the path; that of a moment is yellow."""
     from matplotlib.lines import Line2D
 
     if look.subgoals == "none":
@@ -275,7 +275,7 @@ def _subgoal_key(look: Look) -> Line2D:
 
 
 def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str) -> list[Line2D]:
-    """Entries for the robot, its scan and movers."""
+    """Return the entries for the robot, its scan and movers."""
     when = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
     late = " or its end" if ends_before(panels, moment) else ""
     movers = any(panel.place.task.world.movers for panel in panels)
@@ -283,6 +283,6 @@ def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str
 
 
 def _box(place: DrivenPlace) -> Box:
-    """The box that all panels of a place show."""
+    """Return the box that all panels of a place show."""
     points = [steps_of(run, place)[["x_m", "y_m"]].to_numpy() for run in place.runs]
     return common_box([place.task], np.vstack(points))

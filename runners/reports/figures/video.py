@@ -70,7 +70,7 @@ class Video:
 
 
 def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
-    """Pass the pictures on, with a progress bar on standard error."""
+    """Yield the pictures, with a progress bar on standard error."""
     from rich.console import Console
     from rich.progress import track
 
@@ -78,7 +78,10 @@ def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
 
 
 def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
-    """(driven run, world, run number) of each panel; without worlds, the first world of the first run in each place."""
+    """Return (driven run, world, run number) of each panel.
+
+    Without worlds, a panel shows the first world of the first run in each place.
+    """
     shown = []
     for driven in runs:
         first = next(other for other in runs if other.place == driven.place)
@@ -93,7 +96,7 @@ def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[Drive
 
 
 def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[FilmPace, float]:
-    """The time of each frame, and the speed relative to real time."""
+    """Return the time of each frame, and the speed relative to real time."""
     last = max(trace.end.time for trace in traces)
     speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
     times = np.arange(0.0, last - 1e-9, speed / config.fps)
@@ -101,7 +104,7 @@ def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[FilmPace, float
 
 
 def _labels(shown: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
-    """The label above each panel: the system, the map and world, or both, whichever differ."""
+    """Return the label above each panel: the system, the map and world, or both, whichever differ."""
     systems = [driven.label for driven, _, _ in shown]
     where = [f"{driven.frame['map'].iloc[0]}, world {world}" for driven, world, _ in shown]
     if len(set(where)) == 1:

@@ -73,7 +73,7 @@ def _pair(study: RunComparison, other: Compared) -> Figure:
 
 
 def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
-    """A disc per world, or for worlds at one place a larger one with their number."""
+    """Draw a disc per world, or a larger one with a number for several worlds in one place."""
     rounded = [tuple(np.round(row, 3)) for row in worlds[["reference", "other"]].to_numpy()]
     axes.plot([0, top], [0, top], color=FRAME, linewidth=1.0, zorder=1)
     for (x, y), count in Counter(rounded).items():
@@ -89,7 +89,7 @@ def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
 
 
 def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
-    """Where a label stands beside its point: towards the middle of the axes, so that it stays within them."""
+    """Return the position of a label beside its point: towards the middle of the axes, so that it stays inside."""
     right, above = 2 * x < top, 2 * y < top
     return {
         "xytext": (5 if right else -5, 8 if above else -8),
@@ -101,7 +101,7 @@ def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
 
 
 def _bars(axes: Axes, gain: pd.Series) -> None:
-    """The difference in every world that has one, from worst to best; the ends where they are too many."""
+    """Draw the difference in every world that has one, from worst to best; only the ends if there are too many."""
     half = MOST_BARS // 2
     shown = gain if len(gain) <= MOST_BARS else gain.iloc[[*range(half), *range(-half, 0)]]
     colours = [GREEN if value > 0 else VERMILION for value in shown]
@@ -121,7 +121,7 @@ def _bars(axes: Axes, gain: pd.Series) -> None:
 
 
 def _heat_map(study: RunComparison) -> Figure:
-    """Runs × worlds, the worlds from the worst to the best of all runs, in bands."""
+    """Draw runs × worlds in bands, with the worlds from the worst to the best of all runs."""
     from matplotlib import colormaps
 
     means, note = _means(study)
@@ -156,9 +156,9 @@ def _heat_map(study: RunComparison) -> Figure:
 
 
 def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
-    """The drawn measure by run and world, worst worlds first, and a note on which worlds these are.
+    """Return the drawn measure by run and world, worst worlds first, and a note on which worlds these are.
 
-    Worlds in which all runs are the same are left out, unless all are such.
+    Worlds in which all runs are equal are left out, unless all worlds are such.
     """
     import pandas as pd
 
@@ -173,7 +173,7 @@ def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
 
 
 def _note(study: RunComparison, differing: int, same: int) -> str:
-    """What is drawn. differing: number of worlds that could be. same: of worlds in which all runs are alike."""
+    """Return a note on what is drawn. differing: number of worlds to draw. same: of worlds with all runs alike."""
     header = MEASURES[study.measure].header
     parts = [
         f"{header}, mean of the runs in each world, from the world that is worst on average to the best."
@@ -190,7 +190,7 @@ def _wrapped(text: str, letters: int = LABEL) -> str:
 
 
 def _letters(width_in: float) -> int:
-    """How many letters of a note fit into a line of a picture."""
+    """Return the number of letters of a note that fit into a line of a picture."""
     return int(LETTERS_PER_IN * width_in)
 
 

@@ -44,7 +44,7 @@ def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> 
 
 
 def best_and_worst(rows: Sequence[Row]) -> list[Row]:
-    """At most `MOST` of the rows, in their order: as many of the best as of the worst, by metric and success."""
+    """Return at most `MOST` of the rows, in their order: as many best as worst ones, by metric and success."""
 
     def score(line: int) -> list[float]:
         means = (rows[line].stats.get(name, (math.nan, math.nan))[0] for name in (METRIC, "success"))
@@ -144,7 +144,7 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: st
 
 
 def _notes(rows: Sequence[Row], of: int) -> list[str]:
-    """Notes on the rows shown, of so many in the table."""
+    """Return the notes on the rows shown. of: number of rows in the table."""
     lines = []
     if len(rows) < of:
         half = len(rows) // 2
@@ -157,7 +157,7 @@ def _notes(rows: Sequence[Row], of: int) -> list[str]:
 
 
 def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
-    """The keys in which several rows of ours do not differ."""
+    """Return the keys with a single value over several rows of ours."""
     ours = [row.keys for row in rows if not row.published_map]
     if len(ours) < 2:
         return {}
@@ -165,7 +165,7 @@ def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _name(row: Row, shared: Container[str]) -> str:
-    """The name of a row with its keys, without those that all share and without usual values."""
+    """Return the name of a row with its keys, without those that all share and without usual values."""
     keys = {key: value for key, value in row.keys.items() if key not in shared and value not in usual(key)}
     parts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
     return plot_text(f" {DASH} ".join(parts)) + ("" if row.global_planner == "no" else " *")

@@ -1,4 +1,4 @@
-"""The curves of `lme learn`: how the network was judged, and the losses, over the training."""
+"""The curves of `lme learn`: validation results and losses over the training."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _COLOURS = (BLUE, ORANGE, PURPLE, GREEN)
 
 
 def curves_figure(rows: Sequence[Mapping[str, float]], path: Path) -> Path:
-    """Save `path` as PNG: the outcomes in validation, and a panel of each other quantity that names say is a curve.
+    """Save `path` as PNG: the outcomes in validation, and panels of the losses and of the return, if there are any.
 
     rows: of the curves in their order. The first key is the axis; a name with `loss` is a loss.
     """

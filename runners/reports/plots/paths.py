@@ -49,19 +49,19 @@ AROUND = Around(header=0.55, footer=0.42)
 
 
 class _Place(NamedTuple):
-    """A building, or all worlds where they are not in buildings: its records, and its sampled tasks by number."""
+    """A building, or all worlds if they are not in buildings: its records, and its sampled tasks by number."""
 
     frame: pd.DataFrame
     tasks: dict[int, Task]
 
     @property
     def failures(self) -> list[EpisodeKey]:
-        """What its overview shows; a place without an overview has none."""
+        """The failures that its overview shows; a place without an overview has none."""
         return failed_episodes(self.frame) if self._is_building else []
 
     @property
     def _is_building(self) -> bool:
-        """Whether its worlds are several tasks in one world that is as large as a building."""
+        """Return whether its worlds are several tasks in one world that is as large as a building."""
         first, *others = [task.world for task in self.tasks.values()]
         if self.frame["world"].nunique() < 2 or any(world is not first for world in others):
             return False
@@ -69,7 +69,7 @@ class _Place(NamedTuple):
 
 
 def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> list[Path]:
-    """Draw the paths of a run in a sample of its worlds, reading only those. Returns the files.
+    """Draw the paths of a run in a sample of its worlds, reading only those. Return the files.
 
     Warns, and draws nothing, if the steps were deleted. frame: from `read_episodes`. maps: holds at least the worlds
     of `sample_worlds`.
@@ -84,7 +84,10 @@ def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> li
 
 
 def without_steps(run_dirs: Sequence[Path]) -> bool:
-    """Whether the steps of a run were deleted, so that its paths cannot be drawn without driving. Warns if so."""
+    """Return whether the steps of a run were deleted, so that its paths cannot be drawn without driving.
+
+    Warns if so.
+    """
     found = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
     if found is None:
         return False
@@ -125,7 +128,7 @@ def trajectories_figure(
 
 
 def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
-    """At most `limit` worlds, spread over outcomes and numbers. Failures go first but do not fill the sample.
+    """Return at most `limit` worlds, spread over outcomes and numbers, with failures first but not alone.
 
     There is at least one world of each building.
     """
@@ -142,7 +145,7 @@ def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
 
 
 def sample_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
-    """The episodes of `sample_worlds`: at most `RUNS` of each, chosen among its runs in the same way."""
+    """Return the episodes of `sample_worlds`: at most `RUNS` of each, chosen among its runs in the same way."""
     episodes = []
     for world in sample_worlds(frame):
         runs = frame[frame["world"] == world]
@@ -152,14 +155,14 @@ def sample_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
 
 
 def failed_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
-    """Failed episodes: the first run that failed in each world, in at most `FAILED` worlds, evenly spaced."""
+    """Return failed episodes: the first run that failed in each world, in at most `FAILED` worlds, evenly spaced."""
     failed = frame[frame["outcome"] != "success"].drop_duplicates("world").sort_values("world")
     keys = [EpisodeKey(world, run) for world, run in zip(failed["world"], failed["run"], strict=True)]
     return [keys[index] for index in _spread(range(len(keys)), FAILED)]
 
 
 def _buildings(frame: pd.DataFrame) -> list[pd.DataFrame]:
-    """The records of each building of a map set of several; else all records."""
+    """Return the records of each building of a map set of several; else all records."""
     return [rows for _, rows in frame.groupby(BUILDING)] if BUILDING in frame else [frame]
 
 
@@ -173,7 +176,7 @@ def _places(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Place]:
 
 
 def _box(place: _Place, trajectories: pd.DataFrame) -> Box:
-    """What the panels of a place show."""
+    """Return the box that the panels of a place show."""
     shown = {*place.tasks, *(key.world for key in place.failures)}
     steps = trajectories[trajectories["world"].isin(shown)]
     return common_box(list(place.tasks.values()), steps[["x_m", "y_m"]].to_numpy(float))
@@ -197,7 +200,7 @@ def _draw_failures(axes: Axes, place: _Place, paths: Mapping[tuple[int, int], pd
 
 
 def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:
-    """At most `limit` of the numbers, which are given by outcome."""
+    """Return at most `limit` of the numbers, which are given by outcome."""
     good = len(kinds["success"])
     failures = max(limit - good, math.ceil(limit * FAILURES))
     # Timeouts are rare and most informative; collisions follow; successes fill the rest.
@@ -208,7 +211,7 @@ def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:
 
 
 def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
-    """The worst outcome of any run, by world."""
+    """Return the worst outcome of any run, by world."""
     by_world = frame.groupby("world")["outcome"].agg(set)
     return {
         int(str(world)): next(kind for kind in STYLES if kind in outcomes)
@@ -217,13 +220,13 @@ def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
 
 
 def _spread(numbers: Sequence[int], count: int) -> list[int]:
-    """`count` of `numbers`, evenly spaced in their order."""
+    """Return `count` of `numbers`, evenly spaced in their order."""
     chosen = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int)
     return [numbers[index] for index in chosen]
 
 
 def _panels(figure: Figure, boxes: Sequence[Box]) -> list[Axes]:
-    """Add panels of one size, as large as the page allows; sets the figure's size."""
+    """Add panels of one size, as large as the page allows, and set the figure's size."""
     count, aspect = len(boxes), aspect_of(boxes[0])
     columns = best_columns(count, aspect, PAGE_IN, AROUND)
     width = panel_width(columns, count, aspect, PAGE_IN, AROUND)
