@@ -117,11 +117,13 @@ class AblationStudy(SweepStudy):
     def _of(cls, block: Block) -> Self:
         by_measure = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
         claims = CLAIMS if _is_the_papers(block) else {}
+        # Variants in the order of the paper, then all others by name.
         names = [
             *(name for name in CLAIMS if name in block.variants),
             *sorted(block.variants.keys() - CLAIMS.keys()),
         ]
         variants = [Variant(COMPLETE, paired.row(block.baseline), {})]
+        # Judge each variant of which the paper makes a statement.
         for name in names:
             change = {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
             verdict = _verdict(name, by_measure[SUCCESS], claims) if name in claims else None
@@ -178,6 +180,7 @@ class AblationStudy(SweepStudy):
             height_ratios=[1.6, 1.0] * len(shown),
             gridspec_kw={"hspace": GAP},
         )[:, 0]
+        # Two panels for each study: the outcomes above, the differences below.
         for number, study in enumerate(shown):
             above, below = panels[2 * number : 2 * number + 2]
             _outcomes(above, study.variants)
@@ -226,6 +229,7 @@ def _judge(
     tier = claims[name].tier
     if _is_open(change, tier):
         return "open", "too noisy to tell"
+    # The paper states no effect: only a change beyond the noise and beyond ALMOST contradicts it.
     if tier == 0:
         if not change.beyond_noise:
             return "yes", "no change beyond the noise"

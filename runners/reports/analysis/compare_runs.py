@@ -102,6 +102,7 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     ]
     if len(runs) < 2:
         raise InputError(f"{runs[0].run_dir}: is a single run; give two or more runs, or a sweep")
+    # Group the runs by the worlds that they share; a run without a partner is only mentioned.
     found = groups(runs)
     together = [group for group in found if group.others]
     if not together:
@@ -125,11 +126,13 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
         name: run.frame[run.frame["world"].isin(worlds)]
         for name, (run, worlds) in zip(names, group.others, strict=True)
     }
+    # Differences from the reference, over all measures and by world for the drawn one.
     changes = _changes(group.reference.frame, parts)
     compared = [
         Compared(name, run, changes[name], _by_world(group.reference.frame, parts[name], drawn))
         for name, (run, _) in zip(names, group.others, strict=True)
     ]
+    # Configs can be compared only if every run has one.
     launches = [launch for run in runs if (launch := read_launch(run.run_dir)) is not None]
     keys = run_names.differing_keys(launches) if len(launches) == len(runs) else {}
     return RunComparison(
@@ -182,6 +185,7 @@ def _notes(
         for name, run in zip(names, runs, strict=True)
         if (missing := paired.row(run.frame).unfinished)
     ]
+    # Say whether the episodes of a pair share their random numbers, and what else may explain a difference.
     seeds = list(dict.fromkeys(run.text("seed") for run in runs))
     lines.append(
         f"All have seed {seeds[0]}: both episodes of a pair draw from the same random numbers."

@@ -149,10 +149,12 @@ def _is_curve(frame: pd.DataFrame, key: str) -> bool:
 
 def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
     """Return the records in which no other key is changed, each episode once, with the key's number as AT."""
+    # Keep the runs that change this key alone, and drop the columns of all others.
     others = {other for other in keys if other != key}
     changed = frame["changes"].map(lambda text: {part.partition("=")[0] for part in text.split(", ")})
     part = frame[[others.isdisjoint(each) for each in changed]]
     part = part.drop(columns=[*others, "changes", "run_dir"]).assign(**{AT: _numbers(part[key])})
+    # The same episode may have been driven in several runs: keep the first.
     settings = [name for name in ("system", *row_keys(part), *EPISODE) if name != key]
     return part.drop(columns=key)[~part.duplicated([AT, *settings])]
 

@@ -99,6 +99,7 @@ def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
         return {}
     keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
     steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()], keys)
+    # The distance to the goal at every control step, and its minimum over each episode.
     steps = steps.merge(frame[[*_EPISODE, "goal_x_m", "goal_y_m"]], on=_EPISODE)
     steps["distance_m"] = np.hypot(steps["x_m"] - steps["goal_x_m"], steps["y_m"] - steps["goal_y_m"])
     return dict(steps.groupby(_EPISODE)["distance_m"].min())
@@ -152,6 +153,7 @@ def timeouts_section(frame: pd.DataFrame) -> str:
     if not (late["time_s"] > LAST_S).any():
         return ""
     keys = ["system", *row_keys(frame)]
+    # Classify each time-out by how far the robot moved in its last minute, and count the classes in each row.
     kinds = np.searchsorted(UP_TO_M, late[EXTENT], side="right")
     counts = late.assign(kind=kinds, **{key: as_text(late[key]) for key in keys}).groupby(keys, sort=False)
     rows = [

@@ -68,6 +68,7 @@ def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
         raise InputError(
             f"{path}: cannot be read as a log of BARN episodes ({error}): must be a text file"
         ) from None
+    # Lines with commas are CSV with a header, all others have the columns of run.py.
     split = list(csv.reader(lines)) if lines and "," in lines[0] else [line.split() for line in lines]
     header = [name.strip() for name in split[0]] if split and "world" in split[0] else list(_COLUMNS)
     rows = [
@@ -90,6 +91,7 @@ def agreement(one: pd.DataFrame, other: pd.DataFrame) -> Agreement:
     if not shared:
         raise InputError("worlds: the episodes and the log have no world in common: must have at least one")
     one, other = one[one["world"].isin(shared)], other[other["world"].isin(shared)]
+    # Success rates p and q by world, and mean times of success by world.
     p, q = _success_by_world(one), _success_by_world(other)
     ours, theirs = _mean_times(one, other)
     return Agreement(

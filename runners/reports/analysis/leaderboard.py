@@ -118,6 +118,7 @@ def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = No
     line for each run whose files hold something that lme does not write; such a run is left out. Without it, such a
     run raises.
     """
+    # Read all runs, and put aside those that lme did not write.
     runs = []
     for run_dir, frame in frames.items():
         try:
@@ -129,6 +130,7 @@ def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = No
             problems.append(not_as_written(run_dir, error))
         else:
             runs.append(run)
+    # Runs of equal names may differ in other keys: add those to their names.
     settings = _by_name((run.setting, run.of_setting) for run in runs)
     systems = _by_name((run.system, run.of_system) for run in runs)
     found = [
@@ -151,12 +153,14 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     changes = launch.changes[0] if launch else {}
     map_set, subset, robot = (_text(frame, key) for key in ("map", "subset", "robot"))
     config = launch.configs[0] if launch else {}
+    # The keys that make the setting, and those that make the system.
     of_setting = {key: config[key] for key in PLACES if key in config}
     if subset == CUSTOM_SUBSET and isinstance(of_setting.get("map"), dict):
         subset, of_setting["map"] = _by_worlds(subset, of_setting["map"], frame)
     setting_keys = dict(flatten(of_setting))
     system_keys = dict(flatten({key: config[key] for key in SYSTEM if key in config}))
     sim = _text(frame, "sim") if launch else UNKNOWN
+    # What a name has to show: changed keys, and unusual options.
     traits = _changed(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
     crowd, own = _unusual(frame, ("crowd",)), _unusual(frame, _NAMED)
     return _ReadRun(
@@ -219,6 +223,7 @@ def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, 
     keys = dict.fromkeys(key for other in namesakes for key in other)
     differing = [key for key in keys if any(other.get(key) != values.get(key) for other in namesakes)]
     shown = {key: values.get(key, "absent") for key in differing}
+    # Of too many keys, name the first and count the rest; a number tells the namesakes apart.
     if len(shown) <= _MAX_KEYS:
         return _each_as_text(shown)
     first = _each_as_text({key: shown[key] for key in differing[:_MAX_KEYS]})
@@ -266,6 +271,7 @@ def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
     for entry in found:
         groups.setdefault(entry.job, []).append(entry)
     marked = {}
+    # Show the newest finished run of each job, and say whether the others agree with it.
     for group in groups.values():
         same = len({_figures(entry) for entry in group}) == 1
         best = next((entry for entry in group if not entry.row.unfinished), group[0])

@@ -122,6 +122,7 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
     changes = (other - one).dropna()
     if changes.empty:
         return None
+    # The worlds are the units: the value of each is the mean of its paired differences.
     by_world = changes.groupby("world").mean().to_numpy()
     low, high, p = _interval_and_p(by_world)
     return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes))
@@ -148,6 +149,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
     order = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
     adjusted = [math.nan] * len(p_values)
     least = 0.0
+    # The k-th smallest of m p-values, from k = 0, times (m − k), at most 1 and never less than the one before.
     for rank, (p, index) in enumerate(order):
         least = max(least, min(1.0, (len(order) - rank) * p))
         adjusted[index] = least
@@ -206,6 +208,7 @@ def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
     signs = _signs(worlds)
     # TIE: sums that are equal in exact arithmetic must not differ by rounding.
     as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
+    # With all sign flips the p-value is exact; with random ones, the observed signs count as one more draw.
     every = len(signs) == 2**worlds
     p = as_far.mean() if every else (1 + as_far.sum()) / (1 + len(signs))
     return low, high, float(p)
@@ -228,6 +231,7 @@ def _draws(worlds: int) -> Ints:
 def _signs(worlds: int) -> Floats:
     """Return signs (S, W), +1 or -1: all combinations if there are at most RESAMPLES, else RESAMPLES random ones."""
     if 2**worlds <= RESAMPLES:
+        # Row i holds the bits of i.
         bits = np.arange(2**worlds)[:, None] >> np.arange(worlds) & 1
         return np.where(bits, -1.0, 1.0).astype(np.float64)
     return np.random.default_rng(SEED).choice([-1.0, 1.0], size=(RESAMPLES, worlds))

@@ -85,8 +85,10 @@ def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
     """
     known = [key for key in (*_AS_PUBLISHED, "scale", "changes", "map", "subset", "robot") if key in group]
     first = {key: str(group[key].iloc[0]) for key in known if group[key].notna().iloc[0]}
+    # Only the complete method counts, without changed keys.
     options = all(first.get(key, "") in ("", usual) for key, usual in _AS_PUBLISHED.items())
     whole = options and not (first.get("scale") or first.get("changes"))
+    # Only whole maps have published figures; BARN has two subsets that count as such.
     place, subset = _same(group, "map_like", first.get("map", "")), first.get("subset", "")
     if place == "barn":
         place = _BARN_PLACES.get(subset, "")

@@ -106,6 +106,7 @@ class SensitivityStudy(SweepStudy):
     def _of(cls, block: Block) -> Self:
         by_measure = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
         base = Point(1.0, paired.row(block.baseline), {})
+        # Every curve begins with the point that all share, that at factor 1.
         by_parameter: dict[str, list[Point]] = {}
         for name, part in block.variants.items():
             ((parameter, factor),) = scale_from_words(name).items()
@@ -163,6 +164,7 @@ class SensitivityStudy(SweepStudy):
         columns = min(COLUMNS, max(len(study.curves) for study in shown))
         rows = [math.ceil(len(study.curves) / columns) for study in shown]
         figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(shown) - 1))
+        # A part of the figure for each study, with a panel for each of its parameters.
         for part, study, count in zip(
             figure.subfigures(len(shown), 1, squeeze=False, height_ratios=rows)[:, 0],
             shown,
@@ -260,6 +262,7 @@ def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> Non
         drawn = [point for point in curve.points if measure in point.row.stats]
         values = [point.row.stats[measure][0] for point in drawn]
         across = [places[point.factor] for point in drawn]
+        # Factor 0 has no logarithm, so no line leads to it.
         start = 1 if drawn and drawn[0].factor == 0 else 0
         axes.plot(across[start:], values[start:], zorder=3, **look)
         axes.plot(across[:start], values[:start], zorder=3, **look)

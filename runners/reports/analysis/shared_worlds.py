@@ -60,6 +60,7 @@ def groups(runs: Sequence[ComparedRun]) -> list[Group]:
     """
     found = []
     left = list(runs)
+    # The first run that is left is the reference of all that share worlds with it.
     while left:
         reference, *rest = left
         shared = [(run, _with_pairs(same_worlds(reference, run), reference, run)) for run in rest]
@@ -82,6 +83,7 @@ def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
     numbers = sorted(one.worlds & other.worlds)
     if one.text("map") != other.text("map") or not numbers:
         return frozenset()
+    # Compare start and goal where both record them, and all measures of the world.
     both = [name for name in _TASK if name in one.frame and name in other.frame]
     measures = dict.fromkeys(name for run in (one, other) for name in run.frame if name.startswith(_MEASURE))
     first, second = (

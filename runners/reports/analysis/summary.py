@@ -127,6 +127,7 @@ def summarise(
     figures = published.figures(systems)
     keys = row_keys(frame)
     grouping = ["system", *keys]
+    # Measure a row for each combination of values, and find the setting that it can be compared in.
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
     ours: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
@@ -135,6 +136,7 @@ def summarise(
         why = setting.why_none(name, figures) if setting else ""
         row = replace(row, ablated=_ablated(group, labels), unpublished=why)
         ours.setdefault(name, []).append((row, setting))
+    # Put the published figures behind the rows of their system.
     settings = {setting: row for rows in ours.values() for row, setting in rows if setting}
     return [row for name, rows in ours.items() for row in _with_published(name, rows, settings, figures)]
 
@@ -160,6 +162,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
     successes = group["outcome"] == "success"
     worlds, runs = int(group["world"].nunique()), int(group["run"].nunique())
     stats = {}
+    # Mean and standard deviation over runs, of the episodes that count for the metric.
     for metric in METRICS:
         column = _metric_column(group, metric.key)
         if column is not None:
@@ -224,6 +227,7 @@ def barn_metric(frame: pd.DataFrame) -> pd.Series:
     """
     columns = frame.reindex(columns=["map", "world_cylinders", "world_family"])
     known = columns.notna()
+    # A world with cylinders but without a family is one of BARN's under another name.
     cylinders = known["world_cylinders"] & ~known["world_family"]
     return frame[BARN_METRIC].where(columns["map"].isin(_OF_BARN) | ~known["map"] | cylinders)
 
@@ -248,6 +252,7 @@ def _with_published(
         found = setting.figures_of(name, figures) if setting else None
         if setting and found and setting not in (later for _, later in ours[index + 1 :]):
             yield _published_row(found, setting, row)
+    # A system without rows of its own: its figures for every setting of the records.
     if not ours:
         for setting, like in settings.items():
             found = setting.figures_of(name, figures)

@@ -234,6 +234,7 @@ def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Colum
     columns = list(zip(*_cells(rows, " ±"), strict=True))
     if _width(columns, GAP) <= width:
         return columns, GAP, []
+    # Fold every column to its longest word, and omit one more column until the rest fits.
     columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
     spare = _least_needed_first(columns[1:], len(rows[0].keys))
     for count in range(len(spare) + 1):
@@ -252,6 +253,7 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
     """
     metrics = {metric.header: metric for metric in METRICS}
     ranked = []
+    # Rank by need, the least needed first; equal ranks go from right to left.
     for place, column in enumerate(columns):
         metric = metrics.get(column[0])
         if _is_constant(column) and column[0] != INTERVAL_HEADER:

@@ -52,6 +52,7 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str =
     packer = Packer()
     movers = [trace.moving(frame) for frame in trace.frames]
     stretch = Stretch(trace.robot, trace.steps, trace.frames, trace.episode.trajectory, movers)
+    # What happened, then what the guide thought, then the header.
     _drive(packer, stretch)
     _scans(packer, stretch)
     add_world(packer, trace.task.world)
@@ -160,6 +161,7 @@ def _scans(packer: Packer, stretch: Stretch) -> None:
     frames = stretch.frames
     points = _add_scan(packer, stretch)
     steps = np.repeat(np.arange(len(frames)), [len(some) for some in points])
+    # Each cell belongs to the first step that saw it.
     placed = np.concatenate([to_world(some, frame.pose) for some, frame in zip(points, frames, strict=True)])
     cells, first = np.unique(cells_of(placed), axis=0, return_index=True)
     seen_at = steps[first]
@@ -271,6 +273,7 @@ def _blocking_sector(why: Explanation) -> int:
     way, points = why.view.blockage, why.view.points
     if way is None:
         return -1
+    # The first and last point of each sector are its ends.
     ends = points[why.sectors]
     matches = (ends[:, 0] == way.E1).all(axis=1) & (ends[:, 1] == way.E2).all(axis=1)
     return int(np.argmax(matches))

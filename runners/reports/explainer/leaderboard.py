@@ -92,6 +92,7 @@ def _count(entries: Sequence[BoardEntry]) -> str:
 def _settings(entries: Sequence[BoardEntry], page_dir: Path) -> Iterator[tuple[Any, list[dict[str, Any]]]]:
     """Yield each setting and its lines, by decreasing number of systems; the best success is the first line."""
     systems = Counter(setting for setting, _ in {(entry.setting, entry.system) for entry in entries})
+    # One line for each job that is to be shown.
     for setting in sorted(systems, key=lambda setting: (-systems[setting], setting)):
         shown = [entry for entry in entries if entry.setting == setting and entry.shown]
         jobs = Counter(entry.system for entry in shown)
@@ -129,6 +130,7 @@ def _line(entry: BoardEntry, several: bool, runs: Sequence[BoardEntry], page_dir
 def _cells(entry: BoardEntry) -> Iterator[_Cell]:
     """Yield the cells of a line except its name. Figures of an unfinished run have no value to sort by."""
     row, intervals = entry.row, {SUCCESS: entry.row.interval, METRIC: entry.metric_interval}
+    # Figures of the row, with intervals where they are known.
     for column in COLUMNS:
         if not column.digits:
             continue

@@ -62,6 +62,7 @@ def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
         episodes = episodes[is_failure(episodes)]
     places = {key: page_path(run_dir, key) for key in keys_of(episodes)}
     pages = list(make_pages(run_dir, episodes, places, executor, keep=True))
+    # The index also needs to be written if only older pages are there.
     if any(not page.problem for page in pages) or folder(run_dir):
         index(run_dir)
     elif not pages:
@@ -92,6 +93,7 @@ def select_episodes(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFram
         wanted += keys_of(episodes[is_failure(episodes)]) if word == "failures" else [_key(word, there)]
     if not wanted:
         raise InputError("failures: no episode of this run failed; name one by its world")
+    # Each episode once, in the order of the words.
     by_key = episodes.set_index(["world", "run"], drop=False)
     return by_key.loc[[(key.world, key.run) for key in dict.fromkeys(wanted)]].reset_index(drop=True)
 
@@ -108,11 +110,13 @@ def make_pages(
     keep: whether to skip a page that exists. Several pages are made by `executor`, with a progress bar; a single page
     is made in this process.
     """
+    # A page that bears the mark of its episode is up to date.
     marks = _marks(run_dir, episodes)
     outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
     kept = [key for key in places if keep and _has_mark(places[key], marks[key])]
     yield from (Page(key, places[key], "") for key in kept)
     todo = [key for key in places if key not in kept]
+    # Make the folders, which must not be links, then the pages.
     for path in {places[key].parent for key in todo}:
         refuse_link(path, run_dir)
         make_folder(path)

@@ -73,7 +73,7 @@ class Screen:
         candidates: bool = False,
         note: str = "",
     ) -> None:
-        """labels: above the panels, empty for none. width_px: maximum width. note: text before the key."""
+        """Lay out the panels. labels: above panels, empty for none. width_px: at most. note: text before the key."""
         boxes = same_size([_box(trace, traces) for trace in traces])
         page = (width_px / DPI, TALL * width_px / DPI)
         around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)

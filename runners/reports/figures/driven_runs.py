@@ -252,6 +252,7 @@ class DrivenRun:
         """
         import pandas as pd
 
+        # Episodes whose steps were not recorded, or deleted, are driven again.
         kept = {*map(tuple, self.trajectories[list(KEY_COLUMNS)].drop_duplicates().to_numpy().tolist())}
         rows = self.frame[self.frame["world"].isin(worlds)].to_dict("records")
         lacking = {key: row for row in rows if astuple(key := EpisodeKey.of(row)) not in kept}

@@ -103,6 +103,7 @@ def expected_time_figure(shot: Shot) -> Figure:
     draw_heading(figure, lines)
     axes = figure.add_axes((EDGE_IN / PAGE_IN, EDGE_IN / height, WIDE_IN / PAGE_IN, tall / height))
     frame_panel(axes, box)
+    # From the bottom up: the field, candidates, points, then what the view shows of every decision.
     bars = [_draw_field(axes, sight), _draw_candidates(axes, why)]
     _draw_points(axes, why, sight)
     view.draw_range(axes, why, candidate_reach(shot.trace))
@@ -137,6 +138,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     times, grid = sight.field.times[1:-1, 1:-1], sight.field.grid
     edges = grid.cell * np.arange(grid.size + 1)
     corners, centres = (_on_page(sight, edges + shift) for shift in (0.0, grid.cell / 2))
+    # The colours span the times that can be seen, so that far cells do not pale the rest.
     known = np.ma.masked_invalid(times)
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     x, y = centres[:-1, :-1].transpose(2, 0, 1)
@@ -147,6 +149,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     )
     levels = _levels(**ends)
     lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
+    # Label one of NAMED lines.
     whole = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
     axes.clabel(lines, levels[whole], fontsize=7, fmt="%g s")
     way = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size)[0])
@@ -195,6 +198,7 @@ def _draw_points(axes: Axes, why: Explanation, sight: Sight) -> None:
     """Draw the points of the scan, and those that are remembered."""
     scan = why.view.points
     remembered = sight.points
+    # Points of the scan are remembered as well: draw them once.
     if len(scan):
         remembered = remembered[cKDTree(scan).query(remembered)[0] > SAME_M]
     for points, colour in ((remembered, BLUE), (scan, VERMILION)):

@@ -99,6 +99,7 @@ def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
     layers = [_layer(shot.why, name, config.values) for name in chosen_criteria(shot.why, config.criteria)]
     layers.append(_Layer("$S$, the weighted sum", shot.why.scores, lettered=True))
     page = FeaturePage(shot, len(layers))
+    # Each panel has the same scene, and its own candidates.
     for index, layer in enumerate(layers):
         axes = page.panel(index, layer.title)
         _draw_scene(axes, shot, layer.lettered)
@@ -172,6 +173,7 @@ def _draw_many(
     """Draw the candidates coloured by value, and a colour bar."""
     values = layer.values + 0.0  # turns -0.0 into 0.0
     order = np.argsort(values, kind="stable")  # the best on top
+    # A colour bar needs more than one value.
     if values[order[0]] == values[order[-1]]:
         _draw_points(axes, why.candidates, np.full(len(values), 0.5))
         look: dict[str, Any] = {"va": "top", "ha": "center", "fontsize": 7, "color": INK}

@@ -138,6 +138,7 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     if len(panels) > PANELS:
         raise InputError(f"{len(panels)} worlds on one sheet: must be at most {PANELS}")
     columns, numbered = min(columns, len(panels)), len(panels) == 1
+    # Sizes of everything in inches: cells, worlds, rows and the key.
     beside, below = (NUMBERS_IN, NUMBERS_IN) if numbered else (0.0, SCALE_IN)
     cell = min(PAGE_IN / columns, CELL_IN)
     boxes = [_box(panel.task) for panel in panels]
@@ -148,6 +149,7 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     per_line = max(1, int(cell * columns / KEY_IN))
     foot = math.ceil(len(keys) / per_line) * KEY_LINE_IN + GAP_IN
     figure = new_figure(cell * columns, sum(heights) + foot, layout=None)
+    # Draw row by row from the top, each panel below its heading.
     for row, indices in enumerate(rows):
         for column, index in enumerate(indices):
             top_middle = ((column + 0.5) * cell + beside / 2, foot + sum(heights[row:]))

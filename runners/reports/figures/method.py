@@ -86,6 +86,7 @@ def _panels(shot: Shot) -> list[tuple[Box, Any]]:
     whole = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
     blockage, history = shot.why.view.blockage, shot.why.view.history
     ends = None if blockage is None else np.array([np.zeros(2), blockage.E1, blockage.E2, blockage.B])
+    # Zoom in on the blocking sector if it lies within reach, and on the remembered positions.
     near = whole if ends is None or np.abs(ends).max() > reach else _square(ends, 2.2)
     steps = _square(np.vstack([np.zeros((1, 2)), history]), 1.0, shot.why.view.radius + 0.3)
     return [(whole, _draw_candidates), (near, _draw_sectors), (steps, _draw_history)]
@@ -153,6 +154,7 @@ def _letters(blockage: Blockage, target: Floats) -> list[view.Letter]:
 def _free_side(points: Sequence[Floats]) -> Floats:
     """Return a (2,) unit vector on the page into the widest gap between the lines from the robot to the points."""
     bearings = np.sort([math.atan2(y, x) for x, y in map(view.upwards, points)])
+    # Gaps between neighbouring bearings, the last one around to the first.
     gaps = np.diff(bearings, append=bearings[0] + math.tau)
     middle = bearings[gaps.argmax()] + gaps.max() / 2
     return np.array([math.cos(middle), math.sin(middle)])
@@ -180,6 +182,7 @@ def _draw_angles(axes: Axes, blockage: Blockage, target: Floats) -> None:
     """Draw the angles between the ends and the target as arcs, solid for A, and A–B as a bar."""
     half = (axes.get_xlim()[1] - axes.get_xlim()[0]) / 2
     start = math.atan2(target[1], target[0])
+    # An arc from the target to each end, and a line to the end.
     for end in (blockage.E1, blockage.E2):
         is_nearer = np.array_equal(end, blockage.A)
         angles = start + np.linspace(0.0, _between(target, end), 61)

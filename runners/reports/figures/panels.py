@@ -157,6 +157,7 @@ def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
     """Draw the robot, its scan and movers at the moment or at an earlier end. Overlaid systems get no scans."""
     assert look.moment is not None
     is_time = isinstance(look.moment, float)
+    # An episode that ended before shows its end.
     last = index_at(trace, look.moment) if is_time else min(int(look.moment), len(trace.steps))
     draw_mover_trails(axes, trace, last)
     stage = Stage(axes, trace, colour, beams=True)

@@ -131,6 +131,7 @@ def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
     before = [trace.moving(trace.frames[index_at(trace, time)]) for time in times]
     if not before:
         return
+    # Movers that stand still would draw the same outline again and again.
     circles = np.unique(np.vstack([each for each, _ in before]).round(6), axis=0)
     edges = np.unique(np.vstack([each for _, each in before]).round(6), axis=0)
     discs = [Circle((x, y), radius) for x, y, radius in circles]
@@ -199,6 +200,7 @@ def _places_of(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenP
     """Return the places of runs in one map."""
     name, maps = _map_name(runs[0]), runs[0].maps
     numbers = sorted({int(number) for run in runs for number in run.frame["world"]})
+    # Worlds that differ only in start and goal are drawn as one.
     if not worlds and len(numbers) > 1:
         first, second = (maps.task(number) for number in numbers[:2])
         if _same_obstacles(first, second):

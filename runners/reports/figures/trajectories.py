@@ -148,6 +148,7 @@ def _rows(
     labels = _labels(runs)
     fitting = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
     columns = int(max(min(fitting, COLUMNS), 1))
+    # One panel for each place, or for each system and place.
     if look.systems or len(labels) == 1:
         panels = [Panel(place.name, place, place.runs) for place in shown]
         aspect = aspect_of(same_size([_box(place) for place in shown])[0])
@@ -168,11 +169,13 @@ def _rows(
 
 def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
     panels = [panel for row in rows for panel in row]
+    # Boxes of all places; panels that wrap around show places at one scale.
     boxes = {panel.place: _box(panel.place) for panel in panels}
     if _is_wrapped(rows):
         boxes = dict(zip(boxes, same_size(list(boxes.values())), strict=True))
     shown = [[boxes[panel.place] for panel in row] for row in rows]
     keys = _keys(panels, look)
+    # Lay the panels out, then draw them row by row.
     page = _widest_page(rows, shown, look, keys, width_in)
     figure = new_figure(width_in, TALL_IN, layout=None)
     all_axes = lay_out(figure, shown, page.panel, page.around, page.width)

@@ -59,6 +59,7 @@ def _pair(study: RunComparison, other: Compared) -> Figure:
     header = MEASURES[study.measure].header
     left.set_xlabel(_wrapped(f"{header}: {study.reference}"), fontsize=8.5, color=INK)
     left.set_ylabel(_wrapped(other.name), fontsize=8.5, color=INK)
+    # Left: one run against the other. Right: the differences, sorted.
     gain = (worlds["other"] - worlds["reference"]).sort_values(kind="stable")
     _bars(right, gain[gain.abs() > TIE])
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
@@ -125,6 +126,7 @@ def _heat_map(study: RunComparison) -> Figure:
     from matplotlib import colormaps
 
     means, note = _means(study)
+    # Split the worlds into bands, and make room for the longest name.
     bands = [means.iloc[:, first : first + BAND] for first in range(0, means.shape[1], BAND)]
     longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
     width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
@@ -134,6 +136,7 @@ def _heat_map(study: RunComparison) -> Figure:
     colours = colormaps["viridis"].with_extremes(bad="white")
     top = TOP.get(study.measure, 1.0)
     for axes, band in zip(figure.subplots(len(bands), 1, squeeze=False)[:, 0], bands, strict=True):
+        # The last band is padded, so that all cells have one size.
         padded = np.full((len(band), len(bands[0].columns)), np.nan)
         padded[:, : band.shape[1]] = band
         picture = axes.pcolormesh(padded, cmap=colours, vmin=0.0, vmax=top, edgecolors="white", linewidth=0.6)
@@ -166,6 +169,7 @@ def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
     columns = {study.reference: own, **{each.name: each.worlds["other"] for each in study.compared}}
     shared = sorted(set().union(*(each.worlds.index for each in study.compared)))
     table = pd.DataFrame(columns).loc[shared]
+    # A world where a run is missing counts as different.
     differs = (table.max(axis=1) - table.min(axis=1) > TIE) | table.isna().any(axis=1)
     table = table[differs] if differs.any() else table
     order = table.mean(axis=1).sort_values(kind="stable").index

@@ -50,6 +50,7 @@ def best_and_worst(rows: Sequence[Row]) -> list[Row]:
         means = (rows[line].stats.get(name, (math.nan, math.nan))[0] for name in (METRIC, "success"))
         return [-math.inf if math.isnan(mean) else mean for mean in means]
 
+    # Half of the bars for each end of the ranking, in the order of the table.
     ranked = sorted(range(len(rows)), key=score)
     ends = ranked if len(rows) <= MOST else ranked[: MOST // 2] + ranked[-MOST // 2 :]
     return [rows[line] for line in sorted(ends)]

@@ -26,6 +26,7 @@ def curves_figure(rows: Sequence[Mapping[str, float]], path: Path) -> Path:
 
     rows: of the curves in their order. The first key is the axis; a name with `loss` is a loss.
     """
+    # Choose the panels: validation always, losses and return where the rows have them.
     axis, *names = rows[0]
     losses = [name for name in names if "loss" in name]
     panels = [losses] if losses else []

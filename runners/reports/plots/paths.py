@@ -110,10 +110,12 @@ def trajectories_figure(
     places = _places(frame, worlds)
     paths = dict(list(trajectories.groupby(["world", "run"])))
     boxes = same_size([_box(place, trajectories) for place in places])
+    # Buildings get an overview of their failures, and every sampled world a panel.
     overviews = [(place, box) for place, box in zip(places, boxes, strict=True) if place.failures]
     numbers = {
         number: box for place, box in zip(places, boxes, strict=True) for number in sorted(place.tasks)
     }
+    # The overviews come first, then the worlds.
     figure = new_figure(*PAGE_IN, layout=None)
     panels = _panels(figure, [*(box for _, box in overviews), *numbers.values()])
     for place, _ in overviews:
