@@ -60,12 +60,14 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
     *before, word = [text for text in words[:-1] if text] + words[-1:]
     if len(before) <= 1:
         return _starting(word, (*commands, "--help", "--version"))
+    # The value of a flag comes before options of the command.
     folders = [Path(value) for flag, value in pairwise(before) if _is_config_dir(flag)]
     configs = catalogue.shipped(*folders)
     if _is_config_dir(before[-1]):
         return _paths(word, folders_only=True)
     if before[-1] in _AFTER_FLAG:
         return _starting(word, _AFTER_FLAG[before[-1]])
+    # A command with a config takes overrides, any other its own flags and paths.
     try:
         groups = configs.groups(before[1])
     except FileNotFoundError:  # a command without a config
@@ -92,6 +94,7 @@ def _override(
 ) -> list[str]:
     plus = "+" * (len(word) - len(word.lstrip("+")))
     key, equals, value = word.lstrip("+").partition("=")
+    # Complete the key, or the kind of a command that has kinds.
     if not equals:
         names = [*(f"{group}=" for group in groups), *(f"{item.name}=" for item in configs.keys(command))]
         head = key.partition(".")[0]
@@ -100,6 +103,7 @@ def _override(
         if not plus and len(before) == len(("lme", command)):
             names = [*configs.options(command), *names]  # lme figure KIND
         return [plus + name for name in _starting(key, names)]
+    # Complete the last value of a list or of a sweep.
     last = re.split(r"[,\[]", value)[-1]
     done = value.removesuffix(last)
     found = _values(key, last, groups, command, configs)

@@ -37,6 +37,7 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     """
     if plan.multirun:
         return _sweep(composer, plan, name, directory, task)
+    # Do what hydra.main does with a single job.
     (config,) = plan.configs.values()
     _set(config, {"job.name": name, "run.dir": str(directory), "mode": RunMode.RUN})
     callbacks = Callbacks(config)
@@ -63,9 +64,11 @@ def _sweep(
     _set(config, own)
     callbacks = Callbacks(config)
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
+    # Hand the checked configs over to the loader; the plan drops its own, so that none is kept twice.
     loader = _Planned(composer, plan, own)
     plan.configs.clear()
     callbacks.callbacks += [loader, _Masked()]
+    # Let the sweeper run the jobs, here or through a launcher.
     sweeper = Plugins.instance().instantiate_sweeper(
         config=config,
         hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
@@ -75,6 +78,7 @@ def _sweep(
     submitted.announce(plan.num_jobs)
     with submitted.explain_errors(), sweep_closed(directory, goes_on=bool(submitted.folder)):
         batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
+    # Report the jobs that failed.
     callbacks.on_multirun_end(config=config, config_name=composer.config_name)
     jobs = [job for batch in batches or () for job in batch]
     submitted.report_failures(jobs)

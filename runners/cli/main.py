@@ -185,6 +185,7 @@ def plain_warnings() -> Iterator[None]:
         shown.add(text)
         return text if is_new else ""
 
+    # Python prints what the formatter returns: nothing for a warning that was shown before.
     warnings.formatwarning = plain
     warnings.simplefilter("always", UserWarning)
     try:

@@ -138,6 +138,7 @@ def _build(arguments: argparse.Namespace) -> None:
         no_returns=arguments.no_returns,
         log=log_config(settings, arguments.robot),
     )
+    # Check the target before the logs are read, which may take minutes.
     target = expanded(arguments.output) if arguments.output else _default_output(logs[0])
     check_target(target, arguments.overwrite)
     built = build_map(logs, config)

@@ -18,6 +18,7 @@ def explain_os_error(error: BaseException) -> str:
     """
     if not isinstance(error, OSError):
         return ""
+    # Full disks and quotas first: they can happen to any file.
     full = what_is_full(error, error.filename or "a file")
     if full:
         return f"{full}: finished work is kept; free some space and add resume=true"

@@ -35,7 +35,7 @@ class Desk:
     """A session, and what its page has already been sent."""
 
     def __init__(self, session: Session, root: Path = Path()) -> None:
-        """root: the folder in which files may be read and written."""
+        """Serve the session. root: the folder in which files may be read and written."""
         self.session, self._root = session, root.resolve()
         self._senders: list[Sender] = []
         self._more: list[Reply] = []  # what was asked for
@@ -56,6 +56,7 @@ class Desk:
         A mistake in the message yields a reply of the type "error", and the session stays as it was.
         """
         ticket: Any = None
+        # Whatever the message does is taken back if it fails.
         before = self.session.state()
         try:
             fields = Fields(text)
@@ -68,6 +69,7 @@ class Desk:
                 self._told = _NOTHING
             self.session.restore(before)
             news, self._more = list(self._news()), []
+        # First the change itself, then what the message asked for.
         yield from news
         yield from self._more
         self._more = []

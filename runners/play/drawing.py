@@ -181,6 +181,7 @@ def _mover(name: str, entry: str) -> Mover:
 
 def _entry_of(mover: Mover) -> Entry:
     """Return the entry of a scene file that describes a mover."""
+    # Headings are written only if the mover has any.
     poses = [[x, y, math.degrees(yaw)] for x, y, yaw in mover.path.tolist()]
     turns = any(pose[2] for pose in poses)
     entry: dict[str, Any] = {"path": poses if turns else [pose[:2] for pose in poses]}

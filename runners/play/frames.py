@@ -1,4 +1,4 @@
-"""Pack what the page draws into binary messages (`runners.reports.explainer.packer`); `assets/live.js` reads them."""
+"""Binary messages with what the page draws (`runners.reports.explainer.packer`), read by `assets/live.js`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def head(lane: Lane) -> dict[str, Any]:
 
 
 class Sender:
-    """Encodes the frames of one lane, each once."""
+    """Encoder of the frames of one lane, each of which is encoded once."""
 
     def __init__(self) -> None:
         self._new: list[np.ndarray[Any, Any]] = []  # cells that each frame saw first
@@ -105,6 +105,7 @@ def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
     task = drawing.task()
     add_world(packer, task.world)
     world = task.world
+    # In a world of too many parts, only drawn ones and movers can be dragged.
     count = len(world.circles) + len(world.segments) + len(world.polygons) + len(world.movers)
     parts = [
         {"name": name, "kind": item.kind, "entry": item.entry}

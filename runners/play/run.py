@@ -49,6 +49,7 @@ def serve(session: Session, port: int, browser: bool) -> None:
     from runners.play.fields import LONGEST_MESSAGE
     from runners.play.server import application
 
+    # Listen first, so that the address can be printed and opened, then serve.
     token = secrets.token_urlsafe(_TOKEN_BYTES)
     with bound(port) as listener:
         port = listener.getsockname()[1]

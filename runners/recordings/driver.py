@@ -69,7 +69,7 @@ class Log:
 
 
 class Driver:
-    """Takes messages in recorded order, and decides once per control period of the robot.
+    """Navigation over messages in recorded order, with one decision per control period of the robot.
 
     Each decision uses the scan nearest to its due time, or every scan is used, and the pose at the stamp of that
     scan. horizon [s]: time over which the clearance of a command is predicted. stale [ns]: largest difference between

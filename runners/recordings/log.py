@@ -45,7 +45,7 @@ class LocatedScan(NamedTuple):
 
 @dataclass(slots=True)
 class LogConfig:
-    """How a log is read: keys of `lme replay`. robot: whose lidar's mount counts if the log has none."""
+    """Keys of `lme replay` that say how to read a log. robot: its lidar's mount is used if the log has none."""
 
     topics: BagTopicsConfig = field(default_factory=BagTopicsConfig)
     frames: FramesConfig = field(default_factory=FramesConfig)

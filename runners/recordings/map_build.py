@@ -59,7 +59,7 @@ NO_RETURNS = ("clear", "ignore")
 
 @dataclass(slots=True)
 class BuildConfig:
-    """How a map is built. Names in messages are those of the options of `lme maps build`."""
+    """Settings of a map. Names in messages are those of the options of `lme maps build`."""
 
     resolution: float = 0.05  # [m] side of a cell
     max_range: float = 10.0  # [m] ASSUMED: farther returns smear, as an error of 1° moves them by 17 cm

@@ -51,7 +51,7 @@ class PosedScan(NamedTuple):
 
 
 class PosedScans:
-    """Takes messages in recorded order, and returns each scan once its pose is known.
+    """A queue of scans, each of which is returned once its pose is known. Messages come in recorded order.
 
     A scan waits for a later pose for at most `stale` [ns], which is also the largest difference between the stamps of
     a scan and of the nearest pose. due: whether a scan with this stamp [ns] is wanted. Scans from another frame,

@@ -64,6 +64,7 @@ def headings_ahead(poses: Floats, ahead: float) -> Floats:
 
 def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> dict[str, float]:
     """Return agreement with the robot, clearance, and decision time. Names give the units; shares are from 0 to 1."""
+    # Proposed minus recorded, at each decision.
     heading = frame["heading_error_rad"].abs().dropna().to_numpy()
     speed = (frame["command_v_mps"] - frame["v_mps"]).to_numpy()
     turn = (frame["command_omega_radps"] - frame["omega_radps"]).to_numpy()

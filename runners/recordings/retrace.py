@@ -118,6 +118,7 @@ def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) 
     navigator.reset(episode.rng())
     steps: list[TracedStep] = []
     explained: Decision | None = None
+    # Every decision must equal the recorded one; an explanation that has not changed is kept once.
     for time, taken, unseen, recorded in moments:
         command = navigator.act(unseen, taken)
         if command != recorded:

@@ -47,6 +47,7 @@ def validate(job: Job[ReplayConfig]) -> None:
     path = _path(config)
     if config.clock not in CLOCKS:
         raise InputError(f"clock is {config.clock}: must be one of {', '.join(CLOCKS)}")
+    # Values that can be checked without the recording.
     for key in ("seed", "start"):
         require(key, getattr(config, key), at_least=0)
     if config.end is not None:
@@ -58,6 +59,7 @@ def validate(job: Job[ReplayConfig]) -> None:
         from runners.recordings.rerun_file import check_installed
 
         check_installed()
+    # What the replay builds, then the topics of the recording.
     fill_dataclass(ScanConfig, config.scan, "scan")
     build.refuse_truth(config)
     build.navigator(config)

@@ -33,6 +33,7 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
         fill_dataclass(ScanConfig, config.scan, "scan"),
         fill_dataclass(FramesConfig, config.frames, "frames"),
     )
+    # Connect the driver to ROS.
     measured = topics.twist == "measured"
     driver = LiveDriver(navigator, config.robot, own, scan, frames, measured_twists=measured)
     node = Node(own, transport, topics, driver, config.robot.dt)
@@ -41,6 +42,7 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     action = f" or the action {topics.action_in(version)}" if node.serves_action else ""
     print(f"{config.robot.name} in ROS {version}: reads {topics.scan} and {topics.pose}", flush=True)
     print(f"goals on {topics.goal_in(version)}{action}, commands on {topics.command}", flush=True)
+    # Record, if asked for, and drive.
     with ExitStack() as stack:
         if config.record is Record.mcap:
             node.listen(stack.enter_context(LiveRecorder(job.run_dir, config, driver)).take)

@@ -1,4 +1,4 @@
-"""The node: passes messages to the driver, asks it for a step once per control period, and publishes the result."""
+"""The node, which passes messages to the driver, asks it for a step every period, and publishes the result."""
 
 from __future__ import annotations
 

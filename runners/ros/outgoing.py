@@ -115,6 +115,7 @@ class OutgoingMessages:
         size = message.scale
         size.x = size.y = size.z = one.size
         message.color = self._colour(one.colours[0])
+        # Text stands at a point, everything else is a list of points.
         if one.shape is Shape.TEXT:
             message.pose.position.x, message.pose.position.y = map(float, one.points[0])
             message.pose.position.z = one.size

@@ -45,6 +45,7 @@ def validate(job: Job[LiveCommandConfig]) -> None:
     require("seed", config.seed, at_least=0)
     fill_dataclass(LiveTopicsConfig, config.topics, "topics")
     configured(config.live, "live")
+    # The simulator needs maps, the node what it reads and how it decides.
     if _simulates(job):
         require("runs", config.runs, at_least=1)
         maps = build.map_set(config)

@@ -32,7 +32,7 @@ _REST = Twist(0.0, 0.0)
 
 @dataclass(slots=True)
 class SimulatorConfig:
-    """How the simulator runs and what it publishes."""
+    """Speed of the simulator, and what it publishes."""
 
     speed: float = 1.0  # simulated seconds per second
     step: float = 0.02  # [s]

@@ -60,11 +60,11 @@ class LiveTopicsConfig:
                 raise InputError(f"topics.{key} is {name!r}: must be letters, digits and _, as in front/scan")
 
     def goal_in(self, version: int) -> str:
-        """The topic of goals in a version of ROS."""
+        """Return the topic of goals in a version of ROS."""
         return self.goal or _GOAL[version]
 
     def action_in(self, version: int) -> str:
-        """The navigation action in a version of ROS."""
+        """Return the navigation action in a version of ROS."""
         return self.action or _ACTION[version]
 
     @property

@@ -77,6 +77,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
 
     if words:
         raise InputError(f"{words[0]}: a recording holds one drive; omit the episode")
+    # Repeat the decisions of the recording, then print or draw them.
     trace = retrace(path)
     if text:
         print("\n".join(_episode_lines(title(trace).capitalize(), trace)))
@@ -91,7 +92,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
 
 
 def _one_run(path: Path) -> Path:
-    """Return the run directory. Raises InputError for several runs, after printing them with their commands."""
+    """Return the run directory. Raises InputError for several runs, after printing each with its command."""
     from lme.errors import InputError
     from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
@@ -120,6 +121,7 @@ def _list(run_dir: Path) -> None:
     if successes:
         many = f"{successes} episodes" if successes > 1 else "1 episode"
         print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
+    # Commands for an example, which failed if any did.
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
     trust = trust_flags(run_dir)
@@ -150,6 +152,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     from runners.tracking.mlflow import add_files
     from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
 
+    # Find the episodes, and drive and draw each in a worker.
     episodes = pages.select_episodes(read_episodes([run_dir]), words)
     places = _places(run_dir, pages.keys_of(episodes), output)
     executor = ProcessExecutor(ProcessConfig())
@@ -157,6 +160,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
         results = sorted(pages.make_pages(run_dir, episodes, places, executor))
     except WorkerDiedError as error:
         raise InputError(f"{str(error).partition(':')[0]}: explain fewer episodes at once") from None
+    # Say where the pages are, also if some could not be made.
     made = [page.path for page in results if not page.problem]
     for path in made:
         print(path)

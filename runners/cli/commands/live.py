@@ -15,7 +15,7 @@ _PRINTS = ("--cfg", "-c", "--info", "-i", "--hydra-help")  # which run nothing
 
 
 def main(argv: list[str]) -> int:
-    """`lme live ros1`, `lme live ros2` and `lme live simulator --ros1`, with overrides and ROS's own arguments.
+    """Run `lme live ros1`, `lme live ros2` or `lme live simulator --ros1`, with overrides and ROS's own arguments.
 
     Raises InputError for other words.
     """

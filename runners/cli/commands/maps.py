@@ -150,11 +150,13 @@ def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path |
 
     if output is None and len(tasks) > PANELS:
         return None
+    # Check the ending first, since drawing takes a while.
     path = output or _default_output(tasks)
     ending = path.suffix.removeprefix(".") or "png"
     if ending not in FORMATS:
         raise InputError(f"--output {path}: must end in .{', .'.join(FORMATS)}")
     figure = sheet(panels_of(chosen), COLUMNS)
+    # A name without an ending gets one, unless it is that of an existing device or pipe.
     if not path.suffix and (path.is_dir() or not os.path.lexists(path)):
         path = path.with_name(f"{path.name}.{ending}")
     try:

@@ -118,6 +118,7 @@ def _import(arguments: argparse.Namespace) -> None:
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing
 
+    # Check the name and the authors' file before anything is written.
     name = arguments.name or arguments.network
     check_name(name, ".npz", "a network", shipped_networks(), "NAME")
     path = REGISTERED / f"{name}.npz"

@@ -52,6 +52,7 @@ def write(found: Sequence[RunComparison], pictures: Sequence[Path], place: Path)
 def _lines(study: RunComparison) -> Iterator[str]:
     yield study.place
     yield f"Differences from: {study.reference}"
+    # Of many runs, only the most important measures fit on a terminal.
     many = len(study.compared) > _MANY
     shown = [name for name in MEASURES if not many or name in _SHORT]
     rows: list[tuple[str, ...]] = [_HEADER]

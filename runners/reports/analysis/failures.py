@@ -60,6 +60,7 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
     explained = [Path(run_dir) for run_dir in frame["run_dir"].unique() if _has_pages(frame, Path(run_dir))]
     if not explained:
         return ""
+    # A row for each failure, with the job in a sweep.
     jobs = _job_names(frame)
     lines = [
         [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, place)]

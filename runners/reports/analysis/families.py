@@ -21,6 +21,7 @@ def families_section(frame: pd.DataFrame) -> str:
     if FAMILY not in frame:
         return ""
     found = frame[frame[FAMILY].notna()]
+    # A row for each combination of values and family.
     keys = ["system", *row_keys(frame), FAMILY]
     texts = found.assign(**{key: as_text(found[key]) for key in keys})
     rows = [[*map(str, values), *_figures(group)] for values, group in texts.groupby(keys, sort=False)]

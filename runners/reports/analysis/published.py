@@ -32,7 +32,10 @@ class PublishedSetting(NamedTuple):
 
 
 class DrivenSetting(NamedTuple):
-    """The map of records, and the robots whose values theirs has. difference: from the shipped robot of its name."""
+    """The map of records, and the shipped robots whose values their robot has.
+
+    robot: its name. difference: from the shipped robot of that name.
+    """
 
     map: str
     robots: tuple[str, ...]

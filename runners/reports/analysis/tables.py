@@ -51,6 +51,7 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     if INTERVAL_HEADER not in left_out:
         lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
+    # Name the columns that are means over successes, as far as they are shown.
     means = list(
         dict.fromkeys(
             each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out
@@ -64,6 +65,7 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
         lines.append(
             "|Δω|: mean change of the turn rate from one control step to the next; lower is smoother."
         )
+    # Where rows differ from the shipped options, and where published figures come from.
     lines += changed_notes(rows)
     lines += published.notes(rows)
     lines += [f"{label}: {source}." for label, source in _sources(rows).items()]

@@ -34,6 +34,7 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
     place = run_dir / FOLDER
     refuse_link(place, run_dir)
     worst_first = frame.sort_values(["outcome", "world", "run"], key=_worst_first)
+    # A row for each episode that has a page.
     lines = [
         f"<tr><td>{_anchor(episode, run_dir, place)}</td>"
         + "".join(f"<td>{html_text(cell)}</td>" for cell in cells(episode)[2:])

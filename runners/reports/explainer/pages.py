@@ -28,7 +28,7 @@ _MARK = "<!-- episode {} -->\n"
 
 
 class Page(NamedTuple):
-    """The result of making a page. problem: why it failed; empty on success."""
+    """The result of making a page. problem: the reason for a failure; empty on success."""
 
     key: EpisodeKey
     path: Path
@@ -37,7 +37,7 @@ class Page(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PagePayload:
-    """What a worker needs to make pages of a run.
+    """The input of a worker that makes pages of a run.
 
     places: path of each page. marks: identify the episode of each page. systems: names in tables. trusted: whether
     code that the run names may be executed.
@@ -141,6 +141,7 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
     def make(key: EpisodeKey) -> Page:
         path = payload.places[key]
         try:
+            # Drive the episode again, and end the page with its mark, so that an incomplete page has none.
             mark = _MARK.format(payload.marks[key])
             with trust.trusting(run_dir) if payload.trusted else nullcontext():
                 trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))

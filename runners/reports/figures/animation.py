@@ -103,6 +103,7 @@ class Screen:
 
     def at(self, time_s: float) -> Picture:
         """Return the picture at this time, (height, width, 3)."""
+        # Draw the static part once, and restore it for every picture.
         canvas: Any = self._figure.canvas
         if self._still is None:
             canvas.draw()

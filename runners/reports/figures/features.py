@@ -45,7 +45,7 @@ UNITS = {"a_close": "m", "a_dev": "rad", "a_mount": "m"}
 
 @dataclass(slots=True)
 class FeaturesConfig(StepConfig):
-    """What `lme figure features` shows."""
+    """Content of the figure of `lme figure features`."""
 
     criteria: list[str] | None = None  # null: all
     values: str = "raw"

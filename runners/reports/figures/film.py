@@ -78,6 +78,7 @@ def _palette(picture: Picture) -> Image.Image:
     from PIL import Image
 
     colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
+    # Take the most frequent colour that is left, and drop those near to it.
     left = colours[np.argsort(-counts, kind="stable")].astype(int)
     chosen: list[NDArray[np.int_]] = []
     while len(left) and len(chosen) < COLOURS:
@@ -97,6 +98,7 @@ def _write_mp4(pictures: Iterable[Picture], path: Path, fps: float) -> None:
     made = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264", "-crf", QUALITY]
     made += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     command = [find_ffmpeg(), "-y", "-loglevel", "error", *given, *made, str(path)]
+    # Send one frame after the other; if ffmpeg fails, the last line of its output is the reason.
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
         assert encoder.stderr is not None

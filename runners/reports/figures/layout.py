@@ -64,11 +64,13 @@ def lay_out(
 
     A row is as high as its highest box.
     """
+    # Heights of the rows, and the size of the page.
     tall = [width_in * max(map(aspect_of, row)) for row in rows]
     grid = max(map(len, rows)) * (width_in + around.gap) + around.left
     page = max(grid, least_in)
     height = around.header + around.footer + sum(tall) + len(rows) * around.per_row
     figure.set_size_inches(page, height)
+    # Place the panels from the top down, all relative to the page.
     left, top = (page - grid) / 2 + around.left, height - around.header
     panels = []
     for row, row_in in zip(rows, tall, strict=True):

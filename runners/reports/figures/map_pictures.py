@@ -46,7 +46,7 @@ WAY: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "linestyle": (0, (4, 1.5
 
 
 class MapPanel(NamedTuple):
-    """One world. detail: text below the name. way: (P, 2) path [m] that the optimal time is based on."""
+    """A world. detail: text below the name. way: (P, 2) path [m] that the optimal time is based on."""
 
     name: str
     detail: str

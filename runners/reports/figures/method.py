@@ -1,4 +1,4 @@
-"""How LME finds a subgoal, shown at one decision: candidates, sectors and history (paper Fig. 2)."""
+"""The subgoal search of LME, shown at one decision: candidates, sectors and history (paper Fig. 2)."""
 
 from __future__ import annotations
 

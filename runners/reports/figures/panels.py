@@ -40,7 +40,7 @@ APART = 0.09  # of the panel's diagonal: numbered subgoals closer than this woul
 
 
 class Panel(NamedTuple):
-    """One panel. runs: drawn in it."""
+    """A panel. runs: those that are drawn in it."""
 
     title: str
     place: DrivenPlace

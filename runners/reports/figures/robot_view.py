@@ -98,6 +98,7 @@ def draw_robot(axes: Axes, footprint: Footprint) -> None:
 def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = False) -> None:
     """Draw a line to the target T with a cross on it, or an arrow to the edge if T is outside the panel."""
     x, y = upwards(target)
+    # The share of the line to the target that lies in the panel.
     part = _share_inside(x, y, Box(*_corners(axes)))
     tip = target if part == 1.0 else 0.98 * part * target
     if part == 1.0:
@@ -197,6 +198,7 @@ def _avoid_points(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence
     dots = axes.figure.dpi / 72
     point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
     x, y = letter.away
+    # Try the wanted side, both sides across, and the opposite one.
     for away in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
         middle = point + (away_pt + LETTER_PT / 2) * dots * away
         if all(math.dist(middle, other) >= LETTER_PT * dots for other in others):
@@ -209,6 +211,7 @@ def write(axes: Axes, letter: Letter, away_pt: float) -> None:
     dots = axes.figure.dpi / 72
     at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots
+    # Keep the middle of the letter away from the edge of the panel.
     inside = np.clip(at, np.array(axes.bbox.min) + edge, np.array(axes.bbox.max) - edge)
     x, y = axes.transData.inverted().transform(inside)
     look: dict[str, Any] = {

@@ -84,6 +84,7 @@ def outline(footprint: Footprint) -> Floats:
     """Return (V, 2) corners of the rounded box in the robot frame [m], counter-clockwise."""
     half_length, half_width, rounding = footprint.box
     parts = []
+    # A quarter of a circle around each corner of the inner box.
     for quarter, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
         angles = np.linspace(quarter, quarter + 1, 7) * math.pi / 2
         centre = np.array([x * half_length, y * half_width])
@@ -141,6 +142,7 @@ def draw_paths(
 
     system: style of the lines; None: by outcome.
     """
+    # Successes first, so that failures are on top.
     for outcome, kind in reversed(STYLES.items()):
         style = kind if system is None else system._replace(marker=kind.marker)
         chosen = episodes[episodes["outcome"] == outcome]
@@ -182,6 +184,7 @@ def scale_bar(axes: Axes, box: Box, most: float, drop_pt: float) -> None:
     length = _round_length((box.x1 - box.x0) * most)
     down = ScaledTranslation(0.0, -drop_pt / 72, axes.figure.dpi_scale_trans)
     x, y = [box.x0, box.x0, box.x0 + length, box.x0 + length], [0.0, 0.0, 0.0, 0.0]
+    # Metres along the panel, points below it.
     bar = axes.get_xaxis_transform() + down
     axes.plot(x, y, transform=bar, color=INK, linewidth=1.2, marker="|", markersize=4, clip_on=False)
     axes.annotate(

@@ -171,7 +171,7 @@ SAMPLED = 3  # worlds shown of a map set whose worlds differ
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivenPlace:
-    """One place.
+    """A place that is drawn.
 
     runs: those in its map. numbers: the worlds drawn over one another, all with the obstacles of `task`.
     """

@@ -58,7 +58,7 @@ _SECONDS = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
 
 @dataclass(slots=True)
 class TrajectoriesFigureConfig:
-    """How the paths of several systems are shown."""
+    """Appearance of the paths of several systems."""
 
     layout: str = "side_by_side"
     moment: Any = None
@@ -108,6 +108,7 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
     except UntrustedError as error:
         warnings.warn(f"no picture of the paths: {error}", stacklevel=2)
         return []
+    # A comparison needs at least two systems, with all their steps.
     columns = len(_labels(runs))
     if not 1 < columns <= COLUMNS or without_steps(run_dirs):
         return []
@@ -210,11 +211,13 @@ def _widest_page(
     """Return the page with the widest panels that `width_in` and the page height allow."""
     left = Around().left if _is_wrapped(rows) else LABEL_IN
     columns = max(map(len, rows))
+    # As wide as the page allows, but not so high that the rows leave it.
     panel = min((width_in - left) / columns - Around().gap, WIDEST_IN)
     tall = (PAGE_IN[1] if _is_wrapped(rows) else TALL_IN) - ROW_IN * len(rows)
     least = least_in([run.label for row in rows for each in row for run in each.runs], look)
     panel = min(panel, max(least, tall / sum(max(map(aspect_of, row)) for row in shown)))
     width = max(columns * (panel + Around().gap) + left, min(width_in, LEAST_IN))
+    # Space for titles, key and texts at this width.
     names = dict.fromkeys(each.title for row in rows for each in row)
     titles = {name: textwrap.fill(name, max(int(panel / LETTER_IN), 8)) for name in names}
     title = LINE_IN * (1 + max(text.count("\n") for text in titles.values())) + 0.05

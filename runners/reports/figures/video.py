@@ -20,7 +20,7 @@ ENOUGH_S = 20.0  # longest film if no speed is given
 
 @dataclass(slots=True)
 class VideoConfig:
-    """How the film looks."""
+    """Appearance of a film."""
 
     format: str = GIF
     speed: float | None = None  # simulated time per shown time
@@ -83,6 +83,7 @@ def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[Drive
     Without worlds, a panel shows the first world of the first run in each place.
     """
     shown = []
+    # Runs in one place show the same world.
     for driven in runs:
         first = next(other for other in runs if other.place == driven.place)
         for world in worlds or [chosen_world(first, [])[0]]:

@@ -103,6 +103,7 @@ def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
 
 def _bars(axes: Axes, gain: pd.Series) -> None:
     """Draw the difference in every world that has one, from worst to best; only the ends if there are too many."""
+    # Of too many worlds, draw the worst and the best.
     half = MOST_BARS // 2
     shown = gain if len(gain) <= MOST_BARS else gain.iloc[[*range(half), *range(-half, 0)]]
     colours = [GREEN if value > 0 else VERMILION for value in shown]

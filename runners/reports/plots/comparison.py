@@ -58,6 +58,7 @@ def best_and_worst(rows: Sequence[Row]) -> list[Row]:
 
 def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
     """Draw stacked bars of the outcomes, with the interval of the success rate that the table gives."""
+    # Stack the outcomes from the left; the rate is written on the success.
     for line, row in enumerate(rows):
         left = 0.0
         for outcome in OUTCOMES:
