@@ -33,7 +33,7 @@ from runners.workers.environment import search_working_folder_last
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
-_FAILED = 1  # the exit status of a failed episode, and of what failed outside the program
+_FAILED = 1  # exit status of a failed episode, and of a failure outside the program
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes by default
 
 
@@ -71,7 +71,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
             show.config(plan.first, given.cfg, given.package, given.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
-            server.start()  # it imports while this process builds and checks the jobs
+            server.start()  # imports while this process builds and checks the jobs
         # Check every job before anything is written, then choose the directory and run them.
         jobs = command_line.validated(plan, composer, command.validate)
         record, directory = _directory(command, given, plan, jobs, resumed)
@@ -110,7 +110,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     anew = tuple(f"{key.replace('/', '.')}." for key in keys)
     kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
     if not saved.multirun and "hydra.mode" not in keys:
-        kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
+        kept.append("hydra.mode=RUN")  # a single job, even if its experiment asks for a sweep
     # Everything else that was not given now is as at the launch.
     config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
     if config_dir is not None:
@@ -204,7 +204,7 @@ def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
     Raises InputError if its interpolations cannot be resolved.
     """
     before = HydraConfig.instance().cfg
-    HydraConfig.instance().set_config(config)  # for ${hydra:...}
+    HydraConfig.instance().set_config(config)  # resolves ${hydra:...}
     try:
         for name in ("sweep", "run") if multirun else ("run",):
             written = OmegaConf.to_container(config.hydra[name], resolve=False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 
 if __name__ == "__main__" and not sys.flags.safe_path:
-    sys.path.append(sys.path.pop(0))  # what `python -m` puts first: the working folder
+    sys.path.append(sys.path.pop(0))  # the working folder, which `python -m` puts first
 
 import ast
 import atexit

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from runners.records.whole_file import what_is_full
 
-_NO_TEMPORARY = "No usable temporary directory"  # as Python's tempfile says it
+_NO_TEMPORARY = "No usable temporary directory"  # the message of Python's tempfile
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 

@@ -26,9 +26,9 @@ from runners.play.words import changed, map_files
 
 Reply = str | bytes  # JSON text, or a binary message
 
-BUDGET_S = 0.02  # of computing for one message, so that the next one is heard soon
+BUDGET_S = 0.02  # of computing per message, so that the next one is read soon
 BATCH = 100  # frames in one message, at most
-_NOTHING = -1  # revision that a page knows which has been told nothing
+_NOTHING = -1  # known revision of a page that has been sent nothing
 
 
 class Desk:
@@ -38,7 +38,7 @@ class Desk:
         """Serve the session. root: the folder in which files may be read and written."""
         self.session, self._root = session, root.resolve()
         self._senders: list[Sender] = []
-        self._more: list[Reply] = []  # what was asked for
+        self._more: list[Reply] = []  # replies that a message asked for
         self._told = _NOTHING  # revision that the page knows
         self._worlds: set[int] = set()  # steps at which a world begins that the page knows
 
@@ -63,9 +63,9 @@ class Desk:
             ticket = fields.value("ticket")
             _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
             news = list(self._news())
-        except (Exception, SystemExit) as error:  # whatever fails, the page lives on
+        except (Exception, SystemExit) as error:  # whatever fails, the page goes on
             yield json.dumps({"type": "error", "text": _said(error)})
-            if self.session.revision != before["revision"]:  # the page could not be told of it
+            if self.session.revision != before["revision"]:  # the page has not been sent the change
                 self._told = _NOTHING
             self.session.restore(before)
             news, self._more = list(self._news()), []
@@ -87,7 +87,7 @@ class Desk:
             while sender.sent < len(lane.frames):
                 yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), about)
         if told != session.revision:
-            yield json.dumps({"type": "settled"})  # what is drawn fits together again
+            yield json.dumps({"type": "settled"})  # all parts of the drawing are consistent again
 
     def _situation(self) -> Iterator[Reply]:
         # The page keeps its frames and worlds only if it knows the revision before this one.

@@ -57,7 +57,7 @@ def _thoughts(
         sight = guide.escaper.sight
         assert sight is not None
         field = sight.field
-        inner = field.times[1:-1, 1:-1]  # there is a border of one cell
+        inner = field.times[1:-1, 1:-1]  # without the border of one cell
         packer.add_singles("times", np.where(np.isfinite(inner), inner, np.nan))
         header["grid"] = [field.grid.x, field.grid.y, field.grid.cell, field.grid.size]
         header["pose"] = list(sight.pose)

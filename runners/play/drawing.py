@@ -19,9 +19,9 @@ from lme.worlds.world import Task, World
 
 MOVERS = "movers"
 KINDS = ("walls", "boxes", "circles", "polygons", MOVERS)  # lists of a shape file that the page draws in
-MOST_ITEMS = 2000  # drawn ones
-MOST_MOVERS = 200  # among them
-MOST_POINTS = 1000  # of an item; whether a polygon crosses itself takes time with their square
+MOST_ITEMS = 2000  # most drawn items
+MOST_MOVERS = 200  # most movers among them
+MOST_POINTS = 1000  # of an item: the check of self-crossing takes quadratic time
 MOST_POINTS_IN_ALL = 5000
 FARTHEST = 1000.0  # [m] from the origin
 
@@ -70,7 +70,7 @@ class Sketch:
             raise InputError(
                 f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some items first"
             )
-        _world_of({name: item})  # raises for a wrong one
+        _world_of({name: item})  # raises InputError for a wrong item
         erased = self.erased | {name} if name in set(self._parts()) else self.erased
         return replace(self, items={**self.items, name: item}, erased=erased)
 

@@ -25,7 +25,7 @@ from runners.reports.explainer.encode import (
 from runners.reports.explainer.packer import Packer
 from runners.workers.trace import TracedStep
 
-MOST_PARTS = 4000  # that the page can drag; those of a larger world are only drawn
+MOST_PARTS = 4000  # most parts that the page can drag; in a larger world they are only drawn
 
 
 def head(lane: Lane) -> dict[str, Any]:

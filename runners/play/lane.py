@@ -21,8 +21,8 @@ from runners.config.schema import DriveConfig
 from runners.workers.trace import TracedStep, TraceEnd
 
 EVERY = 10  # steps from one snapshot to the next
-MOST_SNAPSHOTS = 60  # then older ones are thinned out: going back far takes longer
-_NO_COPY = (TypeError, ValueError, NotImplementedError)  # what copying says of a class that does not allow it
+MOST_SNAPSHOTS = 60  # older ones are thinned out, so that going far back takes longer
+_NO_COPY = (TypeError, ValueError, NotImplementedError)  # raised by copying a class that does not allow it
 
 Tasks = Mapping[int, Task]  # the task from each step on at which it changes; 0 is among them
 
@@ -30,9 +30,9 @@ Tasks = Mapping[int, Task]  # the task from each step on at which it changes; 0 
 class Frame(NamedTuple):
     """One moment of a drive, and the decision made there.
 
-    moment: a step, or the end, which has no decision. state: of the simulator. movers: circles (C, 3) and edges (E,
-    4) that move. sentence: the reason, if the guide gives one. decision_us: duration of the decision [µs]. outcome:
-    only at the end.
+    moment: a step, or the end, which has no decision. state: of the simulator. movers: those that move, as circles
+    (C, 3) and edges (E, 4). sentence: the reason, if the guide gives one. decision_us: duration of the decision [µs].
+    outcome: only at the end.
     """
 
     moment: TracedStep | TraceEnd
@@ -120,7 +120,7 @@ class Lane:
         # Drive on to the step, but show the frames that were recorded first.
         while len(self.frames) < step:
             self.extend(tasks)
-        self.frames = former  # the same, but for the times of the decisions
+        self.frames = former  # equal to the new ones, except for decision times
         # Execute the command that leads to the step, so that a snapshot can be taken there.
         if self._command is not None:
             self._running.episode.move(self._command)

@@ -105,7 +105,7 @@ def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, 
     # Check the words, and the weights, unless they lead to such a copy.
     named = {
         key: value for key, value in changes.items() if value == recorded[key]
-    }  # not the paths of copies
+    }  # without the paths of copies
     trust.check_words(explicit(launch.choices[0], named, replace(config, weights=PUBLISHED)), run_dir)
     if weights == config.weights:
         trust.check_words([f"weights={weights}"], run_dir)

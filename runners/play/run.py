@@ -63,7 +63,7 @@ def serve(session: Session, port: int, browser: bool) -> None:
             access_log=False,
             ws="websockets-sansio",
             ws_max_size=LONGEST_MESSAGE,
-            ws_per_message_deflate=False,  # nothing leaves this machine
+            ws_per_message_deflate=False,  # the data stay on this machine
             timeout_graceful_shutdown=1,
             lifespan="off",
             server_header=False,

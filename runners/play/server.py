@@ -27,7 +27,7 @@ HOSTS = (
     "localhost",
     "[::1]",
 )  # under which a browser may know this machine, also through a tunnel
-TAKEN_OVER = 4001  # the socket's code where another page has come
+TAKEN_OVER = 4001  # code of the socket that is closed for another page
 _HEADERS = {
     "Content-Security-Policy": POLICY,
     "Referrer-Policy": "no-referrer",
@@ -96,7 +96,7 @@ class _Seats:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._turn = threading.Lock()  # one message after the other
+        self._turn = threading.Lock()  # one message at a time
         self._seated: WebSocket | None = None
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -156,5 +156,5 @@ async def _sent(websocket: WebSocket, reply: Reply) -> bool:
 
 
 async def _close(websocket: WebSocket) -> None:
-    with contextlib.suppress(RuntimeError):  # it has gone meanwhile
+    with contextlib.suppress(RuntimeError):  # the page may have gone meanwhile
         await websocket.close(TAKEN_OVER)

@@ -20,8 +20,8 @@ from runners.play.lane import Lane
 from runners.records.episode_record import RunLabels
 from runners.workers.episodes import episode_rng
 
-MOST_STEPS = 20_000  # of a drive
-UNDONE = 100  # changes that can be taken back
+MOST_STEPS = 20_000  # most steps of a drive
+UNDONE = 100  # most changes that can be undone
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from runners.evaluate.labels import run_labels
 from runners.play.session import Entrant, Setup, Source
 from runners.records.episode_record import RunLabels
 
-LANES = 4  # side by side
+LANES = 4  # most systems side by side
 
 _CHOSEN = ("robot", "map", "sim", "crowd", "system", "guide", "planner", "filter", "ablation")
 
@@ -77,7 +77,7 @@ def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
 def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: DriveConfig) -> tuple[str, ...]:
     """Return words that state a whole config: every choice, every changed key, and the keys outside groups."""
     chosen = {group: choices[group] for group in _CHOSEN if choices.get(group) not in (None, "null")}
-    if "system" in chosen:  # it chooses these two
+    if "system" in chosen:  # the system chooses these two
         chosen.pop("guide", None)
         chosen.pop("planner", None)
     if "+" in chosen.get("ablation", ""):

@@ -24,7 +24,7 @@ SIM_KEYS = (
 )
 ROBOT_KEYS = ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate")
 LIDAR_KEYS = ("num_beams", "fov", "range_max", "noise_std")
-_MOST_NUMBERS = 5000  # of worlds that are named
+_MOST_NUMBERS = 5000  # most worlds that are listed
 
 
 def situation(session: Session, kept: int) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from runners.play.session import Session, Source
 from runners.play.setups import setup_of
 from runners.workers import server
 
-START_S, LONGEST_S = 120.0, 20.0  # until the process is there; for the first steps
+START_S, LONGEST_S = 120.0, 20.0  # time limits for the start of the process and for the first steps
 STEPS = 3
 MOST_BYTES = 8 * 2**30  # of address space
 

@@ -10,8 +10,8 @@ from lme.errors import InputError
 
 GROUPS = ("system", "guide", "planner", "filter", "ablation", "robot", "map", "sim", "crowd")
 KEYS = (*GROUPS, "weights", "people", "seed", "run", "scale")
-LONGEST = 300  # characters of a value
-MOST_FILES = 200  # that are offered
+LONGEST = 300  # most characters of a value
+MOST_FILES = 200  # most files that are offered
 
 _KEY = re.compile(r"[a-z_]+(\.[a-z0-9_]+)*")
 _VALUE = re.compile(r"[\w.,:+\- \[\]]*")  # no interpolation, no quotes, no functions, no paths, no mappings
@@ -19,9 +19,9 @@ _FACTORS = re.compile(r"{[\w.,: +\-]*}")  # of scale
 _DOTTED = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]")  # may name a module
 _PATH = re.compile(r"[\w.,+\- /]+")
 _MAP = re.compile(rb"^(bounds|image):", re.MULTILINE)
-_HEAD = 4000  # [bytes] within which a map says what it is
+_HEAD = 4000  # [bytes] a map is recognised by its beginning
 _PATH_KEYS = ("weights", "map.path", "map.source", "planner.weights", "guide.weights", "planner.path")
-_SYSTEM = ("system", "guide", "planner", "ablation", "weights", "scale")  # what a new system does away with
+_SYSTEM = ("system", "guide", "planner", "ablation", "weights", "scale")  # keys that a new system removes
 
 
 def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> list[str]:

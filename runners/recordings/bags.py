@@ -29,7 +29,7 @@ _ROS1_MAGIC, _MCAP_MAGIC, _SQLITE_MAGIC = b"#ROSBAG", b"\x89MCAP0\r\n", b"SQLite
 _OLD_MAGIC = (b"#ROSRECORD", b"#ROSBAG V1")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _COMPRESSED_MESSAGES = "its messages are compressed with zstd, as only its metadata.yaml would say"
-_ENDINGS = {  # of files that are no recordings yet, and what makes them some
+_ENDINGS = {  # suffixes of files that are not recordings yet, with what to do about it
     ".active": "its recording was not ended: run `rosbag reindex` on it, and name it .bag",
     ".zstd": "it is compressed: give the folder with its metadata.yaml, or unpack it with `zstd -d`",
     ".zst": "it is compressed: unpack it with `zstd -d`",
@@ -100,7 +100,7 @@ class Bag:
         for connection in self._reader.connections:
             types, count = found.get(connection.topic, (set(), 0))
             if connection.msgcount and not count:
-                types = set()  # those before were announced, but no message came
+                types = set()  # the types so far were announced, but had no message
             if connection.msgcount or not count:
                 types = types | {connection.msgtype}
             found[connection.topic] = types, count + connection.msgcount

@@ -29,7 +29,7 @@ from runners.recordings.bags import Bag, Message, Topic
 ENDINGS = (".log", ".clf", ".log.gz", ".clf.gz")
 SCAN, POSES, MOUNT = "/scan", "/pose", "/tf_static"
 FLASER, ROBOTLASER = "FLASER", "ROBOTLASER1"
-RANGE_MAX = 80.0  # [m] of a FLASER line, which does not say: a SICK LMS reports errors as 81 m and more
+RANGE_MAX = 80.0  # [m] for FLASER, which has none: a SICK LMS reports errors as 81 m and more
 
 _TYPES = {MOUNT: TF[0], POSES: POSE, SCAN: LASER_SCAN}  # in the order in which they are read
 _ODOM, _BASE, _LASER = "odom", "base_link", "laser"
@@ -41,9 +41,9 @@ _FLASER_FOV = {  # [deg] by the number of beams, where it is not half a turn; th
 }
 _URG_BEAMS = (681, 682, 683, 769)  # of a Hokuyo URG-04LX, over 240° or its whole 270°
 _URG_INCREMENT = 360.0 / 1024.0  # [deg]
-_FINEST = 0.25  # [deg] beams over half a turn are a multiple of this apart
+_FINEST = 0.25  # [deg] increments over half a turn are multiples of this
 _RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
-_SAME_M, _SAME_RAD = 0.02, 0.02  # to which the laser keeps its place on the robot
+_SAME_M, _SAME_RAD = 0.02, 0.02  # tolerance for the laser's pose on the robot
 
 
 class _Scan(NamedTuple):

@@ -139,7 +139,7 @@ def _draw_blind_arc(axes: Axes, scan_source: ScanSource, reach: float) -> None:
     lidar = scan_source.robot.lidar
     if lidar.full_circle:
         return
-    middle = math.degrees(lidar.yaw) + 90.0  # ahead is up
+    middle = math.degrees(lidar.yaw) + 90.0  # since ahead is up on the page
     half = math.degrees(lidar.fov) / 2
     centre = (-lidar.y, lidar.x)
     blind = Wedge(centre, 2 * reach, middle + half, middle - half + 360, facecolor="#EEEEEE", zorder=0)

@@ -155,7 +155,7 @@ def _inspected(bag: Bag, config: LogConfig) -> Recording:
 
 def _in_map_frame(bag: Bag, topics: Topics, config: LogConfig) -> Recording | None:
     frames = FramesConfig(_MAP_FRAME, config.frames.base)
-    with suppress(InputError):  # inspecting without these frames says what is wrong
+    with suppress(InputError):  # inspecting without these frames reports the error
         recording = inspect(bag, topics._replace(pose=None), frames, config.clock)
         if recording.topics.pose is None:
             return recording
@@ -171,6 +171,6 @@ def _robot(name: str | None) -> Robot:
 def _located(source: ScanSource, message: Any, base: Pose, posture: Posture | None) -> LocatedScan:
     scan = source.raw(message, posture)
     source.warn_of_faults(message, scan, posture)
-    if source.upside_down:  # its bearings are reversed
+    if source.upside_down:  # then the bearings are reversed
         scan = scan._replace(angle_min=-scan.angle_min, angle_increment=-scan.angle_increment)
     return LocatedScan(scan, compose(base, source.mount), base, not is_cloud(message))

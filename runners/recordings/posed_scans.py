@@ -67,7 +67,7 @@ class PosedScans:
         self._twists, self._as_received = TwistCheck(), recording.bag.by_lme
         self.scans = 0  # seen so far, wanted or not
         self._frame = frame(recording.first_scan.content.header.frame_id)
-        self._left_out: set[str] = set()  # kinds of scans
+        self._left_out: set[str] = set()  # kinds of scans that were warned of
 
     def take(self, message: Message) -> None:
         """Process a pose, a transform, an orientation or a scan; ignore any other message.

@@ -15,7 +15,7 @@ from runners.reports.analysis.columns import aligned
 
 # Message types of each role in order of preference, and the usual name of such a topic in ROS.
 _SCANS = (messages.LASER_SCAN, messages.POINT_CLOUD)
-_POSES = (messages.ODOMETRY,)  # tf comes second, then _OTHER_POSES
+_POSES = (messages.ODOMETRY,)  # if there are none: tf, then _OTHER_POSES
 _OTHER_POSES = (messages.POSE, messages.POSE_WITH_COVARIANCE, messages.TRANSFORM)
 _COMMANDS = (messages.TWIST, messages.TWIST_STAMPED)
 _GOALS = (messages.POSE,)

@@ -55,7 +55,7 @@ class Node:
         self._topics = topics
         self._period = round(period * SECOND)
         self._make = OutgoingMessages(transport)
-        self._due = 0  # [ns] when the next decision is due
+        self._due = 0  # [ns] due time of the next decision
         self._goal: ActionGoal | None = None
         self._goal_time = 0  # [ns] when it arrived
         self._before: Explanation | None = None
@@ -92,7 +92,7 @@ class Node:
         now = self._clock.now()
         if now is None:
             return
-        waits = self._due - self._period <= now < self._due  # otherwise it is due, or time has jumped
+        waits = self._due - self._period <= now < self._due  # else a step is due, or time has jumped
         if waits and self._clock.seconds_still < self._config.stale / 4:
             return
         if not waits:
@@ -191,7 +191,7 @@ class Node:
             time.sleep(0.02)
         if self._goal is not None:
             self._goal.abort("the node shuts down")
-            self._ros.handle(0.1)  # in which ROS sends the result
+            self._ros.handle(0.1)  # time for ROS to send the result
 
     def _connect(self) -> SystemClock | TopicClock:
         """Subscribe and advertise; return the node's clock."""

@@ -49,7 +49,7 @@ class Ros2:
         self._handled = 0
         self._later: list[
             Callable[[], None]
-        ] = []  # what the action server requests, when its own part is done
+        ] = []  # calls that the action server defers until its own part is done
         self.sim_time = bool(self._node.get_parameter("use_sim_time").value)
 
     def has(self, kind: str) -> bool:

@@ -9,7 +9,7 @@ from lme.errors import InputError
 from lme.live.poses import TWISTS
 
 TF_MESSAGE = "tf2_msgs/TFMessage"
-TF = "tf"  # instead of a topic of poses
+TF = "tf"  # takes the place of a topic of poses
 SCANS = {"LaserScan": "sensor_msgs", "PointCloud2": "sensor_msgs"}
 POSES = {
     "Odometry": "nav_msgs",

@@ -17,7 +17,7 @@ HANDLING = 0.05  # [s] in one call of `handle`: messages that arrive too fast mu
 class Delivery(Enum):
     """The messages that a subscriber receives."""
 
-    NEWEST = auto()  # as of sensors; older ones may be lost
+    NEWEST = auto()  # for sensors: older messages may be lost
     ALL = auto()
     LATCHED = auto()  # all, and the last one sent before subscribing
 

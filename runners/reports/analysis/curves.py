@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 LEAST = 3  # minimum number of values that make a curve
-AT = "at"  # column of the key's number
+AT = "at"  # name of the column with the key's number
 EPISODE = ["world", "run"]
 NAMES = {SUCCESS: "success", "collision": "collision", METRIC: "BARN metric"}
 

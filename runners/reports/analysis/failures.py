@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 FOLDER, INDEX = "explain", "index.html"
-HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # of `cells`
+HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # headers of `cells`
 _EPISODE = ["run_dir", *KEY_COLUMNS]
 _TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
 _MAX_SETTINGS = 3  # in the name of a job

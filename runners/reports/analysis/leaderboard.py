@@ -257,7 +257,7 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
     """Return the command that drove a run; that of `lme train` or `lme learn` for the evaluation at its end."""
     try:
         parent = read_launch(run_dir.parent)
-    except InputError as error:  # it says nothing about the run but how it was started
+    except InputError as error:  # the parent only says how the run was started
         warnings.warn(str(error), stacklevel=2)
         parent = None
     above = parent if parent is not None and not parent.multirun else None

@@ -19,7 +19,7 @@ class SweepStudy(ABC):
     """One setting of a study: sentences for the terminal, tables for `NAME.md`, lines for `NAME.csv`."""
 
     __slots__ = ()
-    name: ClassVar[str]  # of the files
+    name: ClassVar[str]  # stem of the files
 
     @classmethod
     @abstractmethod

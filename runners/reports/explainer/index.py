@@ -46,7 +46,7 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
     parts = {
         "TITLE": html_text(title(frame)),
         "STYLE": asset("index.css"),
-        "RUN": html_text("/".join(run_dir.resolve().parts[-2:])),  # as MLflow names it
+        "RUN": html_text("/".join(run_dir.resolve().parts[-2:])),  # the name in MLflow
         "RESULTS": to_html(summarise(frame)),
         "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
     }

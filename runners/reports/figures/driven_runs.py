@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-LINE_IN, LINE_LETTERS = 0.145, 112  # of a heading on a page of 7 in
+LINE_IN, LINE_LETTERS = 0.145, 112  # height and letters of a line of a heading on a page 7 in wide
 
 
 @dataclass(slots=True)

@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 
 PAGE_IN, EDGE_IN, GAP_IN, WIDE_IN, BAR_IN = 7.0, 0.08, 0.2, 4.9, 0.1
 CANDIDATES = "viridis"  # as in the other figures
-FIELD, PALEST, DARKEST = "BuPu", 0.05, 0.55  # the pale part of it: points and candidates must stand out
+FIELD, PALEST, DARKEST = "BuPu", 0.05, 0.55  # its pale part, on which points and candidates stand out
 BESIDE, BEHIND = 0.72, 0.35  # of the view ahead
-LINES, NAMED = 20, 4  # of equal time at most; one of how many has a label
+LINES, NAMED = 20, 4  # most lines of equal time; every NAMED-th has a label
 CLIPPED = (5, 100)  # [percentile] ends of the colour scale of scores
-SAME_M = 1e-6  # [m] a known point this near to one of the scan is that point
+SAME_M = 1e-6  # [m] a known point this near to a scan point is the same point
 
 
 def telling_step(trace: Trace) -> int:
@@ -83,7 +83,7 @@ def sights(trace: Trace, last: int) -> list[Sight]:
     """Recompute the input of the criteria at each step up to the `last`, from the observations."""
     guide = build.navigator(trace.config).guide
     assert isinstance(guide, LmePlus)
-    guide.reset(np.random.default_rng(0))  # candidates change nothing of it
+    guide.reset(np.random.default_rng(0))  # the field does not depend on the candidates
     found = []
     for step in trace.steps[: last + 1]:
         guide.guide(step.observation)

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 PAGE_IN, EDGE_IN, GAP_IN = 7.0, 0.08, 0.14
 CAPTION_LINE_IN, CAPTION_LETTERS, CAPTION_LINES = 0.13, 44, 6  # below a panel
-NEAREST_M = 1.0  # shown around the robot at least
-TURN_RAD = math.radians(30)  # of the name of B
+NEAREST_M = 1.0  # least distance shown around the robot
+TURN_RAD = math.radians(30)  # by which the name of B is turned away from the target
 ARCS = (0.62, 0.45)  # of the panel's half width: radii of the arcs of the smaller and the larger angle
 
 

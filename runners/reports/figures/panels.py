@@ -34,7 +34,7 @@ LINE_PT = 10.5  # between the lines of text below a panel
 LETTER_IN = 0.056  # approximate width of a letter
 FIRST_PT = 8.0  # from the panel's edge to the middle of the first line
 SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; space for the length next to it
-SMALLER = 0.75  # factor on stars without numbers: there may be many
+SMALLER = 0.75  # size of stars without numbers, of which there may be many
 FAINTEST = 0.25  # opacity of the first subgoal where later ones are stronger
 APART = 0.09  # of the panel's diagonal: numbered subgoals closer than this would hide their numbers
 

@@ -29,7 +29,7 @@ CELLS = 240  # of the grid that a contour is traced on, along each side
 OLD: Floats = np.array([0.78, 0.91, 0.86])
 YOUNG: Floats = np.array([0.0, 0.30, 0.22])
 LETTER_PT = 8.0
-HALO_PT = 2.5  # white around letters
+HALO_PT = 2.5  # width of the white outline of letters
 STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "markersize": 10, "markeredgecolor": "white"}
 
 

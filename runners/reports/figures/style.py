@@ -54,7 +54,7 @@ _PRINT: dict[Any, Any] = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "lme",
-}  # text stays text
+}  # keeps text as text
 
 
 def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:

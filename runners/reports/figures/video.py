@@ -23,7 +23,7 @@ class VideoConfig:
     """Appearance of a film."""
 
     format: str = GIF
-    speed: float | None = None  # simulated time per shown time
+    speed: float | None = None  # simulated seconds per second of film
     fps: float = 10.0  # [1/s]
     width: int = 800  # [px]
     candidates: bool = False

@@ -31,7 +31,7 @@ PAIR_IN = (9.0, 4.6)
 FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
-LABEL = 34  # letters in a line of a name
+LABEL = 34  # most letters in a line of a name
 LETTERS_PER_IN = 18  # of the note below a picture
 
 
@@ -117,7 +117,7 @@ def _bars(axes: Axes, gain: pd.Series) -> None:
         fontsize=8.5,
         color=INK,
     )
-    spare = max(0, FEWEST_BARS - len(shown)) / 2  # a few bars must not become walls
+    spare = max(0, FEWEST_BARS - len(shown)) / 2  # so that a few bars do not fill the axes
     axes.set_xlim(-0.8 - spare, len(shown) - 0.2 + spare)
     _plain(axes, "y")
 

@@ -23,7 +23,7 @@ METRIC = "barn_metric"
 WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
 THICK, THIN = 0.8, 0.42  # height of our bars, of published bars
 FADED = 0.45  # opacity of published bars
-MOST = 60  # bars that a page can show
+MOST = 60  # most bars on a page
 
 
 def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> list[Path]:
