@@ -101,7 +101,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
         raise InputError(
             f"resume={directory}: holds a run of lme {saved.command}, not of lme {command}: use {hint}"
         )
-    # Refuse a run that must not decide here, and a second word on where to write.
+    # Refuse an untrusted run, and an override that names the directory a second time.
     _check_foreign(saved, directory, given)
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
@@ -111,7 +111,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
     if not saved.multirun and "hydra.mode" not in keys:
         kept.append("hydra.mode=RUN")  # a single job, even if its experiment asks for a sweep
-    # Everything else that was not given now is as at the launch.
+    # Take everything else that was not given now from the launch.
     config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
     if config_dir is not None:
         arguments.check_config_dir(config_dir)

@@ -50,7 +50,7 @@ class Submitted:
 
     @contextlib.contextmanager
     def explain_errors(self) -> Iterator[None]:
-        """Replace an error of submitit, about a job or the cluster, by a LauncherError of one line."""
+        """Raise a LauncherError of one line in place of submitit's error about a job or the cluster."""
         try:
             yield
         except RuntimeError as error:

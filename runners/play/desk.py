@@ -69,7 +69,7 @@ class Desk:
                 self._told = _NOTHING
             self.session.restore(before)
             news, self._more = list(self._news()), []
-        # First the change itself, then what the message asked for.
+        # Send the change itself first, then what the message asked for.
         yield from news
         yield from self._more
         self._more = []

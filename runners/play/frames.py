@@ -105,7 +105,7 @@ def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
     task = drawing.task()
     add_world(packer, task.world)
     world = task.world
-    # In a world of too many parts, only drawn ones and movers can be dragged.
+    # In a world of too many parts, only drawn items and movers are sent one by one.
     count = len(world.circles) + len(world.segments) + len(world.polygons) + len(world.movers)
     parts = [
         {"name": name, "kind": item.kind, "entry": item.entry}

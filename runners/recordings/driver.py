@@ -163,7 +163,7 @@ class Driver:
         points = obstacle_points(observation.scan, self._robot.lidar.mount)
         time_s = self._recording.seconds(motion.stamp)
         (x, y), (subgoal_x, subgoal_y) = observation.target, guidance.subgoal
-        # A row of the table, all in SI units but for the time of the decision.
+        # Add a row to the table, in SI units except for the time of the decision.
         self.log.rows.append(
             {
                 "time_s": time_s,
@@ -184,7 +184,7 @@ class Driver:
                 **_features(self._navigator.explanation()),
             }
         )
-        # The same as a step, for the pictures and for the listeners.
+        # Pass the same on as a step, to the sample for the pictures and to the listeners.
         step = ReplayStep(time_s, motion, observation.target, points, guidance.subgoal, command)
         self._sampler.offer(step)
         for listener in self._listeners:

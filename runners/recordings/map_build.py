@@ -113,7 +113,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
                 way.append((located.base.x, located.base.y))
         if len(way) == before:
             raise InputError(f"log {path}: no scan between start and end has a pose within half a second")
-    # Turn the grid into a map of limited size.
+    # Turn the grid into a map, whose size is limited.
     points = np.array(way)
     built = grid.finish(points, config.radius, config.reach)
     if built.cells.size > MAX_PIXELS:

@@ -74,7 +74,7 @@ class PosedScans:
 
         Raises InputError if time goes backwards.
         """
-        # Poses and transforms come first: a message of tf may be both.
+        # A message of tf updates the transforms, and may also hold a pose.
         sample = self._recording.pose(message, self.tree)
         if sample is not None:
             if self._pose_order.accepts(sample.stamp):

@@ -85,7 +85,7 @@ class Recording:
 
         Transforms of a tf message are first added to `tree`.
         """
-        # From tf, only if no topic gives the pose.
+        # tf gives the pose only if no topic does.
         if message.topic in self.topics.tf:
             tree.update(message.content)
             found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
@@ -157,7 +157,7 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
 
     Warns of twists that contradict the poses.
     """
-    # Read static transforms, then the first messages until they say enough.
+    # Read the static transforms, then the first messages until they suffice.
     first = _Beginning(topics)
     for message in _statics(bag, topics):
         first.tree.update(message.content)

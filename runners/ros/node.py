@@ -196,13 +196,13 @@ class Node:
     def _connect(self) -> SystemClock | TopicClock:
         """Subscribe and advertise; return the node's clock."""
         ros, topics, driver = self._ros, self._topics, self._driver
-        # What the node publishes.
+        # Advertise what the node publishes.
         self._command = ros.publisher(topics.command, topics.command_kind)
         self._subgoal = ros.publisher(topics.subgoal, "geometry_msgs/PointStamped")
         self._markers = ros.publisher(topics.markers, "visualization_msgs/MarkerArray")
         self._reason = ros.publisher(topics.reason, "std_msgs/String")
         self._diagnostics = ros.publisher(topics.diagnostics, "diagnostic_msgs/DiagnosticArray")
-        # What it reads: the clock, then the sensors, each message with the time of its arrival.
+        # Subscribe to the clock and to the sensors; each message gets the time of its arrival.
         clock = self._connect_clock()
 
         def stamped(take: Any) -> Any:

@@ -59,7 +59,7 @@ class Outcomes:
         self._rows.writerow([world, run, driven.outcome, driven.time, score, spl, *lengths])
         self._file.flush()
         self._successes.append(success)
-        # Only worlds of BARN have its metric.
+        # Only the worlds of BARN and DynaBARN have the metric.
         of_barn = driven.task.map_name.startswith(BARN)
         self._scores += [score] * of_barn
         metric = f"BARN metric {score:.3f}, " if of_barn else ""

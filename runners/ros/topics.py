@@ -69,15 +69,15 @@ class LiveTopicsConfig:
 
     @property
     def scan_kind(self) -> str:
-        """The type of the scans with its package."""
+        """Type of the scans with its package."""
         return f"{SCANS[self.scan_type]}/{self.scan_type}"
 
     @property
     def pose_kind(self) -> str:
-        """The type of the poses with its package."""
+        """Type of the poses with its package."""
         return f"{POSES[self.pose_type]}/{self.pose_type}"
 
     @property
     def command_kind(self) -> str:
-        """The type of the commands with its package."""
+        """Type of the commands with its package."""
         return f"{COMMANDS[self.command_type]}/{self.command_type}"

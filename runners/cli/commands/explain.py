@@ -121,7 +121,7 @@ def _list(run_dir: Path) -> None:
     if successes:
         many = f"{successes} episodes" if successes > 1 else "1 episode"
         print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
-    # Commands for an example, which failed if any did.
+    # Print commands for an example, which is a failed episode if there is one.
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
     trust = trust_flags(run_dir)
@@ -152,7 +152,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     from runners.tracking.mlflow import add_files
     from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
 
-    # Find the episodes, and drive and draw each in a worker.
+    # Make the page of each episode, several of them in worker processes.
     episodes = pages.select_episodes(read_episodes([run_dir]), words)
     places = _places(run_dir, pages.keys_of(episodes), output)
     executor = ProcessExecutor(ProcessConfig())

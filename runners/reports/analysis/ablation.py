@@ -123,7 +123,7 @@ class AblationStudy(SweepStudy):
             *sorted(block.variants.keys() - CLAIMS.keys()),
         ]
         variants = [Variant(COMPLETE, paired.row(block.baseline), {})]
-        # Judge each variant of which the paper makes a statement.
+        # Judge each variant about which the paper makes a statement.
         for name in names:
             change = {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
             verdict = _verdict(name, by_measure[SUCCESS], claims) if name in claims else None

@@ -30,7 +30,7 @@ _MAX_SETTINGS = 3  # in the name of a job
 
 
 def page_path(run_dir: Path, key: EpisodeKey) -> Path:
-    """The default path of an episode's page."""
+    """Return the default path of an episode's page."""
     return run_dir / FOLDER / f"{key.world}-{key.run}.html"
 
 

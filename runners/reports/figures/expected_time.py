@@ -149,7 +149,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     )
     levels = _levels(**ends)
     lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
-    # Label one of NAMED lines.
+    # Label one line in NAMED.
     whole = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
     axes.clabel(lines, levels[whole], fontsize=7, fmt="%g s")
     way = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size)[0])

@@ -170,7 +170,7 @@ def _rows(
 
 def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
     panels = [panel for row in rows for panel in row]
-    # Boxes of all places; panels that wrap around show places at one scale.
+    # Find the box of each place; panels of different places share one scale.
     boxes = {panel.place: _box(panel.place) for panel in panels}
     if _is_wrapped(rows):
         boxes = dict(zip(boxes, same_size(list(boxes.values())), strict=True))
