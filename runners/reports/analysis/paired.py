@@ -145,7 +145,7 @@ def values(part: pd.DataFrame, quantity: str) -> pd.Series:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p-values adjusted for multiple comparisons (Holm 1979, https://www.jstor.org/stable/4615733); NaN stays NaN."""
+    """Return the p-values adjusted by Holm's method (1979, https://www.jstor.org/stable/4615733); NaN stays NaN."""
     order = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
     adjusted = [math.nan] * len(p_values)
     least = 0.0
