@@ -4,9 +4,9 @@ from __future__ import annotations
 
 PACKAGES = {  # by the module that is imported
     "hydra": "hydra-core",
+    "jinja2": "jinja2",
     "matplotlib": "matplotlib",
     "mlflow": "mlflow",
-    "omegaconf": "hydra-core",
     "onnx": "onnx",
     "onnxruntime": "onnxruntime",
     "optuna": "optuna",

@@ -8,6 +8,7 @@ import logging
 import math
 import os
 import shlex
+import threading
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -97,7 +98,7 @@ def _create_store(path: Path) -> None:
     from mlflow import MlflowClient
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
     unfinished.touch()  # fails at once, where MLflow would retry for 100 s
     try:
         MlflowClient(tracking_uri=f"{SQLITE}{unfinished}").search_experiments(max_results=1)
