@@ -61,7 +61,7 @@ def first_contacts(
     horizons: Floats,
     slack: float = SLACK,
 ) -> Floats:
-    """`contact_times` for compiled callers; a point inside the margin must keep `slack` of its distance.
+    """Compute `contact_times` for compiled callers; a point inside the margin must keep `slack` of its distance.
 
     Points are sorted by distance, coarsely, so that a contact ends the search early.
     """
@@ -317,7 +317,7 @@ def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):
 
 @njit(cache=True, error_model="numpy")
 def _wrap_positive(angle):
-    """The angle wrapped to [0, 2π)."""
+    """Wrap an angle to [0, 2π)."""
     if angle < 0.0:
         angle += 2.0 * math.pi
     if angle < 0.0:

@@ -44,7 +44,7 @@ def edge_grid(edges: Floats) -> EdgeGrid:
 
 
 def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -> Floats:
-    """The edges (K, 4) of the grid that may be the nearest of its edges, or in contact, at some pose.
+    """Edges (K, 4) of the grid that may be the nearest of its edges, or in contact, at some pose.
 
     poses (P, 3) of a footprint, P ≥ 1; box (half_length, half_width, rounding) [m]. An edge may occur twice.
     """
@@ -79,7 +79,7 @@ def _by_cell(edges, low_x, low_y, side, rows, columns):
 
 @njit(cache=True, error_model="numpy")
 def _rows(edges, i, low_y, side, rows):
-    """The rows that edge i touches."""
+    """Rows that edge i touches."""
     low, high = min(edges[i, 1], edges[i, 3]) - _SLACK, max(edges[i, 1], edges[i, 3]) + _SLACK
     return range(_cell(low, low_y, side, rows), _cell(high, low_y, side, rows) + 1)
 

@@ -49,7 +49,7 @@ def outline_cells(
 def outline_cost(
     costs: Costs, outline: Floats, pose: tuple[float, float, float], grid: Grid, cells: Ints
 ) -> int:
-    """The highest cost under the outline at `pose`; -1 if it is `TOUCHING` or a corner is off the map.
+    """Highest cost under the outline at `pose`; -1 if it is `TOUCHING` or a corner is off the map.
 
     cells (M,), M ≥ `outline_capacity`, is overwritten.
     """

@@ -1,4 +1,4 @@
-"""Maps from scans and poses: what the beams met and passed, as cells."""
+"""Maps from scans and poses: cells that the beams hit and passed."""
 
 from lme.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, GridMap, OccupancyGrid
 

@@ -190,7 +190,7 @@ def ends_of(world: World, start: Pose) -> Floats:
 
 
 def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int]]:
-    """The grid around the origin and the places (N, 2), and its shape (I, J)."""
+    """Grid around the origin and the places (N, 2), and its shape (I, J)."""
     ends = np.vstack([np.zeros(2), places])
     below, above = (
         np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))

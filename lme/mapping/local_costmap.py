@@ -100,7 +100,7 @@ class LocalCostmap:
         inflate(self._hits, self._stamp, self.costs)
 
     def outline_cost(self, pose: Pose) -> int:
-        """The highest cost under the outline at a pose; -1 if it touches an obstacle."""
+        """Highest cost under the outline at a pose; -1 if it touches an obstacle."""
         return outline_cost(self.costs, self.outline, pose, self.grid, self._cells)
 
     def _follow(self, pose: Pose) -> None:
@@ -122,7 +122,7 @@ def _moved(hits: Hits, di: int, dj: int) -> Hits:
 
 
 def _overlap(shift: int, length: int) -> tuple[slice, slice]:
-    """The part of an axis that stays on the map after a shift: its new and its old indices."""
+    """Part of an axis that stays on the map after a shift: its new and its old indices."""
     kept = max(length - abs(shift), 0)
     new, old = max(-shift, 0), max(shift, 0)
     return slice(new, new + kept), slice(old, old + kept)

@@ -249,7 +249,7 @@ class OccupancyGrid:
         return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
 
     def _seen_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
-        """The rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
+        """Rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
         seen = (self._hits > 0) | (self._misses > 0)
         seen[rows, columns] = True
         along = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))

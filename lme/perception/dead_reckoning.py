@@ -59,7 +59,7 @@ class DeadReckoning:
         return Move(before, now, pose if self.by_poses else None)
 
     def velocity(self, move: Move) -> Twist:
-        """The mean velocity of a motion."""
+        """Mean velocity of a motion."""
         if move.pose is None:
             return Twist((move.before.v + move.now.v) / 2, (move.before.omega + move.now.omega) / 2)
         return Twist(move.pose.x / self._dt, move.pose.yaw / self._dt)

@@ -59,7 +59,7 @@ class PointCloud2(Protocol):
 
 
 def cloud_points(cloud: PointCloud2) -> Floats:
-    """The points of a PointCloud2, row by row: (N, 3) [m], NaN for no return.
+    """Points of a PointCloud2, row by row: (N, 3) [m], NaN for no return.
 
     Raises InputError if x, y or z is missing or not a float, or if the layout does not fit the data.
     """
@@ -67,7 +67,7 @@ def cloud_points(cloud: PointCloud2) -> Floats:
 
 
 def point_times(cloud: PointCloud2, stamp: int) -> Floats | None:
-    """The time of each point after the stamp of the cloud, row by row: (N,) [s]; None if the cloud does not say.
+    """Time of each point after the stamp of the cloud, row by row: (N,) [s]; None if the cloud does not say.
 
     stamp [ns]: of the cloud. Drivers name the field `timestamp`, since 1970 (Livox: ns; Hesai, RoboSense: s), `time`
     (Velodyne, Unitree: s after the stamp) or `t` (Ouster: ns after the stamp, as an integer).
@@ -106,7 +106,7 @@ def rigid_transform(mount: ArrayLike) -> Floats:
 
 
 def _channels(cloud: PointCloud2, layout: np.dtype[np.void]) -> Floats:
-    """The channels of a layout, row by row: (N, C). Raises InputError if it does not fit the data."""
+    """Channels of a layout, row by row: (N, C). Raises InputError if it does not fit the data."""
     names = layout.names or ()
     height, width = cloud.height, cloud.width
     if height * width == 0:

@@ -44,7 +44,7 @@ def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
 
 
 def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
-    """The lidar that produced a tidied scan, and the scan in that lidar's frame with unchanged ranges.
+    """Lidar that produced a tidied scan, and the scan in that lidar's frame with unchanged ranges.
 
     mount: pose of the scan's frame in the base frame. A `Lidar` faces the middle of its field of view, so an
     asymmetric scan gives a rotated lidar.

@@ -171,7 +171,7 @@ class GlobalPath:
         return np.vstack([robot, way] if touching else [robot, way, target])
 
     def _in_sight(self, path: Floats, observation: Observation) -> Floats:
-        """The farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
+        """Farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
 
         The corridor has the radius of the padded robot, else of the robot, else of its inner disc, limited to the
         current clearance. If no point is in sight, the point one robot radius along the path is taken.

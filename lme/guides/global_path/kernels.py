@@ -59,7 +59,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
 
 @njit(cache=True, error_model="numpy")
 def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> Ints:
-    """The cells of a cheapest path from start to goal: (K, 2); K = 0 if `search` did not reach the goal.
+    """Cells of a cheapest path from start to goal: (K, 2); K = 0 if `search` did not reach the goal.
 
     Among equal paths, it takes the one nearer to the line from start to goal.
     """
@@ -131,7 +131,7 @@ def departs(path: Floats, other: Floats, limit: float) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> Cell:
-    """The passable cell nearest to `cell`, in a tie the one nearer to `towards`; (-1, -1) if there is none."""
+    """Passable cell nearest to `cell`, in a tie the one nearer to `towards`; (-1, -1) if there is none."""
     rows, columns = costs.shape
     best, best_away, found_i, found_j = np.inf, np.inf, -1, -1
     # Square rings around the cell, until all cells of the next are farther away than the best.

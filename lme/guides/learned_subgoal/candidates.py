@@ -17,7 +17,7 @@ CANDIDATES = BEARINGS * len(RANGES)
 
 
 def bearings() -> Floats:
-    """The bearings of the grid [rad], in [0, 2π): (BEARINGS,)."""
+    """Bearings of the grid [rad], in [0, 2π): (BEARINGS,)."""
     return np.arange(BEARINGS, dtype=np.float64) * (math.tau / BEARINGS)
 
 

@@ -123,7 +123,7 @@ class SubgoalInterface:
 
 
 def told_values(robot: Robot) -> Floats:
-    """The values of `TOLD` for a robot: (6,)."""
+    """Values of `TOLD` for a robot: (6,)."""
     half_length, half_width, rounding = robot.footprint.box
     return np.array([*robot.limits.bounds, 2 * (half_length + rounding), 2 * (half_width + rounding)])
 

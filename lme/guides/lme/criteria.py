@@ -116,7 +116,7 @@ def c_h(candidates: Floats, view: View) -> Floats:
 
 @njit(cache=True)
 def _free(apex: Floats, ends: Floats, points: Floats, radius: float) -> Floats:
-    """1 if the segment from the apex to the end is at least `radius` away from every point, else 0: (N,)."""
+    """Return 1 if the segment from the apex to the end is at least `radius` away from every point, else 0: (N,)."""
     blocked = fan_blocked(apex, ends, points, radius)
     free = np.empty(len(ends))
     for i in range(len(ends)):

@@ -27,7 +27,7 @@ class Choice(StrEnum):
 
 
 def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Floats:
-    """UpdatePos (§III.D): transform fixed points to the robot frame of one control period later.
+    """Transform fixed points to the robot frame of one control period later: UpdatePos (§III.D).
 
     points: (N, 2) in the old robot frame [m]. First order, as in the paper: translate by the mean forward
     velocity, then rotate by the mean turn rate.
@@ -69,7 +69,7 @@ def _remember(positions: Floats, length: int, forward: float, angle: float) -> F
 
 @njit(cache=True)
 def _at_least(points: Floats, distance: float) -> Floats:
-    """The (N, 2) points whose distance from the origin is at least `distance` [m]."""
+    """Those of the (N, 2) points whose distance from the origin is at least `distance` [m]."""
     kept = np.empty(points.shape)
     count = 0
     for i in range(len(points)):
@@ -80,7 +80,7 @@ def _at_least(points: Floats, distance: float) -> Floats:
 
 
 def choose(old_distance: float, old_score: float, new_score: float, d1: float, d2: float) -> Choice:
-    """Algorithm 1, lines 9–13: switch if the old subgoal is reached or scores lower by more than d2."""
+    """Switch if the old subgoal is reached or scores lower by more than d2 (Algorithm 1, lines 9–13)."""
     if old_distance < d1:
         return Choice.REACHED
     return Choice.BETTER if new_score - old_score > d2 else Choice.KEPT

@@ -35,7 +35,7 @@ class Term(NamedTuple):
 
 
 def reason(now: Explanation, before: Explanation | None = None) -> str:
-    """The reason for one decision: one sentence, or two if no candidate is reachable.
+    """Reason for one decision: one sentence, or two if no candidate is reachable.
 
     before: the decision one control period earlier, for naming what has changed; None at the first step.
     Source: second half of Algorithm 1.
@@ -82,7 +82,7 @@ def difference_terms(now: Explanation) -> list[Term]:
 
 
 def main_terms(terms: Sequence[Term]) -> list[Term]:
-    """The fewest leading terms such that Σ|rest| is at most LEFT_OUT of the sum of all terms."""
+    """Fewest leading terms such that Σ|rest| is at most LEFT_OUT of the sum of all terms."""
     most = LEFT_OUT * abs(sum(term.value for term in terms))
     rests = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
     return [term for term, rest in zip(terms, rests, strict=True) if rest > most]

@@ -52,7 +52,7 @@ def find_blockage(
 
 @njit(cache=True)
 def _sector_of(points: Floats, index: int, gap: float, full_circle: bool) -> tuple[tuple[int, int], bool]:
-    """The sector (first, last) that contains scan point `index`, and whether the sectors form a closed ring."""
+    """Sector (first, last) that contains scan point `index`, and whether the sectors form a closed ring."""
     sectors, closed = cluster(points, gap, full_circle)
     first, last = 0, len(points) - 1
     for k in range(len(sectors)):

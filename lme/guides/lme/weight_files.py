@@ -84,12 +84,12 @@ def find_network(weights: str, key: str = "planner.weights") -> Path:
 
 
 def shipped_weights() -> dict[str, Path]:
-    """The weight sets that ship with lme, by name."""
+    """Weight sets that ship with lme, by name."""
     return _shipped("weight_set", "yaml")
 
 
 def shipped_networks() -> dict[str, Path]:
-    """The networks that ship with lme, by name."""
+    """Networks that ship with lme, by name."""
     return _shipped("network", "npz")
 
 

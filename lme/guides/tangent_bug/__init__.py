@@ -1,4 +1,4 @@
-"""TangentBug: passes obstacles by the ends that a range sensor sees."""
+"""TangentBug, which passes obstacles by the ends that a range sensor sees."""
 
 from lme.guides.tangent_bug.guide import TangentBug
 

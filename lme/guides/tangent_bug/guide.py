@@ -1,4 +1,4 @@
-"""TangentBug: passes obstacles by the ends that a range sensor sees."""
+"""TangentBug, which passes obstacles by the ends that a range sensor sees."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ class _View:
         return self._node(k, longer, side) if k >= 0 else self._along_wall(start, side), least
 
     def nearest_place(self) -> Floats:
-        """The reachable place nearest to the target: the target, an end, or the farthest point towards the target."""
+        """Reachable place nearest to the target: the target, an end, or the farthest point towards the target."""
         if self.blocking(self.target) < 0:
             return self.target
         k = _direction(self.target)
@@ -241,7 +241,7 @@ class _View:
         return next((k for k in back if joined(self._owners[k], index, self._breaks)), start)
 
     def _along_wall(self, start: int, side: int) -> Vertex | None:
-        """The next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
+        """Next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
         k = first_longer(self._ways, start, side, 2.0 * self._radius)
         if k < 0:
             return None

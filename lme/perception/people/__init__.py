@@ -1,1 +1,1 @@
-"""Compiled parts of the tracker: registration, evidence of motion, clusters, circles, filter."""
+"""Tracker of people: registration, evidence of motion, clusters, circles, filter."""

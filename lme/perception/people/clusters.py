@@ -141,7 +141,7 @@ _LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
 @njit(cache=True, error_model="numpy")
 def runs_of(points, free_points, moved, lidar, settings):
-    """The group of each point, −1 for none, and the number of groups.
+    """Group of each point, −1 for none, and the number of groups.
 
     points (B, 2), moved (B,); free_points (B,): hits that belong to no track. A group is a run that is not wider than
     a person, or the part of a wider one that has moved; two legs that have moved are one group.

@@ -177,7 +177,7 @@ class PeopleTracker:
         return list(chosen.values())
 
     def _nearest(self, lag: float) -> _Seen:
-        """The earlier scan whose age is nearest to `lag` [s]."""
+        """Earlier scan whose age is nearest to `lag` [s]."""
         return min(self._seen, key=lambda seen: abs(self._time - seen.time - lag))
 
     def _remember(self, seen: _Seen) -> None:
