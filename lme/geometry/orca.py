@@ -1,7 +1,7 @@
 """Optimal reciprocal collision avoidance: permitted half-planes of velocities, and the best velocity in them.
 
-Van den Berg, Guy, Lin and Manocha 2011, "Reciprocal n-body collision avoidance", DOI 10.1007/978-3-642-19457-3_1;
-the linear programs are those of the authors' RVO2 library. A half-plane is a row [x, y, dx, dy]: a point on its border,
+Van den Berg, Guy, Lin and Manocha 2011, "Reciprocal n-body collision avoidance", DOI 10.1007/978-3-642-19457-3_1; the
+linear programs are those of the authors' RVO2 library. A half-plane is a row [x, y, dx, dy]: a point on its border,
 and the border's direction, with the permitted velocities to the left.
 """
 
@@ -21,9 +21,9 @@ _PARALLEL = 1e-10
 def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, share, line):
     """Write the half-plane of velocities that meet no disc within `horizon` [s] into `line` (4,).
 
-    relative: (x, y) of the other disc's centre from ours [m]; velocity, other_velocity: (vx, vy) [m/s]. reach: sum
-    of the radii [m]; discs that overlap must come apart within `dt` [s]. share: our part of the evasion,
-    ½ if the other disc does as much.
+    relative: (x, y) of the other disc's centre from ours [m]; velocity, other_velocity: (vx, vy) [m/s]. reach: sum of
+    the radii [m]; discs that overlap must come apart within `dt` [s]. share: our part of the evasion, ½ if the other
+    disc does as much.
     """
     # Relative velocity, and its offset from the disc that cuts off the cone of forbidden velocities.
     vx, vy = velocity[0] - other_velocity[0], velocity[1] - other_velocity[1]
@@ -65,9 +65,9 @@ def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, share, l
 def before_point(x, y, radius, horizon, line):
     """Write the half-plane that keeps a disc off a resting point into `line` (4,).
 
-    x, y: the point relative to the disc's centre [m]. The disc comes nearer by at most its clearance in `horizon` [s].
-    Where the point is the nearest of a convex obstacle, this keeps it off the whole obstacle. The velocity 0 is always
-    permitted, also in contact.
+    x, y: the point relative to the disc's centre [m]. The disc comes nearer by at most its clearance in `horizon`
+    [s]. Where the point is the nearest of a convex obstacle, this keeps it off the whole obstacle. The velocity 0 is
+    always permitted, also in contact.
     """
     away = math.sqrt(x * x + y * y)
     nx, ny = (x / away, y / away) if away > 0.0 else (1.0, 0.0)

@@ -28,7 +28,7 @@ class MapClock:
     Without a rate, the map is rebuilt at every observation, from its scan, at its pose. With a rate [Hz], it is
     rebuilt at a phase that is drawn per episode, mostly between two observations: from the scan of the earlier one,
     at the pose in between. The planner then plans from a newer pose than that of the map. A map that is rebuilt more
-    than once between two observations keeps the last time only. Time is counted in control periods of `dt` [s].
+    than once between two observations is only that of the last time. Time is counted in control periods of `dt` [s].
 
     Source: ros-planning/navigation, costmap_2d_ros.cpp (mapUpdateLoop, updateMap) and obstacle_layer.cpp, which
     projects a scan at its stamp, and takes it 0.05 s later at the earliest.

@@ -15,8 +15,8 @@ _SHARE = 0.02  # and share of the motion by which they may differ besides
 class Move(NamedTuple):
     """The motion of one control period.
 
-    before, now: the twists at its ends. pose: of the base now in its frame of then, by odometry, if that is the
-    better source; None if the twists are.
+    before, now: the twists at its ends. pose: of the base now in its frame one period before, by odometry, if that is
+    the better source; None if the twists are.
     """
 
     before: Twist

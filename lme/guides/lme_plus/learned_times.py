@@ -29,8 +29,8 @@ def learn(
     corner: index of the grid's frame in `learned`. times (W, W): see `travel_times`, which has searched all ways of
     up to `most` [s] from the robot at `here` (2,) to the target (2,). A cell without a time therefore takes at least
     `most`, less the time of the straight way from the robot, to within the time for one cell. Outside of an ellipse,
-    this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are left
-    out.
+    this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are
+    left out.
     """
     low_x, low_y, cell, size = grid
     # Robot and target as (row, column); the disc and the ellipse bound the columns of each row.

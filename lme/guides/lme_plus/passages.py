@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lme.guides.lme_plus.travel_grid import HALF_DIAGONAL, Grid, Pace
 from lme.types import Floats
 
-_ONE_SIDED = 0.9  # least share of a step by which one leads away from points that are on one side alone
+_ONE_SIDED = 0.9  # share of a step away from points on one side alone by which they become farther, at least
 
 
 @njit(cache=True, error_model="numpy")
