@@ -49,7 +49,7 @@ class Result(NamedTuple):
     optimal_time: float
 
     def info(self) -> dict[str, Any]:
-        """Return the entries of Gymnasium's info at the end; `is_success` is Stable-Baselines3's name."""
+        """Return the entries of Gymnasium's info at an episode's end; `is_success` is Stable-Baselines3's name."""
         success = self.outcome is Outcome.SUCCESS
         metric = (
             math.nan if math.isnan(self.optimal_time) else barn_metric(success, self.time, self.optimal_time)

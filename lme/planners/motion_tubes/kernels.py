@@ -203,7 +203,7 @@ def _less(a, b):
 
 @njit(cache=True, error_model="numpy")
 def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats, float]:
-    """Points (D, 2) at distances along a polyline (K, 2) from its point nearest to the origin, and its rest [m].
+    """Points (D, 2) at distances [m] along a polyline (K, 2) from where it is nearest to the origin, and its rest.
 
     The nearest point is searched for in the first `window` [m]. A distance past the end gives the end point.
     """

@@ -61,7 +61,7 @@ def next_waypoints(
         path, plan = way[first[i] : first[i + 1]], plans[i]
         if time < traits[i, _STARTS]:
             continue
-        # Count how long the person has not got on, other than at the end of the path, and turn round at last.
+        # Count the time without progress, other than at the end of the path, and turn round after `_PATIENCE`.
         is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
         last = _is_last(plan, len(path), repeats[i])
         away = _away(places[i], path[int(plan[_LEG])])
@@ -69,7 +69,7 @@ def next_waypoints(
         if plan[_STUCK] > _PATIENCE and len(path) > 1:
             plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
             _advance(plan, len(path), repeats[i])
-        # Move on past the waypoints that are reached.
+        # Skip the waypoints that have been reached.
         for _ in range(len(path)):
             if _is_last(plan, len(path), repeats[i]) or _away(places[i], path[int(plan[_LEG])]) > _REACHED:
                 break

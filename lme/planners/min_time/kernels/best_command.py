@@ -260,7 +260,7 @@ def _among_movers(v, omega, movers, reach, delay, brake):
 
 @njit(cache=True, error_model="numpy")
 def _met(v, omega, movers, reach, held, brake, horizon):
-    """Time until the robot on its arc is within `reach` of a mover and approaching; inf: not up to `horizon` [s].
+    """Time [s] until the robot on its arc is within `reach` of a mover and approaching; inf: not up to `horizon`.
 
     The command is held for `held` [s]; then the robot brakes on its arc at `brake` [m/s²].
     """
