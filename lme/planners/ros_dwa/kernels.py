@@ -55,7 +55,7 @@ def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int,
     rows, columns = costs.shape
     width = columns + 2  # with a wall around, so that no index leaves the map
     steps = np.full((rows + 2) * width, _WALL, np.int32)
-    # Open the cells that a way may lead through.
+    # Open the cells that may be crossed.
     for i in range(rows):
         for j in range(columns):
             if costs[i, j] < INSCRIBED or ignored[i, j]:

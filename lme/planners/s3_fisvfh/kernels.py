@@ -58,7 +58,7 @@ def histogram(points: Floats, x: float, y: float, spacing: float, window: float,
         for s in range(math.floor(low), math.ceil(high)):
             part = min(high, s + 1.0) - max(low, float(s))
             density[s % num_sectors] += part * (window - distance)
-    # Pieces may overlap, so the mean is limited to that of a sector full of contact.
+    # Pieces may overlap, so the mean is limited to `window`.
     for s in range(num_sectors):
         density[s] = min(density[s], window)
     return density
