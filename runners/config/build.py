@@ -54,7 +54,7 @@ def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
 
 
 def people_of(config: SystemConfig) -> People:
-    """Return the source of people that the system sees; without the key `people`, the simulator."""
+    """Return the source of people that the system sees; without the key `people`, the simulator's truth."""
     return People(getattr(config, "people", People.truth))
 
 

@@ -103,7 +103,7 @@ def shipped(*more: Path) -> Catalogue:
 
 
 def check_structure_of(file: Path) -> None:
-    """Raise InputError for a YAML file that is too large, nested too deeply, or unfolded by its aliases."""
+    """Raise InputError for a YAML file that is too large, nested too deeply, or inflated by aliases."""
     try:
         check_structure(_text(file))
     except UnfoldingError as error:

@@ -23,7 +23,7 @@ _BESIDE = ("name", "worlds", "subset", "count", "fresh_seed", "speed")
 
 
 def robots_like(robot: Mapping[str, Any], folders: tuple[Path, ...]) -> list[str]:
-    """Return the robots of the config folders with these values, of which no limit is lower than theirs."""
+    """Return the robots of the config folders with these values, except for limits that may be higher."""
     ours = _values(robot)
     return [name for name, other in _robots(folders).items() if not any(_differing(ours, other, limits=True))]
 

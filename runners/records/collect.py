@@ -28,7 +28,7 @@ NOT_AS_WRITTEN = (
 
 
 class Collected(NamedTuple):
-    """frames: records by run directory. problems: a line for each run that was left out."""
+    """Collected runs. frames: records by run directory. problems: a line for each run that was left out."""
 
     frames: dict[Path, pd.DataFrame]
     problems: list[str]

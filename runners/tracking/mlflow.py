@@ -125,7 +125,7 @@ class NoTracking:
 
 @dataclass(slots=True)
 class MlflowConfig:
-    """uri: that of the store, a database or a server. experiment: MLflow's name for a group of runs."""
+    """Settings of MLflow. uri: that of the store, a database or a server. experiment: name of a group of runs."""
 
     uri: str = DEFAULT_URI
     experiment: str = "lme"

@@ -14,7 +14,7 @@ _REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
 def fitting_names(names: Sequence[str]) -> list[str]:
-    """Return a different name that MLflow accepts for each of the names; accepted names stay as they are."""
+    """Return for each name one that MLflow accepts; all differ, and accepted names stay as they are."""
     used = {name for name in names if _fits(name)}
     seen: set[str] = set()
     fitting = []

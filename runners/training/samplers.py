@@ -40,7 +40,7 @@ class Search(Protocol):
 
 @dataclass(slots=True)
 class TpeConfig:
-    """startup: random trials before the model is used. multivariate: one joint model of all parameters."""
+    """Keys of TPE. startup: random trials before the model is used. multivariate: one model of all parameters."""
 
     batch: int = 4
     startup: int = 10
@@ -73,7 +73,7 @@ class Tpe:
 
 @dataclass(slots=True)
 class GpConfig:
-    """startup: random trials before the model is used."""
+    """Keys of the Gaussian process. startup: number of random trials before the model is used."""
 
     batch: int = 1
     startup: int = 10
@@ -105,7 +105,7 @@ class Gp:
 
 @dataclass(slots=True)
 class CmaesConfig:
-    """batch: number of trials at once, and the size of a generation."""
+    """Keys of CMA-ES. batch: number of trials at once, and the size of a generation."""
 
     batch: int = 10
 
@@ -130,7 +130,7 @@ class Cmaes:
 
 @dataclass(slots=True)
 class RandomConfig:
-    """batch: number of trials at once; it does not change the result."""
+    """Keys of the random search. batch: number of trials at once; it does not change the result."""
 
     batch: int = 8
 

@@ -43,8 +43,9 @@ _NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit 
 
 @dataclass(slots=True)
 class DaskConfig:
-    """address: that of a scheduler; null for a cluster on this machine of `workers` processes (null: one per core).
+    """Settings of the dask executor.
 
+    address: that of a scheduler; null for a cluster on this machine of `workers` processes (null: one per core).
     batch: maximum number of episodes in a task.
     """
 

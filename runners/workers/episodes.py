@@ -84,7 +84,7 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
 
 
 class _Observers:
-    """Several observers of one episode, told in turn."""
+    """Several observers of one episode, notified in turn."""
 
     def __init__(self, observers: Sequence[Observer]) -> None:
         self._observers = observers

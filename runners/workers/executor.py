@@ -93,7 +93,7 @@ class SerialExecutor:
 
 @dataclass(slots=True)
 class ProcessConfig:
-    """workers: number of processes; null: one for each core that this process may use."""
+    """Settings of the process executor. workers: number of processes; null: one for each usable core."""
 
     workers: int | None = None
 

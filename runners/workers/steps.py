@@ -62,7 +62,8 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
     key, row = next(iter(rows.items()))
     check_repeatable(launch, run_dir, key)
     labels = RunLabels(**{field.name: str(row.get(field.name, "")) for field in fields(RunLabels)})
-    worlds = sorted({key.world for key in rows})  # lme figure drives further ones
+    # Take the worlds from the records: lme figure also drives worlds that its config does not choose.
+    worlds = sorted({key.world for key in rows})
     config = replace(launch.config, map={**launch.config.map, "worlds": worlds})
     payload = EpisodePayload(config, labels, None)
     with ProcessExecutor(ProcessConfig()).open(initialise, payload) as run_all:
