@@ -43,7 +43,7 @@ C = TypeVar("C")
 
 @dataclass(slots=True)
 class InputFile:
-    """One file. source: absolute path at launch. sha256, size: its content's then. copy: SHA-256 of the copy, or ""."""
+    """One file. source: absolute path at launch. sha256, size: its content's then. copy: the copy's SHA-256, or ""."""
 
     source: str
     sha256: str
@@ -124,7 +124,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
             not isinstance(value, str) or key == WEIGHTS
         ):  # the config records the parameters of a weight set themselves
             return value
-        # A text of the config is an input of the run if key and value agree; others must be inside, shipped or trusted.
+        # A text is an input of the run if key and value agree; other files must be inside, shipped or trusted.
         own = known.get((last_part(key), value))
         if own is not None:
             return _place(own, directory)
