@@ -43,7 +43,7 @@ C = TypeVar("C")
 
 @dataclass(slots=True)
 class InputFile:
-    """One file. source: absolute path at launch. sha256, size: its content's then. copy: the copy's SHA-256, or ""."""
+    """One file. source: absolute path at launch. sha256, size: its content's then. copy: its copy's SHA-256 or ""."""
 
     source: str
     sha256: str
