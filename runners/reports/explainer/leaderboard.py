@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -92,18 +92,17 @@ def _count(entries: Sequence[BoardEntry]) -> str:
 def _settings(entries: Sequence[BoardEntry], page_dir: Path) -> Iterator[tuple[Any, list[dict[str, Any]]]]:
     """Yield each setting and its lines, by decreasing number of systems; the best success is the first line."""
     systems = Counter(setting for setting, _ in {(entry.setting, entry.system) for entry in entries})
+    shown, runs = defaultdict(list), defaultdict(list)
+    for entry in entries:
+        runs[entry.job].append(entry)
+        if entry.shown:
+            shown[entry.setting].append(entry)
     # One line for each job that is to be shown.
     for setting in sorted(systems, key=lambda setting: (-systems[setting], setting)):
-        shown = [entry for entry in entries if entry.setting == setting and entry.shown]
-        jobs = Counter(entry.system for entry in shown)
+        jobs = Counter(entry.system for entry in shown[setting])
         lines = [
-            _line(
-                entry,
-                jobs[entry.system] > 1,
-                [other for other in entries if other.job == entry.job],
-                page_dir,
-            )
-            for entry in sorted(shown, key=_worst_last)
+            _line(entry, jobs[entry.system] > 1, runs[entry.job], page_dir)
+            for entry in sorted(shown[setting], key=_worst_last)
         ]
         yield setting, lines
 
