@@ -1,4 +1,4 @@
-"""Test of a fan of segments from one apex: which segments come too near to a point.
+"""Bearings, and the test of a fan of segments from one apex: which of them come too near to a point.
 
 The result is that of testing every segment against every point; the algorithm skips pairs that cannot be near.
 A segment comes within the radius of a point only if it lies in the tangent cone of the disc of that radius around
@@ -33,6 +33,11 @@ _SLICES = 720  # of a turn; Taylor series about their middles are exact to 1e-16
 _MIDDLES = np.column_stack(
     [f(2.0 * math.pi * (np.arange(_SLICES) + 0.5) / _SLICES) for f in (np.cos, np.sin)]
 )
+_FEW = 8  # [ends or points] up to this number, sorting does not pay
+_ENDS_PER_BIN = 4
+_STRIDE = 8  # number of passes over the points, since neighbours in a scan block the same ends
+_SLACK = 1e-9  # share of all lengths by which discs are widened, more than any rounding error
+_FAR = 1e100  # [m²] products of squares beyond this may overflow
 
 
 @njit(cache=True, error_model="numpy")
@@ -92,13 +97,6 @@ def direction(turn: float) -> tuple[float, float]:
     cos = 1.0 - square * (0.5 - square / 24.0)
     sin = off * (1.0 - square * (1.0 / 6.0 - square / 120.0))
     return _MIDDLES[i, 0] * cos - _MIDDLES[i, 1] * sin, _MIDDLES[i, 1] * cos + _MIDDLES[i, 0] * sin
-
-
-_FEW = 8  # [ends or points] up to this number, sorting does not pay
-_ENDS_PER_BIN = 4
-_STRIDE = 8  # number of passes over the points, since neighbours in a scan block the same ends
-_SLACK = 1e-9  # share of all lengths by which discs are widened, more than any rounding error
-_FAR = 1e100  # [m²] products of squares beyond this may overflow
 
 
 @njit(cache=True, error_model="numpy")

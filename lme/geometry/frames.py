@@ -1,4 +1,4 @@
-"""Transforms of points and poses between planar frames."""
+"""Planar geometry: wrapped angles, and transforms of points and poses between frames."""
 
 from __future__ import annotations
 

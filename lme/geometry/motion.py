@@ -1,4 +1,4 @@
-"""Differential-drive motion over one control period, under velocity and acceleration limits."""
+"""Motion of a differential drive over one control period, and of the obstacles that move meanwhile."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import numpy as np
 from numba import njit
 
 from lme.types import Bools, Floats
+
+WIDEST = 1.0  # [m] greatest radius of a person or another mover
+_SKIN = 0.1  # [m] behind the nearest point of a mover
 
 
 @njit(cache=True)
@@ -119,10 +122,6 @@ def _ramp_integral(start: float, goal: float, rate: float, time: float) -> float
     ramp_time = min(abs(goal - start) / rate, time)
     at_end = _ramp(start, goal, rate, ramp_time)
     return (start + at_end) / 2 * ramp_time + at_end * (time - ramp_time)
-
-
-WIDEST = 1.0  # [m] greatest radius of a person or another mover
-_SKIN = 0.1  # [m] behind the nearest point of a mover
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,5 +1,8 @@
 """Ray casting in a world whose edges lie on a lattice, with the results of `lme.perception.raycast` to the last bit.
 
+Such edges come from a picture and lie on the lines between its pixels. From every cell, in every quadrant of
+directions, a large rectangle is free of edges, so that a beam crosses free space from rectangle to rectangle.
+
 All beams of a quadrant take a step before any takes the next, and a step has no branches, since a mispredicted one
 would cost more than the step. The last step gives the edge that a beam hits. A beam that passes close to a node, or
 almost along an axis, goes through the grid of edges instead, where it meets all edges that it may hit.
@@ -24,6 +27,14 @@ SPAN_MAX = (1 << SPAN_BITS) - 1
 
 _MOST_CELLS = 2**24  # 270 MB
 _MISFIT = 1e-9  # [cells] by which an edge's end may miss its node
+_NODE = 1e-5  # [cells] from a node, the cell that a beam enters is doubtful; far above rounding errors
+_ALONG = 1e-3  # least sine of a beam's angle to both axes with which it is sure where it crosses a line
+_SLACK = 1e-9  # [m] above rounding errors of distances
+_UPRIGHT, _SURE, _WALL = (
+    1,
+    2,
+    4,
+)  # how a beam's last step ended: on a vertical side, at a sure place, at a wall
 
 
 class Lattice(NamedTuple):
@@ -153,16 +164,6 @@ def _grow(quadrant, uprights, levels, out):
 def _worth(wide, high):
     """Rough measure of how far beams of all directions go in a rectangle."""
     return wide * high / (wide + high)
-
-
-_NODE = 1e-5  # [cells] from a node, the cell that a beam enters is doubtful; far above rounding errors
-_ALONG = 1e-3  # least sine of a beam's angle to both axes with which it is sure where it crosses a line
-_SLACK = 1e-9  # [m] above rounding errors of distances
-_UPRIGHT, _SURE, _WALL = (
-    1,
-    2,
-    4,
-)  # how a beam's last step ended: on a vertical side, at a sure place, at a wall
 
 
 @njit(cache=True, error_model="numpy")

@@ -22,6 +22,8 @@ from lme.worlds.world import MapSet
 Arrays = dict[str, NDArray[np.float32]]
 
 MOST_PEOPLE = 16  # in an observation
+Settings = Mapping[str, Any]
+TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
 
 
 def observation_space(lidar: Lidar, people: bool) -> spaces.Dict[Any]:
@@ -73,9 +75,6 @@ def commands(actions: Any, limits: Floats) -> Floats:
     return np.asarray(np.clip(given, -1.0, 1.0) * limits[..., :2])
 
 
-Settings = Mapping[str, Any]
-
-
 @dataclass(slots=True)
 class Choices:
     """Parts of an environment. simulator: a class, called with `config` and a robot."""
@@ -124,9 +123,6 @@ def _reward(given: Settings) -> Reward:
                 f"reward.{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}"
             )
     return Reward(**given)
-
-
-TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
 
 
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):

@@ -1,4 +1,4 @@
-"""Settings of the live driver."""
+"""Settings of the live driver and of the scans that it reads."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from lme.robots import Robot
 from lme.types import Floats
 
 CLOCKS = ("header", "received")
+LIDARS = ("recorded", "robot")
 
 
 @dataclass(slots=True)
@@ -33,9 +34,6 @@ class LiveConfig:
         require("live.seed", self.seed, at_least=0)
         if self.clock not in CLOCKS:
             raise InputError(f"live.clock is {self.clock!r}: must be one of {', '.join(CLOCKS)}")
-
-
-LIDARS = ("recorded", "robot")
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""The two frames that poses relate: the odometry frame and the robot's base."""
+"""Coordinate frames of a robot's messages: odometry, base and sensors, and the transforms between them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import numpy as np
 
 from lme.live.messages import frame, matrix_of
 from lme.types import Floats
+
+_BASES = ("base_footprint", "base_link")
+_ODOMS = ("odom", "map")
 
 
 class TransformTree:
@@ -57,10 +60,6 @@ class TransformTree:
             matrix = transform @ matrix
             found[name] = matrix
         return found
-
-
-_BASES = ("base_footprint", "base_link")
-_ODOMS = ("odom", "map")
 
 
 @dataclass(slots=True)

@@ -23,6 +23,9 @@ from lme.robots import Robot
 from lme.types import Floats, Pose, Twist
 
 _STEP = 0.02  # [m] no point of the outline moves further between two poses
+_WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
+_WARM_UP_PERIOD = SECOND // 2  # [ns] between two of them, after which every part of a tracker has run
+_AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
 
 
 def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
@@ -38,11 +41,6 @@ def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Rob
     """
     now = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
     return not StoppingCheck(robot.hull, robot.dt).stops(command, now)
-
-
-_WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
-_WARM_UP_PERIOD = SECOND // 2  # [ns] between two of them, after which every part of a tracker has run
-_AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
 
 
 class Pilot:

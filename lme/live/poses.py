@@ -1,4 +1,4 @@
-"""Poses of the robot, from messages that hold one or from tf."""
+"""Poses of the robot, from messages or tf, and the posture of its body, by which clouds are levelled."""
 
 from __future__ import annotations
 
@@ -29,6 +29,16 @@ TWISTS = (
     "measured",
     "poses",
 )  # where velocities come from: the messages, as far as they have them, or the poses
+_AROUND = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
+_KEPT = 5 * SECOND
+_TRIMMED_AT = 4096  # samples
+_PLANAR = 1e-6  # [rad] below this, roll and pitch are rounding
+_UPRIGHT = math.radians(45.0)  # a robot that drives is tilted by less, an IMU that hangs upside down by more
+_PATIENCE = SECOND  # [ns] for which poses may be planar before that is reported: an IMU may begin later
+_NO_IMU = "its poses hold no roll and pitch, and no IMU is heard"
+_NO_ORIENTATION = (
+    "its poses hold no roll and pitch, and its IMU measures no orientation, as that of a Livox lidar"
+)
 
 
 class Sample(NamedTuple):
@@ -87,18 +97,6 @@ def imu_tilt(message: Any, frames: Frames, tree: TransformTree) -> Tilt | None:
     if rotation is None:
         return None
     return tilt_of(rotation if to_base is None else rotation @ to_base[:3, :3].T)
-
-
-_AROUND = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
-_KEPT = 5 * SECOND
-_TRIMMED_AT = 4096  # samples
-_PLANAR = 1e-6  # [rad] below this, roll and pitch are rounding
-_UPRIGHT = math.radians(45.0)  # a robot that drives is tilted by less, an IMU that hangs upside down by more
-_PATIENCE = SECOND  # [ns] for which poses may be planar before that is reported: an IMU may begin later
-_NO_IMU = "its poses hold no roll and pitch, and no IMU is heard"
-_NO_ORIENTATION = (
-    "its poses hold no roll and pitch, and its IMU measures no orientation, as that of a Livox lidar"
-)
 
 
 class Posture(NamedTuple):

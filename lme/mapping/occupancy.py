@@ -13,6 +13,14 @@ from scipy import ndimage
 from lme.errors import InputError
 from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
+FREE, OCCUPIED, UNKNOWN = 254, 0, 205  # as map_saver of ROS writes them
+MAX_CELLS = 60_000_000  # of the grid while scans are added: 387 × 387 m with cells of 5 cm
+MIN_HITS = 2  # of an occupied cell
+HIT_SHARE = 0.12  # of the beams that reach an occupied cell, at least, end in it
+JUMP_M = 2.0  # between two poses: the robot did not drive straight from one to the other
+_GROWTH_M = 20.0  # by which the grid grows at least, so that it is copied rarely
+_RIM_M = 0.25  # around the free space
+
 
 @njit(cache=True, error_model="numpy")
 def trace_beams(hits, misses, ranges, angles, limits, clears_far, pose, resolution):
@@ -125,16 +133,6 @@ def densified(way: Floats, step: float, jump: float) -> Floats:
 def _pieces(way, k, step, jump):
     length = math.hypot(way[k, 0] - way[k - 1, 0], way[k, 1] - way[k - 1, 1])
     return 1 if length > jump else max(math.ceil(length / step), 1)
-
-
-FREE, OCCUPIED, UNKNOWN = 254, 0, 205  # as map_saver of ROS writes them
-MAX_CELLS = 60_000_000  # of the grid while scans are added: 387 × 387 m with cells of 5 cm
-MIN_HITS = 2  # of an occupied cell
-HIT_SHARE = 0.12  # of the beams that reach an occupied cell, at least, end in it
-JUMP_M = 2.0  # between two poses: the robot did not drive straight from one to the other
-
-_GROWTH_M = 20.0  # by which the grid grows at least, so that it is copied rarely
-_RIM_M = 0.25  # around the free space
 
 
 class GridMap(NamedTuple):

@@ -32,6 +32,11 @@ _GRID_M = 0.05  # between the points at which a BARN world's passages are checke
 _APART_M = 8.0  # least distance from start to goal in a building, as in conf/map/building.yaml
 # Around a BARN world: the walls of its start area, its grid, and the open space at the goal
 _BARN_OUTLINE = np.array([[-4.5, 0.0], [0.0, 0.0], [0.0, 14.0], [-4.5, 14.0]])
+DISTURBANCES = ("latency", "slip", "scan_noise")  # keys of every simulator
+_MAY_BE_ZERO = (*DISTURBANCES, "blind_arc", "range_min")
+NAME = "cold_trial"
+ROBOT = "drawn"  # the name of every robot
+ATTEMPTS = 100  # robots drawn for a world, before it counts as too narrow for the ranges
 
 
 class Place(NamedTuple):
@@ -126,11 +131,6 @@ def task_in(family: str, place: Place) -> Task:
 def check_paths(paths: Sequence[str]) -> None:
     """Raise InputError for a path of a building that does not exist."""
     Buildings(BuildingsConfig(paths=list(paths), configurations=1))
-
-
-DISTURBANCES = ("latency", "slip", "scan_noise")  # keys of every simulator
-
-_MAY_BE_ZERO = (*DISTURBANCES, "blind_arc", "range_min")
 
 
 @dataclass(slots=True)
@@ -235,11 +235,6 @@ def columns_of(robot: Robot, disturbances: dict[str, float]) -> dict[str, float 
         "slip": disturbances["slip"],
         "scan_noise_m": disturbances["scan_noise"],
     }
-
-
-NAME = "cold_trial"
-ROBOT = "drawn"  # the name of every robot
-ATTEMPTS = 100  # robots drawn for a world, before it counts as too narrow for the ranges
 
 
 @dataclass(slots=True)

@@ -17,6 +17,8 @@ from lme.types import Floats
 REPEATS = ("once", "back_and_forth", "cycle")
 SCRIPTED, ORCA, SOCIAL_FORCE = "scripted", "orca", "social_force"
 MOTIONS = (SCRIPTED, ORCA, SOCIAL_FORCE)
+_NUMBERS = ("radius", "speed", "turn_rate_deg", "start_after", "starts_within", "waits_within")
+_KEYS = (*_NUMBERS, "outline", "trigger", "repeat", "motion", "sees_robot")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,10 +132,6 @@ def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Flo
             f"mover.{key} is {np.asarray(values).tolist()}: must be at least {least} rows of {shape} finite numbers"
         )
     return rows
-
-
-_NUMBERS = ("radius", "speed", "turn_rate_deg", "start_after", "starts_within", "waits_within")
-_KEYS = (*_NUMBERS, "outline", "trigger", "repeat", "motion", "sees_robot")
 
 
 def mover_of(place: str, item: object) -> Mover:

@@ -1,4 +1,4 @@
-"""Traps: obstacles that catch a planner that only heads for the goal."""
+"""Traps: obstacles that catch a planner that only heads for the goal, and the shapes that they are made of."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ SIDE = 10.0  # [m] of the square room around the trap
 MIDDLE = SIDE / 2  # [m] y of start and goal
 
 Legs = list[list[list[float]]]  # walls, each a list of [x, y] corners [m]
+Uniform = Callable[[float, float], float]
+START = (1.5, MIDDLE)  # [m] starts are drawn around it
+GOAL = (8.5, MIDDLE)  # [m]
 
 
 def mixed(rng: np.random.Generator, door: float) -> Legs:
@@ -48,9 +51,6 @@ def _zigzag(door: float) -> Legs:
 
 
 DRAWINGS: dict[str, Callable[[float], Legs]] = {"u": _u, "wall": _wall, "door": _door, "zigzag": _zigzag}
-
-
-Uniform = Callable[[float, float], float]
 
 
 def _random_u(draw: Uniform, door: float) -> Legs:
@@ -113,9 +113,6 @@ _RANDOM = (
     _random_u, _deep_u, _bent_u, _random_wall, _hook, _dead_end, _random_door, _random_zigzag
 )  # fmt: skip
 
-
-START = (1.5, MIDDLE)  # [m] starts are drawn around it
-GOAL = (8.5, MIDDLE)  # [m]
 
 KINDS = (*DRAWINGS, "mixed")
 

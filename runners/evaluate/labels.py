@@ -1,4 +1,4 @@
-"""Columns that name what a job drives."""
+"""Columns that name what a job drives, and the hint with which a run that ends early is resumed."""
 
 from __future__ import annotations
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _LONGEST_IN, _MARGIN_IN = 9.0, 0.7
 _GREYS = {FREE: 1.0, OCCUPIED: 0.1}
 _UNKNOWN_GREY = 0.78
+ENDING, PICTURE = ".yaml", "_way"  # of a map's file; of the name of its picture with the way
+NO_RETURNS = ("clear", "ignore")
 
 
 def way_picture(built: GridMap, way: Floats, title: str) -> Figure:
@@ -51,10 +53,6 @@ def way_picture(built: GridMap, way: Floats, title: str) -> Figure:
     axes.tick_params(labelsize=7, colors=INK)
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=7.5, labelcolor=INK)
     return figure
-
-
-ENDING, PICTURE = ".yaml", "_way"  # of a map's file; of the name of its picture with the way
-NO_RETURNS = ("clear", "ignore")
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""Pairing of the scans of a recording with the poses at their stamps."""
+"""The messages of a recording in order of time, and its scans with the poses at their stamps."""
 
 from __future__ import annotations
 

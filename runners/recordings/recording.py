@@ -1,4 +1,4 @@
-"""Properties of a recording that a replay must know in advance: its clock, its frames, the mount of its lidar."""
+"""A recording, opened, and what a replay must know in advance: its clock, its frames, the mount of its lidar."""
 
 from __future__ import annotations
 

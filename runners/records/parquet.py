@@ -1,4 +1,4 @@
-"""Parquet files of a run, `episodes.parquet` and `trajectories.parquet`.
+"""Parquet files of a run, `episodes.parquet` and `trajectories.parquet`, checked before they are read.
 
 Control steps are read and written in blocks of whole episodes, so a run of any length needs little memory.
 """
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 
 STEP_KEY = (*KEY_COLUMNS, "step")
+EPISODES = "episodes.parquet"
+TRAJECTORIES = "trajectories.parquet"
+_BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of trajectories.parquet
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
@@ -106,12 +109,6 @@ def _validated(table: pa.Table, path: Path) -> pa.Table:
         if name in table.column_names and table[name].null_count:
             raise InputError(f"{path} has rows without {name}: not a file of lme eval")
     return table
-
-
-EPISODES = "episodes.parquet"
-TRAJECTORIES = "trajectories.parquet"
-
-_BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of trajectories.parquet
 
 
 def keys_of(run_dir: Path) -> set[EpisodeKey]:

@@ -29,6 +29,7 @@ _FEWEST = 8  # worlds; on fewer no difference counts as beyond the noise
 _NOISE = 2.0  # standard errors
 
 Drive = Callable[[Sequence[Attempt]], Iterable[Score]]
+_LONGEST = 20  # characters of the name of the starting weights, which may be a path
 
 
 class Candidate(NamedTuple):
@@ -171,9 +172,6 @@ def _is_worse(differences: Floats) -> bool:
 
 def _vector(rewards: Mapping[Place, float], places: Sequence[Place]) -> Floats:
     return np.array([rewards[place] for place in places])
-
-
-_LONGEST = 20  # characters of the name of the starting weights, which may be a path
 
 
 class End(StrEnum):

@@ -1,4 +1,4 @@
-"""Log of the scores of a race: one line of JSON per episode, appended when it ends."""
+"""Logs of scores, appended as lines of JSON: of a race, one for each episode; of a shared study, one for each trial."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lme.inputs.guarded_file import LOG_BYTES, decode_json, read_bytes
 from runners.records.append_log import cut_torn_line
 from runners.workers.trials import Attempt, Score
 
-RACE_LOG = "race.jsonl"
+RACE_LOG, SCORE_LOG = "race.jsonl", "scores.jsonl"
 
 
 class RaceLog:
@@ -23,10 +23,8 @@ class RaceLog:
         self._path = path
         self._scores: dict[tuple[int, str, int], Score] = {}
         self._file: TextIO | None = None
-        if path.is_file():
-            cut_torn_line(path)
-            for number, line in enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1):
-                self._keep(_decode(line, path, number))
+        for number, line in _complete_lines(path):
+            self._keep(_decode_score(line, path, number))
 
     def __enter__(self) -> RaceLog:
         self._file = self._path.open("a", encoding="utf-8")
@@ -55,7 +53,7 @@ class RaceLog:
         self._scores[score.trial, score.family, score.world] = score
 
 
-def _decode(line: bytes, path: Path, number: int) -> Score:
+def _decode_score(line: bytes, path: Path, number: int) -> Score:
     try:
         trial, world, outcome, steps, reward, family = decode_json(line)
         return Score(int(trial), int(world), str(outcome), int(steps), float(reward), str(family))
@@ -63,9 +61,6 @@ def _decode(line: bytes, path: Path, number: int) -> Score:
         raise InputError(
             f"{path} line {number} does not hold the score of an episode: remove that line"
         ) from None
-
-
-SCORE_LOG = "scores.jsonl"
 
 
 class ScoreLog:
@@ -78,11 +73,11 @@ class ScoreLog:
         """Read the existing lines. Raises InputError for a line that does not hold scores."""
         self._path = path
         self._scores: dict[frozenset[tuple[str, float]], list[Any]] = {}
-        if path is not None and path.is_file():
-            cut_torn_line(path)
-            for number, line in enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1):
-                values, scores = _decode_score(line, path, number)
-                self._scores[values] = scores
+        if path is None:
+            return
+        for number, line in _complete_lines(path):
+            values, scores = _decode_trial(line, path, number)
+            self._scores[values] = scores
 
     def get(self, values: Mapping[str, float]) -> list[Any] | None:
         """Return the scores of the trial with these values, if there is one; equal values have equal scores."""
@@ -95,7 +90,7 @@ class ScoreLog:
                 file.write(json.dumps([dict(values), list(scores)]) + "\n")
 
 
-def _decode_score(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
+def _decode_trial(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
     try:
         values, scores = decode_json(line)
         return frozenset((key, float(value)) for key, value in values.items()), [
@@ -105,3 +100,10 @@ def _decode_score(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple
         raise InputError(
             f"{path} line {number} does not hold the scores of a trial: remove that line"
         ) from None
+
+
+def _complete_lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield the numbered lines of a log, without one that a killed run left unfinished; none without a file."""
+    if path.is_file():
+        cut_torn_line(path)
+        yield from enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1)

@@ -19,9 +19,9 @@ from runners.config.space import Space, own_values, read_space
 from runners.records.launch_record import identity
 from runners.training.families import Families, training_worlds, with_worlds
 from runners.training.held_out import Places, held_out_places
-from runners.training.opening import open_study, run_trials
 from runners.training.race import START, Candidate, Race, run_race
 from runners.training.race_log import RACE_LOG, RaceLog
+from runners.training.search import open_study, run_trials
 from runners.training.study import CONFIGURATIONS, Study, Trial
 from runners.workers import trials
 from runners.workers.executor import Item, Map

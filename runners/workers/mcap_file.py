@@ -1,4 +1,4 @@
-"""Write ROS 2 messages to an MCAP file, with the package rosbags (extra `replay`)."""
+"""Write ROS 2 messages, made of observations and commands, to an MCAP file with rosbags (extra `replay`)."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from lme.requirements import install
 from lme.types import LaserScan, Pose, Twist
 
 _SECOND = 1_000_000_000
+_ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as text, which Humble cannot read (ros2/rosbag2#1476)
 
 
 class McapMessages:
@@ -102,9 +103,6 @@ def half_angle(yaw: float) -> tuple[float, float]:
 
 def _with_float_neighbours(value: float) -> tuple[float, float, float]:
     return value, math.nextafter(value, math.inf), math.nextafter(value, -math.inf)
-
-
-_ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as text, which Humble cannot read (ros2/rosbag2#1476)
 
 
 def check_installed() -> None:

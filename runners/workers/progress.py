@@ -1,4 +1,4 @@
-"""Progress bars with intermediate results."""
+"""Progress bars with intermediate results, on the terminal and in notebooks."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from runners.workers import kernels
 
 _WIDTH = 100  # [characters]
 _EVERY_S = 0.2  # minimum time between updates of the bar
+_COMPILING = "Compiling kernels, once after installation: this takes about half a minute."
 
 
 class NotebookProgress(Progress):
@@ -59,9 +60,6 @@ class NotebookProgress(Progress):
         text = io.StringIO()
         Console(file=text, width=_WIDTH, color_system=None, force_jupyter=False).print(self.get_renderable())
         return {"text/plain": text.getvalue().rstrip()}
-
-
-_COMPILING = "Compiling kernels, once after installation: this takes about half a minute."
 
 
 class _Bar:

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 
 _DISTURBANCES = 0x6469  # seeds the draw separately from the episode
+Values = tuple[tuple[str, float], ...]
+Place = tuple[str, int]  # a family and the number of a world
+_SIDES = ("length", "width")
 
 
 def disturbed(config: TrainConfig, world: int) -> TrainConfig:
@@ -52,10 +55,6 @@ def check_disturbances(config: TrainConfig) -> None:
         require(f"disturbances.{key}[1]", bounds[1], at_least=bounds[0])
         highest[key] = bounds[1]
     simulator(with_disturbances(config, highest))
-
-
-Values = tuple[tuple[str, float], ...]
-Place = tuple[str, int]  # a family and the number of a world
 
 
 class Attempt(NamedTuple):
@@ -133,9 +132,6 @@ def episode_reward(config: TrainConfig, time_limit: float, outcome: str, steps: 
     terms = config.reward
     max_steps = terms.max_steps or round(time_limit * config.robot.control_rate)
     return metrics.reward(outcome, steps, max_steps, terms.crash, terms.timeout)
-
-
-_SIDES = ("length", "width")
 
 
 def check_ranges(ranges: RobotRanges) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.geometry.points import dense
+from lme.geometry.dense import dense
 from lme.guides.learned_subgoal.candidates import BEARINGS
 from lme.guides.learned_subgoal.weights import LAYERS, Weights
 from lme.types import Floats

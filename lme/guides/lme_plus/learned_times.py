@@ -1,4 +1,4 @@
-"""Lower bounds of travel times, learned from one search for later ones."""
+"""Travel times learned while driving: lower bounds from earlier searches, and the places where the robot was stuck."""
 
 from __future__ import annotations
 
@@ -10,6 +10,15 @@ from numba import njit
 from lme.guides.lme.distance import distances_to
 from lme.guides.lme_plus.travel_grid import Grid, GridNumbers, disc_radius
 from lme.types import Floats
+
+OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned of the ways to it is forgotten
+Learned = tuple[
+    Floats, tuple[int, int]
+]  # times (A, B) [s], and in them the row and column before a grid's first cell
+_AFTER = 2.0  # [s] total time stuck before a place, from which on the place counts
+_COST = 10.0  # [-] delay of the way through a place, in multiples of the time stuck before it
+_SAME = 0.5  # [m] nearer places count as one
+_RADIUS = 0.3  # [m] around a place within which the way takes longer
 
 
 @njit(cache=True, error_model="numpy")
@@ -84,12 +93,6 @@ def _columns(row, ellipse):
     return y - (b * off + math.sqrt(root)) / c, y - (b * off - math.sqrt(root)) / c
 
 
-OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned of the ways to it is forgotten
-Learned = tuple[
-    Floats, tuple[int, int]
-]  # times (A, B) [s], and in them the row and column before a grid's first cell
-
-
 class LearnedTimes:
     """Least time to the target from each cell that was ever in reach [s], in the carried frame; 0 for all others.
 
@@ -129,12 +132,6 @@ class LearnedTimes:
         """Learn from the `times` (W, W) of a search of all ways from `here` to `target` (2,) of up to `most` [s]."""
         moves = 2.0 * OTHER_TARGET
         learn(*self.around(grid), times, (*grid,), here, target, most, v_max, moves)
-
-
-_AFTER = 2.0  # [s] total time stuck before a place, from which on the place counts
-_COST = 10.0  # [-] delay of the way through a place, in multiples of the time stuck before it
-_SAME = 0.5  # [m] nearer places count as one
-_RADIUS = 0.3  # [m] around a place within which the way takes longer
 
 
 class StuckPlaces:

@@ -1,4 +1,4 @@
-"""Short memory of obstacle points, carried along by dead reckoning."""
+"""Short memory of obstacle points, and the compiled functions that carry it along by dead reckoning."""
 
 from __future__ import annotations
 
@@ -14,6 +14,13 @@ from lme.perception.dead_reckoning import DeadReckoning, Move
 from lme.perception.scan_points import obstacle_points
 from lme.robots import Robot
 from lme.types import Bools, Floats, Limits, Observation, Pose
+
+_NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
+_STANDING = 0.05  # [m/s] below this speed people count as standing
+_SAME = 0.5  # [m] a person this near to where one stood a period ago is the same
+_SORTED = 1.0  # [m] driven before points are sorted into near and far again
+_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
+_SQUARE = 0.05  # [m] one point is kept per square of this side
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,14 +126,6 @@ def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Flo
     for n in range(len(points)):
         near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
     return points[near], points[~near]
-
-
-_NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
-_STANDING = 0.05  # [m/s] below this speed people count as standing
-_SAME = 0.5  # [m] a person this near to where one stood a period ago is the same
-_SORTED = 1.0  # [m] driven before points are sorted into near and far again
-_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
-_SQUARE = 0.05  # [m] one point is kept per square of this side
 
 
 class Memory:

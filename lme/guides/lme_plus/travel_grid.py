@@ -1,4 +1,4 @@
-"""Data of the search for expected times: a grid, the robot's pace in it, and arrays that are used again."""
+"""The grid of the search for expected times, arrays that are used again, and times between its cells."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from lme.guides.lme_plus.nearest_points import pad
 from lme.types import Bools, Floats
 
 HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
+GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
+PaceNumbers = tuple[float, float, float, float, float, float, float]  # a Pace as a plain tuple
+_STEP = 4  # cells between a place and those from which the slope of T there is taken
 
 
 class Grid(NamedTuple):
@@ -25,10 +28,6 @@ class Grid(NamedTuple):
     y: float
     cell: float
     size: int
-
-
-GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
-PaceNumbers = tuple[float, float, float, float, float, float, float]  # a Pace as a plain tuple
 
 
 class Pace(NamedTuple):
@@ -114,9 +113,6 @@ def _edge(disc: Bools) -> Bools:
 def disc_radius(size: int) -> float:
     """Radius of the disc [cells]; one cell less than would fit, so that what is known reaches beyond its edge."""
     return 0.5 * size - 1.0
-
-
-_STEP = 4  # cells between a place and those from which the slope of T there is taken
 
 
 @njit(cache=True, error_model="numpy")

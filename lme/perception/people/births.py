@@ -1,4 +1,4 @@
-"""Groups of points, followed until there is evidence that they move; then they are tracks."""
+"""Births of tracks: groups of points are followed until there is evidence that they move and do not stand."""
 
 from __future__ import annotations
 
@@ -31,6 +31,11 @@ _LEAST_SHARE = 0.25  # of points that show motion; a lesser share counts as none
 _QUIET = 0.01  # [m] noise of a range; with more of it, more evidence is needed
 _WAY = 12.0  # standard deviations of a range that a track must have come
 _LEAST_WAY = 0.06  # [m] that it must have come in any case
+_MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
+_FLICKER = 0.1  # share of standing points missed before; if a lidar misses more, missing returns are ignored
+_FADING = 0.98  # share of the counts that is kept from scan to scan
+CELLS = 512  # along a side
+_CELL = 0.1  # [m]
 
 
 @njit(cache=True, error_model="numpy")
@@ -135,11 +140,6 @@ def _filled(anchor):
     return count
 
 
-_MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
-_FLICKER = 0.1  # share of standing points missed before; if a lidar misses more, missing returns are ignored
-_FADING = 0.98  # share of the counts that is kept from scan to scan
-
-
 @njit(cache=True, error_model="numpy")
 def weigh(points, hits, view, margin, votes):
     """Add what an earlier scan says about each point (B, 2) with a hit (B,) to `votes` (B, 2).
@@ -189,10 +189,6 @@ def moved_points(votes, stands, counts):
     for i in range(len(votes)):
         moved[i] = (votes[i, 0] > 0 or (trusted and votes[i, 1] >= _MISSING_VOTES)) and not stands[i]
     return moved
-
-
-CELLS = 512  # along a side
-_CELL = 0.1  # [m]
 
 
 @njit(cache=True, error_model="numpy")

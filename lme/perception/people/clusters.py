@@ -1,4 +1,4 @@
-"""Runs of neighbouring scan points that may be a person."""
+"""Runs of neighbouring scan points that may be a person, and the middle of the circle that they lie on."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ _ITERATIONS = 6
 _MOST = 40  # points that a circle is fitted to
 _OTHERS = 0.05  # [m] points that are farther from the circle of a track are of something else
 _LEAST_RADIUS, _MOST_RADIUS = 0.05, 0.65  # [m]
+FEWEST = 2  # points of a run
+_LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -133,10 +135,6 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
         if longest < 1e-4:
             break
     return x, y, r, rms, min(spread, variance)
-
-
-FEWEST = 2  # points of a run
-_LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""Assignment of scan points to tracks, and correction of the tracks by them."""
+"""Tracks from scan to scan: their prediction, the assignment of scan points, and the correction by them."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ _REACH = 0.1  # [m] beyond a track's radius at which a point may belong to it, b
 _ON_CIRCLE = 0.1  # [m] from a track's circle at which a moved point may belong to it; half of this for others
 _FASTEST_TURN = 3.0  # [m/s] change of velocity of a person who turns round
 _SLACK = 0.1  # [m] a beam that ends this much before a track hides it
+_BLINK = 0.35  # [s] for which a track may be missed in an empty place: legs far away return little
+_ONE_STEP = 0.25  # [m] a track that does not leave a place by more than this stands
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,10 +79,6 @@ def in_sight(table, lidar, points, hits, angles):
             reach = math.sqrt(points[beam, 0] ** 2 + points[beam, 1] ** 2)
             shown[n] = reach > math.sqrt(x * x + y * y) - table[n, R] - _SLACK
     return shown
-
-
-_BLINK = 0.35  # [s] for which a track may be missed in an empty place: legs far away return little
-_ONE_STEP = 0.25  # [m] a track that does not leave a place by more than this stands
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,6 +12,15 @@ from lme.geometry.fan import bearing
 from lme.types import Bools, Floats, Ints
 
 _TAU = 2.0 * math.pi
+_CHORD = 0.2  # [m] over which a normal is measured; noise tilts shorter ones
+_LEAST_CHORD = 0.1  # [m] of a small thing
+_FARTHEST = 10  # beams to either side
+_GAP = 0.3  # [m] between beams that hit the same surface
+_MATCHED = (0.25, 0.2, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
+_TRIED = 2.5  # standard deviations of the yaw by odometry that are searched
+_AMISS = 0.3  # [m] a range that differs more is of another surface
+_SAMPLES = 480  # points that are used
+_CORRELATED = 4.0  # neighbouring points err alike
 
 
 class NewestScan(NamedTuple):
@@ -94,17 +103,6 @@ def passed_through(places, view, margin):
         elif abs(free[beam] - away) <= 2.0 * margin:
             said[i] = -1
     return said
-
-
-_CHORD = 0.2  # [m] over which a normal is measured; noise tilts shorter ones
-_LEAST_CHORD = 0.1  # [m] of a small thing
-_FARTHEST = 10  # beams to either side
-_GAP = 0.3  # [m] between beams that hit the same surface
-_MATCHED = (0.25, 0.2, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
-_TRIED = 2.5  # standard deviations of the yaw by odometry that are searched
-_AMISS = 0.3  # [m] a range that differs more is of another surface
-_SAMPLES = 480  # points that are used
-_CORRELATED = 4.0  # neighbouring points err alike
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.geometry.points import dense
+from lme.geometry.dense import dense
 from lme.planners.dclp.weights import COMPONENTS, LAYERS, MIXTURE, Weights
 from lme.types import Floats
 

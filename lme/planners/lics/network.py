@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.geometry.points import dense
+from lme.geometry.dense import dense
 from lme.inputs.array_file import Arrays
 from lme.planners.lics.kernels import Singles, added_and_normed, attention
 from lme.planners.lics.weights import DECODER, ENCODER, GOAL, HEADS, LAYERS, PATCHES, WIDTH

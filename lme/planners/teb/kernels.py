@@ -1,4 +1,7 @@
-"""Errors of a timed elastic band, weighted and squared, and the normal equations of their least squares.
+"""Samples of a timed elastic band, its weighted errors, and the normal equations of their least squares.
+
+A band is poses (N, 3) [m, m, rad] and the time differences (N − 1,) [s] between them. It is made along a path, and
+samples are added and removed.
 
 Variable 4 i + c is x, y, yaw of pose i (c = 0, 1, 2) or the time difference after it (c = 3). A motion between two
 poses depends on seven neighbouring variables, an acceleration on eleven: the matrix has ten bands below its diagonal.
@@ -14,6 +17,12 @@ from numba import njit
 from lme.types import Floats
 
 _PASSES = 100  # of `resized`, at most, as in teb_local_planner
+BANDS = 11  # with the diagonal
+STEEPNESS = 100.0  # [1/m] of the change of sign of a speed when the robot drives backwards
+_TURNS = 3  # first motions that a wanted direction of turns concerns
+_TINY = 1e-12  # [m] a shorter way has no direction
+Bounds = tuple[float, float, float, float, float, float, float]
+Weights = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,15 +184,6 @@ def clearance(pose: Floats, x: float, y: float, box: tuple[float, float, float])
 def wrapped(angle):
     """Wrap an angle to [−π, π), symmetrically everywhere but at −π [rad]."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
-
-
-BANDS = 11  # with the diagonal
-STEEPNESS = 100.0  # [1/m] of the change of sign of a speed when the robot drives backwards
-_TURNS = 3  # first motions that a wanted direction of turns concerns
-_TINY = 1e-12  # [m] a shorter way has no direction
-
-Bounds = tuple[float, float, float, float, float, float, float]
-Weights = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
 @njit(cache=True, error_model="numpy")

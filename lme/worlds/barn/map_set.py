@@ -29,6 +29,7 @@ from lme.worlds.world import Task, World
 FRESH = ("fresh", "fresh_hard")  # subsets that are generated; the others are official worlds
 FRESH_KEYS = ("count", "fresh_seed")  # keys that only these subsets use
 TARGET = "lme.worlds.barn.Barn"  # of the map set, in its YAML
+FIRST_FRESH = 1000  # number of the first fresh world, so that records never mix them with official ones
 
 
 @cache
@@ -64,9 +65,6 @@ def check_given(keys: Iterable[str], map_set: Mapping[str, Any], node: str = "ma
                 f"{node}.{key} is {map_set[key]} with {node}.subset={map_set['subset']}: "
                 f"must be left out, or {node}.subset be {' or '.join(FRESH)}{choose}"
             )
-
-
-FIRST_FRESH = 1000  # number of the first fresh world, so that records never mix them with official ones
 
 
 @dataclass(slots=True)

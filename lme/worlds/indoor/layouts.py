@@ -1,4 +1,4 @@
-"""A rectangle divided into tiles. A tile is a room with the walls on its left and at its bottom."""
+"""Parts of generated buildings: furniture, the network that connects rooms, and their borders with doors."""
 
 from __future__ import annotations
 
@@ -17,6 +17,13 @@ CELL_M = 0.05  # [m] side of a cell
 WALL = 3  # cells: walls are 0.15 m thick
 
 Range = tuple[int, int]  # least and greatest number of cells
+DESK = (24, 32), (12, 16)  # length and depth: 1.2–1.6 × 0.6–0.8 m
+CUPBOARD = (16, 24), (8, 10)  # 0.8–1.2 × 0.4–0.5 m
+TABLE = (20, 32), (16, 20)  # 1–1.6 × 0.8–1 m
+CHAIR = (4, 5)  # radius: 0.2–0.25 m
+FLOOR_PER_PIECE = 1600  # cells of a room for each piece that is tried, at most: 4 m²
+DOOR = (16, 22)  # width: 0.8–1.1 m
+JAMB = 2  # least wall next to a door: 0.1 m
 
 
 class Rectangle(NamedTuple):
@@ -57,13 +64,6 @@ class Rectangle(NamedTuple):
 def random_size(rng: np.random.Generator, bounds: Range) -> int:
     """A random number of cells, from the least to the greatest of `bounds`."""
     return int(rng.integers(*bounds, endpoint=True))
-
-
-DESK = (24, 32), (12, 16)  # length and depth: 1.2–1.6 × 0.6–0.8 m
-CUPBOARD = (16, 24), (8, 10)  # 0.8–1.2 × 0.4–0.5 m
-TABLE = (20, 32), (16, 20)  # 1–1.6 × 0.8–1 m
-CHAIR = (4, 5)  # radius: 0.2–0.25 m
-FLOOR_PER_PIECE = 1600  # cells of a room for each piece that is tried, at most: 4 m²
 
 
 class Piece(NamedTuple):
@@ -183,10 +183,6 @@ def network(rng: np.random.Generator, pairs: Sequence[tuple[int, int]], size: in
         joined.update(pairs[tree[-1]])
     others = [i for i, pair in enumerate(pairs) if i not in tree and joined.issuperset(pair)]
     return sorted([*tree, *(i for i in others if rng.random() < loops)])
-
-
-DOOR = (16, 22)  # width: 0.8–1.1 m
-JAMB = 2  # least wall next to a door: 0.1 m
 
 
 class Border(NamedTuple):

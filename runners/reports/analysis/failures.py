@@ -1,4 +1,4 @@
-"""The section of a results table on failed episodes, with links to their explainer pages."""
+"""The section of a results table on failed episodes: how time-outs end, and links to explainer pages."""
 
 from __future__ import annotations
 
@@ -27,6 +27,12 @@ HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # heade
 _EPISODE = ["run_dir", *KEY_COLUMNS]
 _TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
 _MAX_SETTINGS = 3  # in the name of a job
+EXTENT, LAST_S = "last_minute_m", 60.0
+CLASSES = ("stands", "to and fro", "on its way")
+UP_TO_M = (
+    0.5,
+    3.0,
+)  # extent of the last minute of all classes but the last. ASSUMED: a robot's size, a room's
 
 
 def page_path(run_dir: Path, key: EpisodeKey) -> Path:
@@ -133,14 +139,6 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
         for run, given in settings.items()
     }
     return {run: markdown_text(" ".join([run.name, *own[run][:_MAX_SETTINGS]])) for run in runs}
-
-
-EXTENT, LAST_S = "last_minute_m", 60.0
-CLASSES = ("stands", "to and fro", "on its way")
-UP_TO_M = (
-    0.5,
-    3.0,
-)  # extent of the last minute of all classes but the last. ASSUMED: a robot's size, a room's
 
 
 def timeouts_section(frame: pd.DataFrame) -> str:

@@ -1,4 +1,4 @@
-"""Search for the runs that drove the same worlds."""
+"""Runs that drove the same worlds, and the worlds in which they do worst."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
 _MEASURE = "world_"  # prefix of the columns that describe a world
 _SAME = 1e-6  # [m, rad]
+_Key = tuple[str, EpisodeKey]
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +107,6 @@ def _alike(one: pd.Series, other: pd.Series) -> Bools:
         near: Bools = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True)
         return near
     return np.asarray((one == other) | (one.isna() & other.isna()))
-
-
-_Key = tuple[str, EpisodeKey]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Result tables as Markdown, CSV, LaTeX and HTML, and on the terminal."""
+"""Result tables as Markdown, CSV, LaTeX and HTML and on the terminal, and the notes below them."""
 
 from __future__ import annotations
 
@@ -34,6 +34,10 @@ from runners.reports.analysis.summary import (
 if TYPE_CHECKING:
     import pandas as pd
     import rich.table
+
+MISSING = DASH
+GAP = 2  # between columns on the terminal
+Column = tuple[str, ...]  # its header, then a cell for each row
 
 
 def title(frame: pd.DataFrame) -> str:
@@ -94,12 +98,6 @@ def _counted(frame: pd.DataFrame, column: str) -> str:
     fewest, most = int(counts.min()), int(counts.max())
     number = str(most) if fewest == most else f"{fewest}{DASH}{most}"
     return f"{number} {column}" + "s" * (most != 1)
-
-
-MISSING = DASH
-GAP = 2  # between columns on the terminal
-
-Column = tuple[str, ...]  # its header, then a cell for each row
 
 
 def to_markdown(rows: Sequence[Row]) -> str:

@@ -1,4 +1,4 @@
-"""The input of a figure: the runs of a sweep, or a single run, each with its config and records."""
+"""The input of a figure: the runs of a sweep, or a single run, and one moment of a run with its decision."""
 
 from __future__ import annotations
 

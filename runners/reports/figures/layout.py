@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 Item = TypeVar("Item")
+SIDES = 24  # of the polygon that outlines a disc
 
 
 class Around(NamedTuple):
@@ -95,9 +96,6 @@ def _panel(figure: Figure, box: Box, rectangle: tuple[float, float, float, float
     axes = figure.add_axes(rectangle)
     frame_panel(axes, box)
     return axes
-
-
-SIDES = 24  # of the polygon that outlines a disc
 
 
 def extent(task: Task) -> Box:

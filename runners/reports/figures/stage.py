@@ -1,4 +1,4 @@
-"""The moving parts of a panel: the robot, its scan, its subgoal, candidates and movers."""
+"""The moving parts of a panel: the robot, its scan, its subgoal, candidates and movers, at the places of a sweep."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ NOSE = 0.8 * np.array(POINTER)  # relative to half the robot; points ahead
 SUBGOAL: dict[str, Any] = {"markersize": 10, "color": YELLOW, "markeredgecolor": INK, "markeredgewidth": 0.6}
 SCAN: dict[str, Any] = {"color": ORANGE, "markersize": 1.5}
 BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}
+SAMPLED = 3  # worlds shown of a map set whose worlds differ
 
 
 def index_at(trace: Trace, time_s: float) -> int:
@@ -164,9 +165,6 @@ def seen(frame: TracedStep | TraceEnd, robot: Robot) -> Floats:
 def _candidates(axes: Axes) -> Any:
     """Return an empty scatter for candidates."""
     return axes.scatter([], [], s=7, c=[], cmap="viridis", vmin=0.0, vmax=1.0, linewidths=0, zorder=3.5)
-
-
-SAMPLED = 3  # worlds shown of a map set whose worlds differ
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from runners.config.space import Range, own_values
+from runners.config.urls import masked
 from runners.training import storage
-from runners.training.opening import JOURNAL, open_study, run_trials
+from runners.training.journal import Journal
 from runners.training.race_log import SCORE_LOG, ScoreLog
 from runners.training.samplers import (
     Cmaes,
@@ -28,7 +29,7 @@ from runners.training.samplers import (
     per_trial,
     trial_seed,
 )
-from runners.training.storage import Journal, masked
+from runners.training.search import JOURNAL, open_study, run_trials
 from runners.workers.trials import Attempt, Score
 from tests.composing import jobs_of
 

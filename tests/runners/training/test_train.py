@@ -19,7 +19,7 @@ from lme.errors import InputError
 from lme.guides.lme.escaper import LocalMinimumEscaper
 from runners.cli.main import main
 from runners.records.launch_record import read_launch
-from runners.training.opening import JOURNAL
+from runners.training.search import JOURNAL
 from tests.builders import PUBLISHED, stage
 from tests.composing import last_of_each
 from tests.places import ROOT

@@ -1,4 +1,4 @@
-"""Open or create the study of a run, and check that it belongs to the same search."""
+"""The search of a run: its study, opened or created and checked to be the same search, and the trials in it."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 JOURNAL = "study.journal"
 _IDENTITY = "identity"
+_POLL_S = 1.0  # [s] between checks of the trials of other processes
 # Keys that do not identify a study: they set the length of the search, and the use of its result.
 _NOT_SEARCHED = ("trials", "runs", "held_out", "name", "storage", "study")
 
@@ -100,7 +101,7 @@ def _open_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.
     """Open the study in a journal. Raises InputError if it is damaged."""
     from optuna.storages import JournalStorage
 
-    from runners.training.storage import Journal
+    from runners.training.journal import Journal
 
     journal = Journal(path)
     try:
@@ -118,9 +119,6 @@ def _open_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.
 
 def _no_flush() -> None:
     """Do nothing: a database needs no flush."""
-
-
-_POLL_S = 1.0  # [s] between checks of the trials of other processes
 
 
 def run_trials(

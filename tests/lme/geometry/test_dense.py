@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.geometry.points import dense
+from lme.geometry.dense import dense
 from tests import oracles
 from tests.tolerances import FLOAT32_LAYER
 
