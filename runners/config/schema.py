@@ -56,7 +56,6 @@ class DriveConfig(SystemConfig):
     crowd: people added to the worlds; empty for none.
     """
 
-    runs: int
     map: dict[str, Any]
     sim: dict[str, Any]
     crowd: dict[str, Any] = field(default_factory=dict)
@@ -66,6 +65,7 @@ class DriveConfig(SystemConfig):
 class RecordedConfig(DriveConfig):
     """Part of a driving run's config that `launch.json` keeps. table: rows of a sweep's table."""
 
+    runs: int
     people: People = People.truth
     scale: dict[str, float] = field(default_factory=dict)
     table: list[str] = field(default_factory=list)
@@ -75,6 +75,7 @@ class RecordedConfig(DriveConfig):
 class EpisodesConfig(DriveConfig):
     """Episodes that a command drives. executor: config of what runs them. resume: false, true or a directory."""
 
+    runs: int
     resume: Any
     executor: dict[str, Any]
 
@@ -238,6 +239,7 @@ class LiveCommandConfig(DriveConfig):
     topics, frames, scan: see runners.ros and lme.live.
     """
 
+    runs: int
     live: dict[str, Any]
     ros: int | None
     topics: dict[str, Any]
