@@ -17,18 +17,18 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.config.presets import load_parameters, load_robot
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.config.presets import load_parameters, load_robot, load_settings
+from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import Episode, run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
+from lme.planners.simple import Simple
 from lme.robots import Robot
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.simulator import Simulator, State
 from lme.types import Floats, Observation, Twist
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import Task
 
 FRESH_SEED = 4
@@ -136,7 +136,7 @@ def report(episodes: int) -> Iterator[str]:
 
 def fresh_tasks(count: int) -> list[Task]:
     """New worlds, from a seed that no tuning has used."""
-    barn = Barn(BarnConfig(subset="fresh", count=count, fresh_seed=FRESH_SEED))
+    barn = Barn(load_settings("map/barn", subset="fresh", count=count, fresh_seed=FRESH_SEED))
     return [barn.task(number) for number in barn.numbers]
 
 
@@ -156,7 +156,7 @@ def open_loop_row(name: str, guide: str, tasks: Sequence[Task]) -> str:
 
 def drive(robot: Robot, guide: str, task: Task, seed: int) -> Drive:
     """One episode in sim=fast."""
-    tape = Tape(FastSimulator(FastConfig(), robot))
+    tape = Tape(FastSimulator(load_settings("sim/fast"), robot))
     rng = np.random.default_rng([FRESH_SEED, seed])
     if guide == "random":
         wander(task, tape, rng)
@@ -177,7 +177,7 @@ def wander(task: Task, tape: Tape, rng: np.random.Generator) -> None:
 
 def replay(robot: Robot, task: Task, commands: Sequence[Twist]) -> Drive:
     """The same commands in sim=physics, until they or the drive end."""
-    tape = Tape(PhysicsSimulator(PhysicsConfig(), robot))
+    tape = Tape(PhysicsSimulator(load_settings("sim/physics"), robot))
     tape.reset(task, np.random.default_rng(0))
     for command in commands:
         tape.step(command)
@@ -219,9 +219,9 @@ def closed_loop(sim: str, tasks: Sequence[Task], settings: Settings) -> list[Epi
     """One episode of LME on jackal in each world."""
     robot = load_robot("jackal")
     simulator: Simulator = (
-        FastSimulator(FastConfig(**settings), robot)
+        FastSimulator(load_settings("sim/fast", **settings), robot)
         if sim == "fast"
-        else PhysicsSimulator(PhysicsConfig(**settings), robot)
+        else PhysicsSimulator(load_settings("sim/physics", **settings), robot)
     )
     driver = navigator(robot, "lme")
     return [
@@ -238,11 +238,11 @@ def share(episodes: Sequence[Episode], outcome: str) -> float:
 def navigator(robot: Robot, guide: str) -> Navigator:
     """LME with the published weights, or the simple planner alone, which does not avoid obstacles."""
     chosen = (
-        Lme(LmeConfig(parameters=load_parameters("published")), robot)
+        Lme(load_settings("guide/lme", parameters=load_parameters("published")), robot)
         if guide == "lme"
         else Target(TargetConfig(), robot)
     )
-    return Navigator(chosen, Simple(SimpleConfig(), robot))
+    return Navigator(chosen, Simple(load_settings("planner/simple"), robot))
 
 
 if __name__ == "__main__":

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pymunk
 
+from lme.config.presets import load_settings
 from lme.geometry.collision import sweep
 from lme.geometry.fan import fan_blocked
 from lme.geometry.points import beam_directions, scan_points
 from lme.guides.lme.kernels import cluster
 from lme.perception.raycast import cast
 from lme.types import Pose
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from tests import oracles
 
 FULL_CIRCLE = (-math.pi, 2 * math.pi / 540, 540)
@@ -87,7 +88,7 @@ def rows(circles: np.ndarray) -> dict[str, tuple[Callable[[], object], Callable[
 
 def kernel_rows() -> Iterator[str]:
     """Yield rows of a Markdown table: least and median, the twin, and for the scan pymunk's ray queries."""
-    barn = Barn(BarnConfig(subset="all"))
+    barn = Barn(load_settings("map/barn", subset="all"))
     for number in (0, 200):
         circles = barn.task(number).world.circles
         for kernel, (fast, slow) in rows(circles).items():

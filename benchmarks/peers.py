@@ -27,17 +27,17 @@ from benchmarks.command import run_main
 from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.config.presets import load_robot
+from lme.config.presets import load_robot, load_settings
 from lme.perception.raycast import cast
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Floats, Pose, Twist
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 
 Step = Callable[
     [], tuple[Sequence[float], Floats]
 ]  # one control period; gives the pose and the ranges from behind
 
-TASK = Barn(BarnConfig(worlds=[200])).task(200)
+TASK = Barn(load_settings("map/barn", worlds=[200])).task(200)
 CIRCLES = TASK.world.circles
 ROBOT = load_robot("stage")
 BEAMS, RANGE_MAX, DT = ROBOT.lidar.num_beams, ROBOT.lidar.range_max, ROBOT.dt
@@ -87,7 +87,7 @@ def peer_row(name: str, make: Callable[[], Step], our_least: float) -> str:
 
 def fast() -> Callable[[], object]:
     """Our simulator."""
-    simulator = FastSimulator(FastConfig(), ROBOT)
+    simulator = FastSimulator(load_settings("sim/fast"), ROBOT)
     simulator.reset(TASK, np.random.default_rng(0))
     return lambda: simulator.step(COMMAND)
 

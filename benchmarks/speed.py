@@ -24,17 +24,17 @@ from benchmarks.command import run_main
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
 from benchmarks.step import step_rows
-from lme.config.presets import load_parameters, load_robot
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.config.presets import load_parameters, load_robot, load_settings
+from lme.guides.lme.guide import Lme
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
+from lme.planners.simple import Simple
 from lme.robots import Robot
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.simulation.simulator import Simulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
-from lme.worlds.barn.map_set import Barn, BarnConfig
-from lme.worlds.scene import Scene, SceneConfig
+from lme.simulation.skid.simulator import SkidSimulator
+from lme.worlds.barn.map_set import Barn
+from lme.worlds.scene import Scene
 from lme.worlds.world import MapSet
 
 
@@ -66,7 +66,9 @@ def report() -> Iterator[str]:
     yield "| what | µs | share | calls |"
     yield "|---|---:|---:|---:|"
     robot = load_robot("stage")
-    yield from step_rows(Barn(BarnConfig()), lme_on(robot), FastSimulator(FastConfig(), robot))
+    yield from step_rows(
+        Barn(load_settings("map/barn")), lme_on(robot), FastSimulator(load_settings("sim/fast"), robot)
+    )
     yield "\n## Whole commands, wall time\n"
     yield "| command | median [s] | least [s] | peak memory, all processes [MB] |"
     yield "|---|---:|---:|---:|"
@@ -77,9 +79,9 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
     """Rows for one decision in BARN world 200, and for closed-loop steps per second over twenty worlds."""
     robot = load_robot(name)
     navigator = lme_on(robot)
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     observations = []
-    task = Barn(BarnConfig(worlds=[200])).task(200)
+    task = Barn(load_settings("map/barn", worlds=[200])).task(200)
     observation = simulator.reset(task, np.random.default_rng(0))
     navigator.reset(np.random.default_rng(0))
     while not (simulator.state.arrived or simulator.state.contact):
@@ -94,14 +96,14 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
     least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
     what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
     yield f"| {what} | {least:.0f} / {median:.0f} µs |"
-    yield rate_row(f"`{name}`", Barn(BarnConfig()), navigator, simulator)
+    yield rate_row(f"`{name}`", Barn(load_settings("map/barn")), navigator, simulator)
 
 
 def skid_row() -> str:
     """The row of closed-loop steps per second with wheels that slide."""
     robot = load_robot("jackal_gazebo")
-    simulator = SkidSimulator(SkidConfig(), robot)
-    return rate_row("`jackal_gazebo`, `sim=skid`", Barn(BarnConfig()), lme_on(robot), simulator)
+    simulator = SkidSimulator(load_settings("sim/skid"), robot)
+    return rate_row("`jackal_gazebo`, `sim=skid`", Barn(load_settings("map/barn")), lme_on(robot), simulator)
 
 
 def rate_row(name: str, maps: MapSet, navigator: Navigator, simulator: Simulator) -> str:
@@ -113,17 +115,17 @@ def rate_row(name: str, maps: MapSet, navigator: Navigator, simulator: Simulator
 
 def cloud_row() -> str:
     """The row of closed-loop steps per second of the robot with a 3D lidar, in its own scene."""
-    scene = Scene(SceneConfig(name="go2_a"))
+    scene = Scene(load_settings("map/_scene", name="go2_a"))
     robot = load_robot("go2")
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     closed_loop(scene, lme_on(robot), simulator)  # compiles
     return rate_row("`go2` through its Mid-360", scene, lme_on(robot), simulator)
 
 
 def lme_on(robot: Robot) -> Navigator:
     """LME with the published parameters and its own planner."""
-    guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
-    return Navigator(guide, Simple(SimpleConfig(), robot))
+    guide = Lme(load_settings("guide/lme", parameters=load_parameters("published")), robot)
+    return Navigator(guide, Simple(load_settings("planner/simple"), robot))
 
 
 def closed_loop(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:

@@ -18,10 +18,10 @@ except ModuleNotFoundError:
 
 def main(world: int) -> None:
     robot = lme.load_robot("jackal")
-    guide = lme.Lme(lme.Lme.Config(parameters=lme.load_parameters("published")), robot)
-    navigator = lme.Navigator(guide, lme.Simple(lme.Simple.Config(), robot), dt=robot.dt)
-    simulator = lme.FastSimulator(lme.FastSimulator.Config(), robot)
-    task = lme.Barn(lme.Barn.Config(worlds=[world])).task(world)
+    guide = lme.Lme(lme.load_settings("guide/lme", parameters=lme.load_parameters("published")), robot)
+    navigator = lme.Navigator(guide, lme.Simple(lme.load_settings("planner/simple"), robot), dt=robot.dt)
+    simulator = lme.FastSimulator(lme.load_settings("sim/fast"), robot)
+    task = lme.Barn(lme.load_settings("map/barn", worlds=[world])).task(world)
     episode = lme.run_episode(task, navigator, simulator, np.random.default_rng(0))
     print(f"{episode.outcome} after {episode.time:.1f} s and {episode.path_length:.1f} m")
 

@@ -30,7 +30,7 @@ def wall_ahead(lidar: lme.Lidar) -> lme.LaserScan:
 
 
 def main() -> None:
-    escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
+    escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"), lme.load_settings("guide/lme"))
     escaper.reset(np.random.default_rng(0))  # the source of random candidates
     observation = lme.Observation(
         scan=wall_ahead(robot.lidar),

@@ -33,9 +33,9 @@ class MyPlanner:
 
 def main() -> None:
     robot = lme.load_robot("jackal")
-    guide = lme.Lme(lme.Lme.Config(parameters=lme.load_parameters("published")), robot)
-    simulator = lme.FastSimulator(lme.FastSimulator.Config(), robot)
-    task = lme.Barn(lme.Barn.Config(worlds=[200])).task(200)
+    guide = lme.Lme(lme.load_settings("guide/lme", parameters=lme.load_parameters("published")), robot)
+    simulator = lme.FastSimulator(lme.load_settings("sim/fast"), robot)
+    task = lme.Barn(lme.load_settings("map/barn", worlds=[200])).task(200)
     navigator = lme.Navigator(guide, MyPlanner(MyConfig(speed=0.8), robot), dt=robot.dt)
     episode = lme.run_episode(task, navigator, simulator, np.random.default_rng(0))
     print(f"{episode.outcome} after {episode.time:.1f} s and {episode.path_length:.1f} m")

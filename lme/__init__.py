@@ -4,7 +4,7 @@ A guide decides where to go next, a planner how to get there; a navigator is one
 is the paper's policy alone, for your own robot or stack; `Lme` is the same policy as a guide.
 
     robot = lme.load_robot("jackal")
-    escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
+    escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"), lme.load_settings("guide/lme"))
     decision = escaper.decide(observation)  # an lme.Observation; decision.subgoal in the robot frame [m]
 
 Any system of `lme eval` as one object, for another simulator or a robot:
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from lme.config.presets import load_map_set as load_map_set
     from lme.config.presets import load_parameters as load_parameters
     from lme.config.presets import load_robot as load_robot
+    from lme.config.presets import load_settings as load_settings
     from lme.config.presets import load_simulator as load_simulator
     from lme.config.systems import load_system as load_system
     from lme.errors import InputError as InputError
     from lme.evaluation import evaluate as evaluate
     from lme.guides.global_path.guide import GlobalPath as GlobalPath
-    from lme.guides.lme.escaper import EscaperConfig as EscaperConfig
     from lme.guides.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
     from lme.guides.lme.guide import Lme as Lme
     from lme.guides.lme.reasons import reason as reason
@@ -69,7 +69,6 @@ _MODULES = {
     "Barn": "lme.worlds.barn",
     "Dwa": "lme.planners.dwa",
     "EBand": "lme.planners.eband.planner",
-    "EscaperConfig": "lme.guides.lme.escaper",
     "FastSimulator": "lme.simulation.fast",
     "Footprint": "lme.robots",
     "GlobalPath": "lme.guides.global_path.guide",
@@ -95,6 +94,7 @@ _MODULES = {
     "load_map_set": "lme.config.presets",
     "load_parameters": "lme.config.presets",
     "load_robot": "lme.config.presets",
+    "load_settings": "lme.config.presets",
     "load_simulator": "lme.config.presets",
     "load_system": "lme.config.systems",
     "reason": "lme.guides.lme.reasons",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.inputs.plausibility import check_fields
 
 
@@ -23,8 +23,8 @@ class Controller:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            require(f"robot.drivetrain.controller.{field.name}", getattr(self, field.name), above=0.0)
-        check_fields("robot.drivetrain.controller", self)
+            require(f"{field.name}", getattr(self, field.name), above=0.0)
+        check_fields(self)
 
 
 @dataclass(slots=True)
@@ -44,15 +44,14 @@ class Drivetrain:
 
     def __post_init__(self) -> None:
         for key in ("mass", "inertia", "track", "wheel_radius", "friction"):
-            require(f"robot.drivetrain.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("wheel_base", "wheel_width", "com_height"):
-            require(f"robot.drivetrain.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         if not abs(self.com_x) <= self.wheel_base / 2:
-            raise InputError(
-                f"robot.drivetrain.com_x is {self.com_x:g} m: must lie between the axles, "
-                f"within ±{self.wheel_base / 2:g}"
+            raise argument_error(
+                f"com_x is {self.com_x:g} m: must lie between the axles, within ±{self.wheel_base / 2:g}"
             )
-        check_fields("robot.drivetrain", self)
+        check_fields(self)
 
 
 @dataclass(slots=True)
@@ -68,7 +67,7 @@ class Response:
 
     def __post_init__(self) -> None:
         for key in ("gain_v", "gain_omega", "alpha_v", "alpha_omega"):
-            require(f"robot.response.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("delay_v", "delay_omega"):
-            require(f"robot.response.{key}", getattr(self, key), at_least=0.0)
-        check_fields("robot.response", self)
+            require(key, getattr(self, key), at_least=0.0)
+        check_fields(self)

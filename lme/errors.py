@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
+
+_CONFIG_KEY = ContextVar("config key", default="")  # of the node that is being built from a config
 
 
 class InputError(ValueError):
@@ -20,19 +24,43 @@ class InputError(ValueError):
         super().__init__(" ".join(line.strip() for line in message.splitlines()))
 
 
+@contextmanager
+def building(key: str) -> Iterator[None]:
+    """Let messages about arguments begin with the key of the config node that is built within this context.
+
+    The library names its own arguments ("margin is -1"); within `building("planner")` the message says
+    "planner.margin is -1".
+    """
+    token = _CONFIG_KEY.set(key)
+    try:
+        yield
+    finally:
+        _CONFIG_KEY.reset(token)
+
+
+def config_key(argument: str) -> str:
+    """Return the name of an argument for messages: within `building`, with the key of the node before it."""
+    return f"{_CONFIG_KEY.get()}.{argument}".removeprefix(".")
+
+
+def argument_error(message: str) -> InputError:
+    """Return the error of a wrong argument. message: begins with the argument's name."""
+    return InputError(config_key(message))
+
+
 def require(
-    key: str,
+    argument: str,
     value: Any,
     *,
     above: float | None = None,
     at_least: float | None = None,
     at_most: float | None = None,
 ) -> None:
-    """Raise InputError, naming key, value and bounds, unless `value` is finite and within the bounds."""
+    """Raise InputError, naming argument, value and bounds, unless `value` is finite and within the bounds."""
     try:
         finite = math.isfinite(value)
     except OverflowError:  # an integer too large for a float
-        raise InputError(f"{key} is too large: must be finite") from None
+        raise argument_error(f"{argument} is too large: must be finite") from None
     bounds = {
         f"greater than {above:g}" if above is not None else "": above is None or value > above,
         f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,
@@ -40,7 +68,9 @@ def require(
         "finite": finite,
     }
     if not all(bounds.values()):
-        raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")
+        raise argument_error(
+            f"{argument} is {value:g}: must be {' and '.join(name for name in bounds if name)}"
+        )
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

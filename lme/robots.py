@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from lme.drivetrain import Drivetrain, Response
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.inputs.plausibility import check_fields, check_mount
 from lme.types import Floats, Limits, Pose
 
@@ -23,20 +22,19 @@ class Footprint:
     radius: float | None = None  # [m], of a disc
     length: float | None = None  # [m], of a rectangle, along x
     width: float | None = None  # [m], of a rectangle, along y
-    key: ClassVar[str] = "robot.footprint"
 
     def __post_init__(self) -> None:
         disc = self.radius is not None
         sides = (self.length is not None) + (self.width is not None)
         if (disc and sides) or (not disc and sides != 2):
-            raise InputError(
-                f"{self.key} is {{radius: {self.radius}, length: {self.length}, width: {self.width}}}: "
+            raise argument_error(
+                f"radius is {self.radius}, length {self.length} and width {self.width}: "
                 "give either a radius (disc) or a length and a width (rectangle), and null for the rest"
             )
         for key in ("radius", "length", "width"):
             if getattr(self, key) is not None:
-                require(f"{self.key}.{key}", getattr(self, key), above=0.0)
-        check_fields(self.key, self)
+                require(key, getattr(self, key), above=0.0)
+        check_fields(self)
 
     @property
     def box(self) -> tuple[float, float, float]:
@@ -82,18 +80,16 @@ class Cloud:
     duration: float = 0.1  # [s] in which the points of one cloud are taken
 
     def __post_init__(self) -> None:
-        require("robot.lidar.cloud.height", self.height, above=0.0)
-        require("robot.lidar.cloud.min_height", self.min_height)
-        require("robot.lidar.cloud.max_height", self.max_height, above=self.min_height)
-        require("robot.lidar.cloud.duration", self.duration, above=0.0)
-        check_fields("robot.lidar.cloud", self)
+        require("height", self.height, above=0.0)
+        require("min_height", self.min_height)
+        require("max_height", self.max_height, above=self.min_height)
+        require("duration", self.duration, above=0.0)
+        check_fields(self)
 
 
 @dataclass(slots=True)
 class Contact(Footprint):
     """The outline that collides, if it is not the footprint that the robot plans with."""
-
-    key: ClassVar[str] = "robot.contact"
 
 
 @dataclass(slots=True)
@@ -118,23 +114,23 @@ class Lidar:
     cloud: Cloud | None = None
 
     def __post_init__(self) -> None:
-        require("robot.lidar.num_beams", self.num_beams, above=1, at_most=_MOST_BEAMS)
-        require("robot.lidar.fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
-        require("robot.lidar.range_min", self.range_min, at_least=0.0)
-        require("robot.lidar.range_max", self.range_max, above=self.range_min)
-        require("robot.lidar.noise_std", self.noise_std, at_least=0.0)
+        require("num_beams", self.num_beams, above=1, at_most=_MOST_BEAMS)
+        require("fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
+        require("range_min", self.range_min, at_least=0.0)
+        require("range_max", self.range_max, above=self.range_min)
+        require("noise_std", self.noise_std, at_least=0.0)
         for key in ("x", "y", "yaw"):
-            require(f"robot.lidar.{key}", getattr(self, key))
+            require(key, getattr(self, key))
         if self.native_beams is not None:
-            require("robot.lidar.native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
+            require("native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
         if self.height is not None:
-            require("robot.lidar.height", self.height, above=0.0)
+            require("height", self.height, above=0.0)
         if self.cloud is not None and (self.native_beams is not None or not self.full_circle):
-            raise InputError(
-                f"robot.lidar.cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "
+            raise argument_error(
+                f"cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "
                 "a cloud makes a full circle (fov 2π) without native_beams"
             )
-        check_fields("robot.lidar", self)
+        check_fields(self)
 
     @property
     def native(self) -> Lidar:
@@ -187,20 +183,18 @@ class Robot:
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
-            require(f"robot.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         if self.v_min is not None:
-            require("robot.v_min", self.v_min, at_most=0.0)
-        require("robot.settling_time", self.settling_time, at_least=0.0)
+            require("v_min", self.v_min, at_most=0.0)
+        require("settling_time", self.settling_time, at_least=0.0)
         if self.collision_radius is not None:
             self._check_collision_radius(self.collision_radius)
         if self.drivetrain is not None and self.response is not None:
-            raise InputError(
-                "robot.drivetrain and robot.response are both set: must be one, and null for the other"
-            )
-        check_fields("robot", self)
+            raise argument_error("drivetrain and response are both set: must be one, and null for the other")
+        check_fields(self)
         outlines = (self.footprint, self.contact)  # a config is typed only once it is built
         reach = max(outline.r_max for outline in outlines if isinstance(outline, Footprint))
-        check_mount("robot.lidar", self.lidar.x, self.lidar.y, reach)
+        check_mount("lidar", self.lidar.x, self.lidar.y, reach)
 
     @property
     def hull(self) -> Footprint:
@@ -229,7 +223,7 @@ class Robot:
         if radius is None or radius >= r_max:
             return ""
         return (
-            f"robot.collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "
+            f"collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "
             "some subgoals are reachable in some orientations only"
         )
 
@@ -237,8 +231,8 @@ class Robot:
         """Raise InputError below r_min, where no subgoal is reachable (paper §III.G)."""
         r_min, r_max = self.footprint.r_min, self.footprint.r_max
         if radius < r_min:
-            raise InputError(
-                f"robot.collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
+            raise argument_error(
+                f"collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
                 f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
             )
-        require("robot.collision_radius", radius, above=0.0)
+        require("collision_radius", radius, above=0.0)

@@ -7,13 +7,14 @@ from dataclasses import astuple, is_dataclass, replace
 import numpy as np
 
 import lme.guides.lme.escaper
-from lme.guides.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.config.presets import load_settings
+from lme.guides.lme.escaper import PAPER_CRITERIA, LocalMinimumEscaper
+from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
+from lme.planners.simple import Simple
 from lme.robots import Footprint, Lidar, Robot
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 from runners.config import catalogue
@@ -75,10 +76,10 @@ def without_errors(robot):
 def navigator(robot, guide="lme", **settings):
     """The simple planner behind LME with the published parameters, or bare."""
     if guide == "lme":
-        chosen = Lme(LmeConfig(parameters=PUBLISHED, **settings), robot)
+        chosen = Lme(load_settings("guide/lme", parameters=PUBLISHED, **settings), robot)
     else:
         chosen = Target(TargetConfig(), robot)
-    return Navigator(chosen, Simple(SimpleConfig(), robot))
+    return Navigator(chosen, Simple(load_settings("planner/simple"), robot))
 
 
 def observation(
@@ -135,7 +136,7 @@ def only(**weights):
 
 def escaper(parameters=PUBLISHED, robot=None, seed=0, **settings):
     """LME with these settings, reset with the seed."""
-    made = LocalMinimumEscaper(robot or stage(), parameters, EscaperConfig(**settings))
+    made = LocalMinimumEscaper(robot or stage(), parameters, load_settings("guide/lme", **settings))
     made.reset(np.random.default_rng(seed))
     return made
 
@@ -155,7 +156,7 @@ def inject(monkeypatch, *draws):
 def wander(steps=30, seed=0, even=True, robot=None):
     """Observations and true poses of a robot that drives about at random."""
     robot, rng = robot or stage(), np.random.default_rng(seed)
-    simulator = FastSimulator(FastConfig(even_ramp=even), robot)
+    simulator = FastSimulator(load_settings("sim/fast", even_ramp=even), robot)
     seen = [simulator.reset(task(room(40.0), goal=(15.0, 5.0)), rng)]
     poses = [simulator.state.pose]
     for _ in range(steps):
@@ -168,7 +169,7 @@ def wander(steps=30, seed=0, even=True, robot=None):
 def escape(seed=0, robot=None, steps=25):
     """Observations on the way of LME past some obstacles."""
     robot = robot or stage()
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     driver = navigator(robot)
     driver.reset(np.random.default_rng(seed))
     seen = [simulator.reset(task(CLUTTER), np.random.default_rng(seed))]

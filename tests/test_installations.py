@@ -32,8 +32,8 @@ def listen(driver, step):
     recorders.append(recorders[0] if recorders else LiveRecorder(Path(), config, driver))
     recorders[0].take(step)
 
-task = lme.Barn(lme.Barn.Config(worlds=[210])).task(210)
-simulator = lme.FastSimulator(lme.FastSimulator.Config(), config.robot)
+task = lme.Barn(lme.load_settings("map/barn", worlds=[210])).task(210)
+simulator = lme.FastSimulator(lme.load_settings("sim/fast"), config.robot)
 driver, steps, outcome, _ = drive_live(
     task, lambda robot: build.navigator(config, robot), config.robot, simulator, listen=listen
 )

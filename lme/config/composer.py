@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import os.path
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from string import Template
 from typing import Any, cast
@@ -57,9 +58,33 @@ def compose(
     """Merge the file of an option of `group` with those that its defaults list names.
 
     group: empty for the config of a command. choices: options of other groups, for a list with `${planner}`; entries
-    that depend on another choice are left out. Raises InputError for a file that cannot be read or composed.
+    that depend on another choice are left out. A user's file for a shipped class inherits from the shipped file of
+    this class, so that it may leave keys out. Raises InputError for a file that cannot be read or composed.
     """
-    return _composed(file, group, None, folders, choices or {}, ())
+    own = _composed(file, group, None, folders, choices or {}, ())
+    base = None if file.is_relative_to(SHIPPED[0]) else _introducing(group, own.values.get("_target_"))
+    if base is None or base in own.files:
+        return own
+    shipped = _composed(base, group, own.package, SHIPPED, {}, ())
+    return replace(
+        own,
+        settings=overlaid(shipped.settings, own.settings),
+        choices=shipped.choices | own.choices,
+        files=(*shipped.files, *own.files),
+    )
+
+
+@cache
+def _introducing(group: str, target: object) -> Path | None:
+    """Return the shipped file that says `_target_: target` itself, so that others inherit it; None if there is none."""
+    files = sorted((SHIPPED[0] / group).glob("*.yaml"))
+    return next((file for file in files if target is not None and own_target(file) == target), None)
+
+
+def own_target(file: Path) -> str | None:
+    """Return the class that a file itself names, rather than one that it inherits from; None if it names none."""
+    lines = read_text(file, YAML_BYTES).splitlines()
+    return next((line.split()[1] for line in lines if line.startswith("_target_: ")), None)
 
 
 def resolved(group: str, values: Mapping[str, Any], config: Mapping[str, Any], place: str) -> dict[str, Any]:

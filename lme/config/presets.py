@@ -5,13 +5,15 @@ from __future__ import annotations
 import importlib
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, asdict, fields, is_dataclass
+from copy import deepcopy
+from dataclasses import MISSING, asdict, fields, is_dataclass, replace
+from functools import cache
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from lme.config import composer
-from lme.errors import InputError, nearest
+from lme.errors import InputError, building, nearest
 from lme.guides.lme.weight_files import (
     PUBLISHED,
     find_weights,
@@ -45,7 +47,7 @@ def load_robot(robot: str | Path) -> Robot:
     Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
     """
     path = find_option("robot", robot)
-    made: Robot = _build(Robot, str(path), composer.compose(path, "robot").values)
+    made: Robot = _build(Robot, str(path), "robot", composer.compose(path, "robot").values)
     if made.radius_note and path.parent != resource_dir("conf") / "robot":
         warnings.warn(f"{path}: {made.radius_note}", stacklevel=2)
     return made
@@ -69,8 +71,9 @@ def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Ro
             "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
         )
     check_given(settings or {}, values)
-    target, config = configured(values, place)
-    made: MapSet = target(config)
+    target, config = configured(values, place, "map")
+    with building("map"):
+        made: MapSet = target(config)
     return made
 
 
@@ -79,7 +82,41 @@ def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tupl
 
     Raises InputError for an unknown name or key, or a wrong value.
     """
-    return configured(*option("sim", name, settings))
+    return configured(*option("sim", name, settings), "sim")
+
+
+def load_settings(option: str, /, **changes: Any) -> Any:
+    """Return the Config of an option of `conf/`, with other values for some of its keys::
+
+        planner = lme.Dwa(lme.load_settings("planner/dwa", margin=0.1), robot)
+
+    option: GROUP/NAME. changes: a mapping changes only the keys that it names of a part, such as
+    `candidates={"number": 500}`. Raises InputError for an unknown option or key, and for a wrong value.
+    """
+    return _changed(deepcopy(_shipped_settings(option)), changes, option.partition("/")[0])
+
+
+@cache
+def _shipped_settings(option_name: str) -> Any:
+    group, _, name = option_name.rpartition("/")
+    values, place = option(group, name, config={"weights": PUBLISHED, "ablation": {}, "seed": 0})
+    return configured(values, place, group)[1]
+
+
+def _changed(config: Any, changes: Mapping[str, Any], key: str) -> Any:
+    """Return the dataclass of a config key with other values for some fields, and for some fields of its parts."""
+    known = [each.name for each in fields(config)]
+    values = {}
+    for name, value in changes.items():
+        if name not in known:
+            raise InputError(
+                f"{key}.{name}: no such key; {nearest(name, known)}{key} holds: {', '.join(known)}"
+            )
+        part = getattr(config, name)
+        is_part = is_dataclass(part) and isinstance(value, Mapping)
+        values[name] = _changed(part, value, f"{key}.{name}") if is_part else value
+    with building(key):
+        return replace(config, **values)
 
 
 def load_parameters(weights: str | Path = "published") -> dict[str, float]:
@@ -112,15 +149,16 @@ def option(
     return composer.resolved(group, values, config or {}, place), place
 
 
-def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
+def configured(values: Mapping[str, Any], place: str, key: str) -> tuple[Any, Any]:
     """Return the class that `_target_` names, and its Config with the other values.
 
-    place: the source of the values, for messages. Raises InputError for an unknown key or a wrong value.
+    place, key: the source of the values and their key in the whole config, for messages. Raises InputError for an
+    unknown key or a wrong value.
     """
     module, _, target = str(values["_target_"]).rpartition(".")
     made = getattr(importlib.import_module(module), target)
     return made, _build(
-        made.Config, place, {key: value for key, value in values.items() if key != "_target_"}
+        made.Config, place, key, {name: value for name, value in values.items() if name != "_target_"}
     )
 
 
@@ -137,23 +175,28 @@ def find_option(group: str, given: str | Path) -> Path:
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
 
 
-def _build(part: type[_Part], place: str, value: object) -> _Part:
-    """Build a dataclass from a mapping with a key for each field without a default, and perhaps for the others."""
+def _build(part: type[_Part], place: str, key: str, value: object) -> _Part:
+    """Build a dataclass from a mapping with a key for each field without a default, and perhaps for the others.
+
+    place, key: those of the mapping, for messages.
+    """
     known = fields(part)  # type: ignore[arg-type]
     required = [each.name for each in known if each.default is each.default_factory is MISSING]
     optional = [each.name for each in known if each.name not in required]
     entry, kinds = Entry(place, value, required, optional), get_type_hints(part)
-    return part(**{key: _value(entry, key, kinds[key]) for key in entry.keys})
+    values = {name: _value(entry, name, kinds[name], f"{key}.{name}") for name in entry.keys}
+    with building(key):
+        return part(**values)
 
 
-def _value(entry: Entry, key: str, kind: Any) -> Any:
+def _value(entry: Entry, key: str, kind: Any, config_key: str) -> Any:
     given, kinds = entry.value(key), get_args(kind)
     if NoneType in kinds:
         if given is None:
             return None
         kind = next(each for each in kinds if each is not NoneType)
     if isinstance(kind, type) and is_dataclass(kind):
-        return _build(kind, f"{entry.place}, {key}", given)
+        return _build(kind, f"{entry.place}, {key}", config_key, given)
     if kind is str:
         return str(given)
     if kind is float:

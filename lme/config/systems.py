@@ -9,13 +9,13 @@ from typing import Any
 
 from lme.config.composer import compose
 from lme.config.presets import configured, find_option, option
-from lme.errors import InputError, nearest
+from lme.errors import InputError, building, nearest
 from lme.guides.lme.weight_files import PUBLISHED, with_network
 from lme.inputs.resources import overlaid
 from lme.navigation.navigator import Navigator
 from lme.perception.people.source import people_source
 from lme.robots import Robot
-from lme.types import Planner
+from lme.types import Guide, Planner
 
 _PARTS = ("guide", "planner", "filter")
 _GROUPS = (*_PARTS, "ablation")
@@ -64,16 +64,20 @@ def load_system(
 
     # Build the planner within its filter, then the guide.
     guide, place = parts["guide"]
-    guide_class, guide_config = configured(with_network(guide, "guide"), place)
+    guide_class, guide_config = configured(with_network(guide, "guide"), place, "guide")
     planner, place = parts["planner"]
-    planner_class, planner_config = configured(with_network(planner), place)
-    driver: Planner = planner_class(planner_config, robot)
+    planner_class, planner_config = configured(with_network(planner), place, "planner")
+    with building("planner"):
+        driver: Planner = planner_class(planner_config, robot)
     safety, place = parts["filter"]
     if safety:
-        filter_class, filter_config = configured(safety, place)
-        driver = filter_class(filter_config, driver, robot)
+        filter_class, filter_config = configured(safety, place, "filter")
+        with building("filter"):
+            driver = filter_class(filter_config, driver, robot)
+    with building("guide"):
+        made_guide: Guide = guide_class(guide_config, robot)
     return Navigator(
-        guide_class(guide_config, robot),
+        made_guide,
         driver,
         goal_tolerance,
         people_source(people, robot),

@@ -2,49 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lme.errors import require
 from lme.grids.obstacle_grid import HIGHEST
 from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
-from lme.mapping.costmap import Costmap, CostmapConfig, stamp
+from lme.mapping.costmap import Costmap, stamp
 from lme.robots import Robot
 from lme.types import Floats, Ints, Observation
 
 _ROUNDED = 0.01  # [m] steps of the inflation radius
 
 
-def _costmap() -> CostmapConfig:
-    return CostmapConfig(
-        obstacle_range=4.5,
-        raytrace_range=5.0,
-        observation_persistence=0.0,
-        inf_is_valid=False,
-        footprint_clearing=True,
-    )
-
-
 @dataclass(slots=True)
 class GlobalPlannerConfig(GlobalPathConfig):
     """Costs of GlobalPlanner, and the inflation at full speed, besides the settings of GlobalPath."""
 
-    costmap: CostmapConfig = field(default_factory=_costmap)
-    replan_rate: float = 20.0  # [Hz]
-    neutral_cost: float = 50.0
-    cost_factor: float = 3.0
-    lethal_cost: float = 253.0  # a cell costs less than this
-    fast_inflation_radius: float = 1.0  # [m] at full_speed; costmap.inflation_radius at rest
-    full_speed: float = 1.5  # [m/s]
+    neutral_cost: float
+    cost_factor: float
+    lethal_cost: float
+    fast_inflation_radius: float
+    full_speed: float
 
     def __post_init__(self) -> None:
         GlobalPathConfig.__post_init__(self)  # super() fails in a dataclass with slots
-        require("guide.neutral_cost", self.neutral_cost, above=0.0)
-        require("guide.cost_factor", self.cost_factor, at_least=0.0)
-        require("guide.lethal_cost", self.lethal_cost, above=self.neutral_cost + 1.0)
-        require("guide.fast_inflation_radius", self.fast_inflation_radius, at_least=0.0)
-        require("guide.full_speed", self.full_speed, above=0.0)
+        require("neutral_cost", self.neutral_cost, above=0.0)
+        require("cost_factor", self.cost_factor, at_least=0.0)
+        require("lethal_cost", self.lethal_cost, above=self.neutral_cost + 1.0)
+        require("fast_inflation_radius", self.fast_inflation_radius, at_least=0.0)
+        require("full_speed", self.full_speed, above=0.0)
 
 
 class GlobalPlanner(GlobalPath):

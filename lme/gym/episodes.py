@@ -53,7 +53,7 @@ class Episodes:
         for key in ("lidar", "control_rate"):
             if getattr(robot, key) != getattr(self.robot, key):
                 raise InputError(
-                    f"robot.{key} of a randomly drawn robot is {getattr(robot, key)}: must be the same for all, here "
+                    f"{key} of a randomly drawn robot is {getattr(robot, key)}: must be the same for all, here "
                     f"{getattr(self.robot, key)}"
                 )
         return robot

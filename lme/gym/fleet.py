@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.gym.episodes import DrawRobot, Episodes
 from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, Places, States, advance, look
@@ -88,7 +89,7 @@ class Fleet:
     ) -> None:
         """Raises InputError for anything that the compiled step does not support."""
         self._episodes = Episodes(map_set, robot)
-        self._config, self._reward = config or FastConfig(), reward or Reward()
+        self._config, self._reward = config or load_settings("sim/fast"), reward or Reward()
         self.robot, self.num_envs = self._episodes.robot, num_envs
         self._check()
         lidar = self.robot.lidar
@@ -208,8 +209,8 @@ class Fleet:
         if self.num_envs < 1:
             raise InputError(f"num_envs is {self.num_envs}: must be at least 1")
         config, lidar = self._config, self.robot.lidar
-        values = {f"sim.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
-        values |= {"sim.goal_rate": config.goal_rate}
+        values = {f"config.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
+        values |= {"config.goal_rate": config.goal_rate}
         values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
         for key, value in values.items():
             if value is not None:

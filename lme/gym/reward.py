@@ -30,7 +30,7 @@ class Reward:
 
     def __post_init__(self) -> None:
         for key in ("progress", "success", "collision", "timeout", "step"):
-            require(f"reward.{key}", getattr(self, key))
+            require(key, getattr(self, key))
 
     def of(self, before: Floats, after: Floats, outcomes: Ints) -> Floats:
         """Rewards (N,). before, after (N,): distances to the goal [m]; outcomes (N,): codes of `lme.gym.kernels`."""

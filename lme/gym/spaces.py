@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from lme.config.presets import load_map_set, load_robot, load_simulator
-from lme.errors import InputError, nearest, require
+from lme.errors import InputError, building, nearest, require
 from lme.gym.episodes import DrawRobot, Episodes
 from lme.gym.reward import Reward
 from lme.robots import Lidar, Robot
@@ -122,7 +122,8 @@ def _reward(given: Settings) -> Reward:
             raise InputError(
                 f"reward.{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}"
             )
-    return Reward(**given)
+    with building("reward"):
+        return Reward(**given)
 
 
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):

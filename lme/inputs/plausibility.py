@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, NamedTuple
 
-from lme.errors import InputError
+from lme.errors import InputError, config_key
 
 
 class Usual(NamedTuple):
@@ -108,34 +108,36 @@ USUAL: Mapping[str, Usual] = {  # by the last part of the key
 }
 
 
-def check(key: str, value: float) -> None:
-    """Warn of a value outside the usual range of its key; raise InputError for one outside the possible range.
+def check(name: str, value: float) -> None:
+    """Warn of a value outside the usual range of its name; raise InputError for one outside the possible range.
 
-    key: dotted; its last part, or word, is a key of `USUAL`.
+    name: for messages; its last part, or word, is a key of `USUAL`.
     """
-    usual = USUAL[re.split(r"[. ]", key)[-1]]
+    usual = USUAL[re.split(r"[. ]", name)[-1]]
     if usual.low <= value <= usual.high:
         return
     hint = f"; {usual.hint}" if usual.hint else ""
-    said = f"{key} is {_with_unit(value, usual)}"
+    said = f"{name} is {_with_unit(value, usual)}"
     normal = f"usually {_between(usual.low, usual.high, usual)}{hint}"
     if not usual.least <= value <= usual.most:
         raise InputError(f"{said}: must be {_between(usual.least, usual.most, usual)}, and is {normal}")
     warnings.warn(f"{said}: it is {normal}", stacklevel=2)
 
 
-def check_fields(prefix: str, values: Any) -> None:
-    """Check every number of a dataclass whose name is a key of `USUAL`. prefix: dotted, before the fields' names."""
+def check_fields(values: Any) -> None:
+    """Check every number of a dataclass whose name is a key of `USUAL`."""
     for field in fields(values):
         value = getattr(values, field.name)
         if field.name in USUAL and isinstance(value, int | float):
-            check(f"{prefix}.{field.name}", value)
+            check(config_key(field.name), value)
 
 
-def check_mount(key: str, x: float, y: float, reach: float) -> None:
+def check_mount(argument: str, x: float, y: float, reach: float) -> None:
     """Check a sensor's place on a robot. reach: from the base to the farthest point of the outline [m]."""
     away, usual, most = math.hypot(x, y), reach + _BEYOND, reach + _FAR
-    said = f"{key} is mounted {away:.3g} m from the base of a robot that ends at {reach:.3g} m"
+    said = (
+        f"{config_key(argument)} is mounted {away:.3g} m from the base of a robot that ends at {reach:.3g} m"
+    )
     if away > most:
         raise InputError(
             f"{said}: must be at most {most:.3g} m from it, and is usually at most {usual:.3g} m; {_MM}"

@@ -254,5 +254,5 @@ def _heights(config: CloudConfig, robot: Robot) -> tuple[float, float]:
     low, high = _HEIGHTS if own is None else (own.min_height, own.max_height)
     low = low if config.min_height is None else config.min_height
     high = high if config.max_height is None else config.max_height
-    require("scan.cloud.max_height", high, above=low)
+    require("cloud.max_height", high, above=low)
     return low, high

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, config_key, require
 from lme.inputs import plausibility
 from lme.perception.point_cloud import rigid_transform
 from lme.robots import Robot
@@ -30,10 +30,10 @@ class LiveConfig:
 
     def __post_init__(self) -> None:
         for key in ("stale", "time_jump", "goal_tolerance"):
-            require(f"live.{key}", getattr(self, key), above=0.0)
-        require("live.seed", self.seed, at_least=0)
+            require(key, getattr(self, key), above=0.0)
+        require("seed", self.seed, at_least=0)
         if self.clock not in CLOCKS:
-            raise InputError(f"live.clock is {self.clock!r}: must be one of {', '.join(CLOCKS)}")
+            raise argument_error(f"clock is {self.clock!r}: must be one of {', '.join(CLOCKS)}")
 
 
 @dataclass(slots=True)
@@ -64,24 +64,24 @@ class ScanConfig:
 
     def __post_init__(self) -> None:
         if self.lidar not in LIDARS:
-            raise InputError(f"scan.lidar is {self.lidar!r}: must be one of {', '.join(LIDARS)}")
+            raise argument_error(f"lidar is {self.lidar!r}: must be one of {', '.join(LIDARS)}")
         if self.mount is not None:
             _matrix(self.mount)
             for key, angle in zip(("roll", "pitch", "yaw"), self.mount[3:], strict=True):
-                plausibility.check(f"scan.mount.{key}", angle)
+                plausibility.check(config_key(f"mount.{key}"), angle)
         if self.range_min is not None:
-            require("scan.range_min", self.range_min, at_least=0.0)
+            require("range_min", self.range_min, at_least=0.0)
         if self.range_max is not None:
-            require("scan.range_max", self.range_max, above=self.range_min or 0.0)
+            require("range_max", self.range_max, above=self.range_min or 0.0)
         cloud = self.cloud
         if cloud.min_height is not None:
-            require("scan.cloud.min_height", cloud.min_height)
+            require("min_height", cloud.min_height)
         if cloud.max_height is not None:
-            require("scan.cloud.max_height", cloud.max_height, above=cloud.min_height)
+            require("max_height", cloud.max_height, above=cloud.min_height)
         if cloud.angle_increment is not None:
-            require("scan.cloud.angle_increment", cloud.angle_increment, above=0.0, at_most=0.5)
+            require("angle_increment", cloud.angle_increment, above=0.0, at_most=0.5)
         if cloud.range_max is not None:
-            require("scan.cloud.range_max", cloud.range_max, above=0.0)
+            require("range_max", cloud.range_max, above=0.0)
 
 
 def mount_of(config: ScanConfig, by_tf: Floats | None, robot: Robot, height: float) -> tuple[str, Floats]:
@@ -101,4 +101,4 @@ def _matrix(mount: Sequence[float]) -> Floats:
     try:
         return rigid_transform(mount)
     except InputError as error:
-        raise InputError(f"scan.{error}") from error
+        raise argument_error(f"{error}") from error

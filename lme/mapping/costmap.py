@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.geometry.frames import compose, to_robot
 from lme.grids.obstacle_grid import (
     INSCRIBED,
@@ -42,21 +42,21 @@ _WIDEST_STAMP = 200  # [cells] greatest radius of inflation
 class CostmapConfig:
     """Size of the grid, marking and clearing by scans, and inflation of obstacles."""
 
-    cell_size: float = 0.05  # [m]
-    margin: float = 20.0  # [m] around the box of start, goal and known obstacles; paths stay inside
-    obstacle_range: float = 2.5  # [m] hits up to here are marked
-    raytrace_range: float = 3.0  # [m] beams clear cells up to here
-    observation_persistence: float = 1.0  # [s] after a hit, a cell is not cleared for this time
-    inf_is_valid: bool = True  # a beam without a return clears cells
-    footprint_clearing: bool = False  # cells under the padded footprint are free
-    footprint_padding: float = 0.1  # [m] added to the footprint's inner radius
-    inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
-    cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
-    update_rate: float | None = None  # [Hz] of the map's own clock; None: with every observation
+    cell_size: float
+    margin: float
+    obstacle_range: float
+    raytrace_range: float
+    observation_persistence: float
+    inf_is_valid: bool
+    footprint_clearing: bool
+    footprint_padding: float
+    inflation_radius: float
+    cost_scaling_factor: float
+    update_rate: float | None
 
     def __post_init__(self) -> None:
         for key in ("cell_size", "obstacle_range", "raytrace_range"):
-            require(f"guide.costmap.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in (
             "margin",
             "observation_persistence",
@@ -64,9 +64,9 @@ class CostmapConfig:
             "inflation_radius",
             "cost_scaling_factor",
         ):
-            require(f"guide.costmap.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         if self.update_rate is not None:
-            require("guide.costmap.update_rate", self.update_rate, above=0.0)
+            require("update_rate", self.update_rate, above=0.0)
 
 
 class Costmap:
@@ -174,8 +174,8 @@ def stamp(config: CostmapConfig, r_min: float) -> Ints:
     reach = max(inscribed, config.inflation_radius)
     if reach > _WIDEST_STAMP * config.cell_size:
         key = "footprint_padding" if inscribed > config.inflation_radius else "inflation_radius"
-        raise InputError(
-            f"guide.costmap.{key} is {getattr(config, key):g}: obstacles would raise costs up to {reach:g} m: "
+        raise argument_error(
+            f"costmap.{key} is {getattr(config, key):g}: obstacles would raise costs up to {reach:g} m: "
             f"must be at most {_WIDEST_STAMP} cells, {_WIDEST_STAMP * config.cell_size:g} m"
         )
     return inflation_stamp(
@@ -200,9 +200,9 @@ def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int
     if cells > _MOST_CELLS:
         # A side has up to three cells more than its length has: the ends are rounded outwards.
         least = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
-        raise InputError(
-            f"guide.costmap.cell_size is {config.cell_size:g}: the global map with a margin of {config.margin:g} m "
+        raise argument_error(
+            f"costmap.cell_size is {config.cell_size:g}: the global map with a margin of {config.margin:g} m "
             f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {least:g} m, or a smaller "
-            "guide.costmap.margin"
+            "margin"
         )
     return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])

@@ -20,24 +20,24 @@ from lme.types import Observation, Pose
 class LocalCostmapConfig:
     """Size of the grid, marking and clearing by scans, and inflation of obstacles."""
 
-    cell_size: float = 0.05  # [m]
-    size: float = 10.0  # [m] side of the square around the robot
-    obstacle_range: float = 2.5  # [m] hits up to here are marked
-    raytrace_range: float = 3.0  # [m] beams clear cells up to here
-    footprint_padding: float = 0.1  # [m] the outline of the footprint is moved out by this
-    inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
-    cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
-    update_rate: float | None = None  # [Hz] of the map's own clock; None: with every observation
+    cell_size: float
+    size: float
+    obstacle_range: float
+    raytrace_range: float
+    footprint_padding: float
+    inflation_radius: float
+    cost_scaling_factor: float
+    update_rate: float | None
 
     def __post_init__(self) -> None:
         for key in ("cell_size", "obstacle_range", "raytrace_range"):
-            require(f"planner.costmap.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("footprint_padding", "inflation_radius", "cost_scaling_factor"):
-            require(f"planner.costmap.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         if self.update_rate is not None:
-            require("planner.costmap.update_rate", self.update_rate, above=0.0)
-        require("planner.costmap.size", self.size, above=0.0, at_most=1000.0 * self.cell_size)
-        require("planner.costmap.inflation_radius", self.inflation_radius, at_most=self.size)
+            require("update_rate", self.update_rate, above=0.0)
+        require("size", self.size, above=0.0, at_most=1000.0 * self.cell_size)
+        require("inflation_radius", self.inflation_radius, at_most=self.size)
 
 
 class LocalCostmap:

@@ -22,20 +22,20 @@ _CLOSEST = 0.01  # [m] below this clearance the repulsion is constant
 class ApfConfig:
     """Settings; `conf/planner/apf.yaml` gives their sources."""
 
-    attraction: float = 5.0  # k_p [N/m]
-    conic_beyond: float = 1.0  # [m]
-    repulsion: float = 0.01  # η [N·m³]
-    influence: float = 0.5  # ρ_0 [m]
-    spread: float = math.radians(20.0)  # [rad]
-    turn_gain: float = 4.0  # [1/s]
-    margin: float = 0.01  # [m]
+    attraction: float
+    conic_beyond: float
+    repulsion: float
+    influence: float
+    spread: float
+    turn_gain: float
+    margin: float
 
     def __post_init__(self) -> None:
         for key in ("attraction", "conic_beyond", "influence", "turn_gain"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
-        require("planner.spread", self.spread, above=0.0, at_most=math.pi)
+            require(key, getattr(self, key), above=0.0)
+        require("spread", self.spread, above=0.0, at_most=math.pi)
         for key in ("repulsion", "margin"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
 
 
 class Apf:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.ramp import reachable, towards
 from lme.types import Floats, Observation, Twist
 
@@ -44,12 +44,10 @@ def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float
 
 
 def check_turn_samples(number: int) -> None:
-    """Raise InputError unless this number of turn rates, `planner.omega_samples`, can have 0 in its middle."""
-    require("planner.omega_samples", number, at_least=3, at_most=MOST_SAMPLES)
+    """Raise InputError unless this number of turn rates, `omega_samples`, can have 0 in its middle."""
+    require("omega_samples", number, at_least=3, at_most=MOST_SAMPLES)
     if number % 2 == 0:
-        raise InputError(
-            f"planner.omega_samples is {number}: must be odd, so that the robot may drive straight"
-        )
+        raise argument_error(f"omega_samples is {number}: must be odd, so that the robot may drive straight")
 
 
 def turn_shares(number: int) -> Floats:

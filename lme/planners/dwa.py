@@ -21,25 +21,23 @@ from lme.types import Floats, Guidance, Limits, Observation, Twist
 class DwaConfig:
     """Gains of the objective, safety margin and sampling of the window."""
 
-    heading: float = 2.0  # gain of heading for the subgoal; Fox et al. 1997: α
-    clearance: float = 0.2  # gain of the distance to the first obstacle; Fox et al. 1997: β
-    velocity: float = 0.2  # gain of forward velocity; Fox et al. 1997: γ
-    heading_time: float | None = (
-        None  # [s] time at (v, ω) before the heading is predicted; null: one period, as in Fox et al.
-    )
-    clear_way: float = 2.0  # [m] longer distances count the same
-    margin: float = 0.02  # [m] growth of the footprint at rest
-    margin_time: float = 0.05  # [s] further growth per velocity
-    v_samples: int = 9
-    omega_samples: int = 31  # odd, so that 0 is one of them
+    heading: float
+    clearance: float
+    velocity: float
+    heading_time: float | None
+    clear_way: float
+    margin: float
+    margin_time: float
+    v_samples: int
+    omega_samples: int
 
     def __post_init__(self) -> None:
         for key in ("heading", "clearance", "velocity", "margin", "margin_time"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.clear_way", self.clear_way, above=0.0)
+            require(key, getattr(self, key), at_least=0.0)
+        require("clear_way", self.clear_way, above=0.0)
         if self.heading_time is not None:
-            require("planner.heading_time", self.heading_time, above=0.0)
-        require("planner.v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
+            require("heading_time", self.heading_time, above=0.0)
+        require("v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
         check_turn_samples(self.omega_samples)
 
 

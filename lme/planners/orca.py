@@ -24,19 +24,19 @@ _STANDS = 0.02  # [m/s] slower velocities have no direction to turn to
 class OrcaConfig:
     """Settings; `conf/planner/orca.yaml` explains them."""
 
-    horizon: float = 3.0  # [s]
-    wall_horizon: float = 0.5  # [s]
-    share: float = 0.5  # [-]
-    clearance: float = 0.05  # [m]
-    turn_time: float = 0.3  # [s]
-    margin: float = 0.01  # [m]
+    horizon: float
+    wall_horizon: float
+    share: float
+    clearance: float
+    turn_time: float
+    margin: float
 
     def __post_init__(self) -> None:
         for key in ("horizon", "wall_horizon", "turn_time"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
-        require("planner.share", self.share, above=0.0, at_most=1.0)
+            require(key, getattr(self, key), above=0.0)
+        require("share", self.share, above=0.0, at_most=1.0)
         for key in ("clearance", "margin"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
 
 
 class Orca:

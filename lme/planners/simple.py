@@ -18,19 +18,19 @@ from lme.types import Guidance, Observation, Twist
 class SimpleConfig:
     """Gains and accelerations that the paper leaves open, and the heading tolerance."""
 
-    heading_tolerance: float = math.radians(9.0)  # [rad] Algorithm 3: drive only within 9°
-    pd_below: float = 0.2  # [rad] PD control below this error
-    kp: float = 4.0  # [1/s]
-    kd: float = 0.1  # [-]
-    alpha_v: float | None = None  # [m/s²] None, or above the robot's limit: that limit
-    alpha_omega: float | None = None  # [rad/s²] the same
+    heading_tolerance: float
+    pd_below: float
+    kp: float
+    kd: float
+    alpha_v: float | None
+    alpha_omega: float | None
 
     def __post_init__(self) -> None:
         for key in ("heading_tolerance", "pd_below", "kp", "kd"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         for key in ("alpha_v", "alpha_omega"):
             if getattr(self, key) is not None:
-                require(f"planner.{key}", getattr(self, key), above=0.0)
+                require(key, getattr(self, key), above=0.0)
 
 
 class Simple:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.grids.polar_histogram import (
     active_cells,
     candidate_directions,
@@ -29,24 +29,24 @@ _LEAST_CELL = 0.01  # [m] a finer grid would take longer than a control period
 class VfhPlusConfig:
     """Settings; `conf/planner/vfh_plus.yaml` gives their sources."""
 
-    cell_size: float = 0.1  # [m]
-    window: float = 1.6  # [m] radius
-    sector_angle: float = math.radians(5.0)  # [rad]
-    safety_distance: float = 0.02  # [m]
-    peak: float = 10.0  # [-]
-    density_low: float = 3.0  # [-]
-    density_high: float = 5.0  # [-]
-    wide_valley: float = math.radians(80.0)  # [rad]
-    cost_target: float = 5.0  # [-]
-    cost_heading: float = 2.0  # [-]
-    cost_previous: float = 2.0  # [-]
-    turn_gain: float = 3.0  # [1/s]
-    density_stop: float = 60.0  # [-]
-    margin: float = 0.01  # [m]
+    cell_size: float
+    window: float
+    sector_angle: float
+    safety_distance: float
+    peak: float
+    density_low: float
+    density_high: float
+    wide_valley: float
+    cost_target: float
+    cost_heading: float
+    cost_previous: float
+    turn_gain: float
+    density_stop: float
+    margin: float
 
     def __post_init__(self) -> None:
         for key in ("window", "density_high", "wide_valley", "turn_gain", "density_stop"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in (
             "safety_distance",
             "density_low",
@@ -55,14 +55,13 @@ class VfhPlusConfig:
             "cost_previous",
             "margin",
         ):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.cell_size", self.cell_size, at_least=_LEAST_CELL)
-        require("planner.sector_angle", self.sector_angle, at_least=math.radians(0.5), at_most=math.pi / 4)
-        require("planner.peak", self.peak, at_least=1.0)
+            require(key, getattr(self, key), at_least=0.0)
+        require("cell_size", self.cell_size, at_least=_LEAST_CELL)
+        require("sector_angle", self.sector_angle, at_least=math.radians(0.5), at_most=math.pi / 4)
+        require("peak", self.peak, at_least=1.0)
         if self.density_low > self.density_high:
-            raise InputError(
-                f"planner.density_low is {self.density_low:g}: must be at most planner.density_high, "
-                f"{self.density_high:g}"
+            raise argument_error(
+                f"density_low is {self.density_low:g}: must be at most density_high, {self.density_high:g}"
             )
 
 

@@ -38,36 +38,32 @@ _NOT_NEGATIVE = (
 class Disturbances:
     """Settings of the disturbances, the same in every simulator. By default there are none."""
 
-    latency: float = 0.0  # [s] from a command to its effect
-    odometry_age: float = 0.0  # [s] of the measured pose and twist
-    lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
-    natural_frequency_v: float = (
-        0.0  # [rad/s] with which legs follow that in v, as a second-order response; 0: none
-    )
-    natural_frequency_omega: float = 0.0  # [rad/s] and in ω
-    overshoot_v: float = 0.0  # [-] of this response to a step in v, as a share of the step
-    overshoot_omega: float = 0.0  # [-] and to a step in ω
-    ripple_v: float = 0.0  # [m/s] standard deviation of the measured speed of a walking robot
-    ripple_omega: float = 0.0  # [rad/s] and of its measured turn rate
-    tilt: float = 0.0  # [rad] standard deviation of the pitch of a walking robot's planar lidar
-    slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
-    odometry_error: float = (
-        0.0  # [-] standard deviation of relative errors of speed and turn rate, per episode
-    )
-    scan_noise: float = 0.0  # [m] standard deviation, in addition to robot.lidar.noise_std
-    scan_dropout: float = 0.0  # [-] share of beams that return nothing
-    goal_noise: float = 0.0  # [m] standard deviation of the robot's estimated position, in x and in y
-    goal_noise_yaw: float = 0.0  # [rad] standard deviation of its estimated heading
-    goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan; 0: one, at the start
+    latency: float
+    odometry_age: float
+    lag: float
+    natural_frequency_v: float
+    natural_frequency_omega: float
+    overshoot_v: float
+    overshoot_omega: float
+    ripple_v: float
+    ripple_omega: float
+    tilt: float
+    slip: float
+    odometry_error: float
+    scan_noise: float
+    scan_dropout: float
+    goal_noise: float
+    goal_noise_yaw: float
+    goal_rate: float | None
 
     def __post_init__(self) -> None:
         for key in _NOT_NEGATIVE:
-            require(f"sim.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         for key in ("overshoot_v", "overshoot_omega"):
-            require(f"sim.{key}", getattr(self, key), at_least=0.0, at_most=0.95)
-        require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
+            require(key, getattr(self, key), at_least=0.0, at_most=0.95)
+        require("scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
-            require("sim.goal_rate", self.goal_rate, at_least=0.0)
+            require("goal_rate", self.goal_rate, at_least=0.0)
 
     @property
     def has_gait(self) -> bool:

@@ -28,13 +28,13 @@ MAX_SUBSTEP = 0.01  # [s] resolution of latency and lag
 class FastConfig(Disturbances):
     """Resolution of the contact check, and how velocity follows the command."""
 
-    max_step: float = 0.025  # [m] no point of the footprint moves further between two checks
-    even_ramp: bool = False  # spread a change of velocity over the control period instead of α, then hold
+    max_step: float
+    even_ramp: bool
 
     def __post_init__(self) -> None:
         Disturbances.__post_init__(self)
-        require("sim.max_step", self.max_step, above=0.0)
-        check_fields("sim", self)
+        require("max_step", self.max_step, above=0.0)
+        check_fields(self)
 
 
 class FastSimulator:

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import argument_error
 from lme.robots import Robot
 from lme.simulation.disturbances import Disturbances
 from lme.types import Floats, Twist
@@ -116,7 +116,7 @@ def floor_ranges(bearings: Floats, height: float, tilt: float, rng: np.random.Ge
 def check_height(tilt: float, robot: Robot) -> None:
     """Raise InputError for a planar lidar that tilts at an unknown height."""
     if tilt > 0.0 and robot.lidar.cloud is None and robot.lidar.height is None:
-        raise InputError(
-            f"sim.tilt is {tilt:g}, but robot.lidar.height is null in robot {robot.name}: must be the height of the "
-            "planar lidar above the floor [m], where tilted beams end; or set sim.tilt to 0"
+        raise argument_error(
+            f"tilt is {tilt:g}, but robot.lidar.height is null in robot {robot.name}: must be the height of the "
+            "planar lidar above the floor [m], where tilted beams end; or set tilt to 0"
         )

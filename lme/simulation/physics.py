@@ -34,15 +34,15 @@ _ELSEWHERE = (1e6, 1e6)  # [m] where a recorded mover is while it is not there
 class PhysicsConfig(Disturbances):
     """Time step of the physics engine, and grip of the tyres."""
 
-    substep: float = 0.01  # [s] longest step of the physics engine
-    grip: float | None = None  # [-] friction coefficient of the tyres; None: they never slip
+    substep: float
+    grip: float | None
 
     def __post_init__(self) -> None:
         Disturbances.__post_init__(self)
-        require("sim.substep", self.substep, above=0.0)
+        require("substep", self.substep, above=0.0)
         if self.grip is not None:
-            require("sim.grip", self.grip, above=0.0)
-        check_fields("sim", self)
+            require("grip", self.grip, above=0.0)
+        check_fields(self)
 
 
 class PhysicsSimulator:

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from lme.errors import InputError
+from lme.errors import argument_error
 from lme.geometry.heap import pop, push
 from lme.inputs.guarded_file import expanded
 from lme.types import Floats
@@ -27,11 +27,8 @@ _SHARED = [each.name for each in fields(DrawnRules) if each.name != "worlds"]  #
 class BuildingsConfig(DrawnRules):
     """Keys of `conf/map/building.yaml`."""
 
-    paths: list[str] | None = None  # ROS maps (.yaml), or folders of them
-    name: str | None = None  # in the records; None: the file's name, or "building" for several
-    configurations: int = 40  # pairs of start and goal in each building
-    min_distance: float = 8.0  # [m] from start to goal, in a straight line
-    grid: float = 0.1  # [m] between the grid points of starts, goals and shortest paths
+    paths: list[str] | None
+    name: str | None
 
 
 class Buildings:
@@ -55,9 +52,9 @@ class Buildings:
         self._numbers = config.numbers(range(len(self._paths) * config.configurations))
         last = len(self._paths) * config.configurations - 1
         if max(self._numbers) > last:
-            raise InputError(
-                f"map.worlds holds {max(self._numbers)}: must be at most {last}, for {len(self._paths)} buildings with "
-                f"{config.configurations} configurations each (map.configurations)"
+            raise argument_error(
+                f"worlds holds {max(self._numbers)}: must be at most {last}, for {len(self._paths)} buildings with "
+                f"{config.configurations} configurations each (configurations)"
             )
         self._rooms: dict[int, _MeasuredRoom] = {}
 
@@ -94,7 +91,14 @@ class Buildings:
             worlds = [number % count for number in self._numbers if number // count == building]
             shared = {key: getattr(self.config, key) for key in _SHARED}
             self._rooms[building] = _MeasuredRoom(
-                RoomConfig(path=str(self._paths[building]), worlds=worlds, **shared)
+                RoomConfig(
+                    name=None,
+                    path=str(self._paths[building]),
+                    size=None,
+                    unknown="obstacle",
+                    worlds=worlds,
+                    **shared,
+                )
             )
         return self._rooms[building]
 
@@ -113,8 +117,8 @@ class _MeasuredRoom(Room):
 def _maps(paths: Sequence[str] | None) -> list[Path]:
     """Return the map files, with a folder replaced by those in it. Raises InputError for a path that is not right."""
     if not paths:
-        raise InputError(
-            f"map.paths is {'null' if paths is None else '[]'}: must be a list of ROS maps (.yaml) or folders of them, "
+        raise argument_error(
+            f"paths is {'null' if paths is None else '[]'}: must be a list of ROS maps (.yaml) or folders of them, "
             "e.g. [office.yaml]; lme maps build makes one from a log"
         )
     found: list[Path] = []
@@ -122,10 +126,10 @@ def _maps(paths: Sequence[str] | None) -> list[Path]:
         folder = expanded(given)
         inside = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
         if folder.is_dir() and not inside:
-            raise InputError(f"map.paths holds {given}: the folder has no maps (.yaml)")
+            raise argument_error(f"paths holds {given}: the folder has no maps (.yaml)")
         if not inside and not folder.is_file():
-            raise InputError(
-                f"map.paths holds {given}: no such file; must be a ROS map (.yaml) or a folder of them"
+            raise argument_error(
+                f"paths holds {given}: no such file; must be a ROS map (.yaml) or a folder of them"
             )
         found += inside or [folder]
     return found

@@ -27,13 +27,13 @@ def check_task(task: Task, robot: Robot) -> None:
     if footprint_clearance(task.world, robot.hull, task.start) <= 0.0:
         raise InputError(
             f"{where}: robot {robot.name} is in collision at the start {_place(task.start)}: "
-            "must be free (move map.start, or choose another world)"
+            "must be free (move the start, or choose another world)"
         )
     clearance = point_clearance(task.world, task.goal)
     if clearance <= 0.0:
         raise InputError(
             f"{where}: the goal {_place(task.goal)} lies inside an obstacle: "
-            "must be free (move map.goal, or choose another world)"
+            "must be free (move the goal, or choose another world)"
         )
     if clearance < robot.hull.r_min:
         raise InputError(

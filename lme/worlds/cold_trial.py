@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.config.presets import load_settings
+from lme.errors import InputError, argument_error, require
 from lme.robots import Footprint, Lidar, Robot
 from lme.worlds.barn import Barn
-from lme.worlds.barn.map_set import FIRST_FRESH, BarnConfig
-from lme.worlds.building import Buildings, BuildingsConfig
+from lme.worlds.barn.map_set import FIRST_FRESH
+from lme.worlds.building import Buildings
 from lme.worlds.check import check_task
-from lme.worlds.dynabarn import DIFFICULTIES, Dynabarn, DynabarnConfig
+from lme.worlds.dynabarn import DIFFICULTIES, Dynabarn
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.indoor import Indoor, IndoorConfig
+from lme.worlds.indoor import Indoor
 from lme.worlds.indoor.map_set import KINDS
-from lme.worlds.rules import LEAST_TIME, MOST_WORLDS, TIME_FACTOR, check_chosen, fair_limit
+from lme.worlds.rules import MOST_WORLDS, check_chosen, fair_limit
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.traps import Traps, TrapsConfig
+from lme.worlds.traps import Traps
 from lme.worlds.world import DrawnTask, Task
 
 BUILDINGS, STAND_IN = "buildings", "floor_plans"  # real maps; generated ones, where none are given
@@ -56,7 +57,9 @@ class Place(NamedTuple):
 def _barn(place: Place) -> Task:
     """A fresh BARN world. Raises InputError if its passages, whose width is not chosen, are too narrow."""
     number = FIRST_FRESH + place.choice
-    task = Barn(BarnConfig(subset="fresh", fresh_seed=place.seed, worlds=[number])).task(number)
+    task = Barn(load_settings("map/barn", subset="fresh", fresh_seed=place.seed, worlds=[number])).task(
+        number
+    )
     space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, place.radius, place.margin)
     length = space.checked_length(f"map barn, world {number}", task.start, task.goal)
     return replace(task, shortest_path_length=length)
@@ -65,13 +68,16 @@ def _barn(place: Place) -> Task:
 def _indoor(place: Place) -> Task:
     """A generated building of any kind."""
     kind = list(KINDS)[place.choice % len(KINDS)]
-    config = IndoorConfig(kind=kind, building_seed=place.seed, radius=place.radius, margin=place.margin)
+    config = load_settings(
+        "map/indoor", kind=kind, building_seed=place.seed, radius=place.radius, margin=place.margin
+    )
     return Indoor(config).task(0)
 
 
 def _floor_plan(place: Place) -> Task:
     """A generated floor plan, with start and goal as far apart as in a real building."""
-    config = IndoorConfig(
+    config = load_settings(
+        "map/indoor",
         kind="floor_plan",
         building_seed=place.seed,
         min_distance=_APART_M,
@@ -83,7 +89,8 @@ def _floor_plan(place: Place) -> Task:
 
 def _building(place: Place) -> Task:
     """One of the real buildings, with a start and a goal of its own."""
-    config = BuildingsConfig(
+    config = load_settings(
+        "map/building",
         paths=list(place.paths),
         configurations=1,
         sample_seed=place.seed,
@@ -97,13 +104,15 @@ def _building(place: Place) -> Task:
 
 def _traps(place: Place) -> Task:
     """A random trap."""
-    return Traps(TrapsConfig(kind="mixed", starts=1, start_seed=place.seed, radius=place.radius)).task(0)
+    return Traps(
+        load_settings("map/traps", kind="mixed", starts=1, start_seed=place.seed, radius=place.radius)
+    ).task(0)
 
 
 def _dynabarn(place: Place) -> Task:
     """Moving cylinders, at any difficulty; the arena is wide enough for all footprints."""
     difficulty = list(DIFFICULTIES)[place.choice % len(DIFFICULTIES)]
-    return Dynabarn(DynabarnConfig(difficulty=difficulty, motion_seed=place.seed)).task(0)
+    return Dynabarn(load_settings("map/dynabarn", difficulty=difficulty, motion_seed=place.seed)).task(0)
 
 
 _MAKERS: dict[str, Callable[[Place], Task]] = {
@@ -130,43 +139,39 @@ def task_in(family: str, place: Place) -> Task:
 
 def check_paths(paths: Sequence[str]) -> None:
     """Raise InputError for a path of a building that does not exist."""
-    Buildings(BuildingsConfig(paths=list(paths), configurations=1))
+    Buildings(load_settings("map/building", paths=list(paths), configurations=1))
 
 
 @dataclass(slots=True)
 class TrialRanges:
     """[lowest, highest] of each value, drawn anew for every episode. The names of the robot's limits are `Robot`'s."""
 
-    size: list[float] = field(default_factory=lambda: [0.2, 0.8])  # [m] diameter, or length and width
-    v_max: list[float] = field(default_factory=lambda: [0.3, 2.0])  # [m/s]
-    omega_max: list[float] = field(default_factory=lambda: [0.8, 4.0])  # [rad/s]
-    alpha_v: list[float] = field(default_factory=lambda: [0.5, 5.0])  # [m/s²]
-    alpha_omega: list[float] = field(default_factory=lambda: [1.0, 10.0])  # [rad/s²]
-    control_rate: list[float] = field(default_factory=lambda: [5.0, 20.0])  # [Hz]
-    num_beams: list[float] = field(default_factory=lambda: [180.0, 1080.0])  # of the lidar
-    range_min: list[float] = field(default_factory=lambda: [0.02, 0.1])  # [m]
-    range_max: list[float] = field(default_factory=lambda: [5.0, 30.0])  # [m]
-    mount: list[float] = field(
-        default_factory=lambda: [-0.5, 0.5]
-    )  # of half the length, and of half the width
-    blind_arc: list[float] = field(default_factory=lambda: [0.0, math.pi])  # [rad] behind the lidar
-    latency: list[float] = field(default_factory=lambda: [0.0, 0.2])  # [s] from a command to its effect
-    slip: list[float] = field(
-        default_factory=lambda: [0.0, 0.05]
-    )  # of each wheel's speed, standard deviation
-    scan_noise: list[float] = field(default_factory=lambda: [0.0, 0.02])  # [m] standard deviation
+    size: list[float]
+    v_max: list[float]
+    omega_max: list[float]
+    alpha_v: list[float]
+    alpha_omega: list[float]
+    control_rate: list[float]
+    num_beams: list[float]
+    range_min: list[float]
+    range_max: list[float]
+    mount: list[float]
+    blind_arc: list[float]
+    latency: list[float]
+    slip: list[float]
+    scan_noise: list[float]
 
     def __post_init__(self) -> None:
         for each in fields(self):
             self._check(each.name, getattr(self, each.name))
-        require("map.ranges.num_beams[0]", self.num_beams[0], above=1)
-        require("map.ranges.blind_arc[1]", self.blind_arc[1], at_most=1.9 * math.pi)
-        require("map.ranges.range_max[0]", self.range_max[0], above=self.range_min[1])
+        require("num_beams[0]", self.num_beams[0], above=1)
+        require("blind_arc[1]", self.blind_arc[1], at_most=1.9 * math.pi)
+        require("range_max[0]", self.range_max[0], above=self.range_min[1])
 
     def _check(self, key: str, bounds: list[float]) -> None:
         if len(bounds) != 2 or not bounds[0] <= bounds[1]:
-            raise InputError(f"map.ranges.{key} is {list(bounds)}: must be [lowest, highest]")
-        low, high = f"map.ranges.{key}[0]", f"map.ranges.{key}[1]"
+            raise argument_error(f"{key} is {list(bounds)}: must be [lowest, highest]")
+        low, high = f"{key}[0]", f"{key}[1]"
         if key == "mount":  # inside the footprint
             require(low, bounds[0], at_least=-1.0)
             require(high, bounds[1], at_most=1.0)
@@ -241,32 +246,30 @@ def columns_of(robot: Robot, disturbances: dict[str, float]) -> dict[str, float 
 class ColdTrialConfig:
     """Keys of `conf/map/_cold_trial.yaml`."""
 
-    subset: str = STATIC  # static | dynabarn
-    trial_seed: int = 0  # seed of everything that is drawn
-    count: int = 500  # numbers 0, 1, …
-    worlds: list[int] | None = None  # numbers to drive instead of all
-    paths: list[str] | None = (
-        None  # ROS maps of buildings (.yaml), or folders of them; None: generated floor plans
-    )
-    passage_margin: float = 0.05  # [m] by which a path is wider on each side than the footprint's inner disc
-    start_margin: float = 0.05  # [m] free around the footprint's outer disc at start and goal
-    time_factor: float = TIME_FACTOR  # time limit, as a multiple of the time for the shortest path at v_max
-    least_time: float = LEAST_TIME  # [s] shortest time limit
-    ranges: TrialRanges = field(default_factory=TrialRanges)
+    subset: str
+    trial_seed: int
+    count: int
+    worlds: list[int] | None
+    paths: list[str] | None
+    passage_margin: float
+    start_margin: float
+    time_factor: float
+    least_time: float
+    ranges: TrialRanges
 
     def __post_init__(self) -> None:
         if self.subset not in (STATIC, DYNABARN):
-            raise InputError(f"map.subset is {self.subset!r}: must be {STATIC} or {DYNABARN}")
-        require("map.trial_seed", self.trial_seed, at_least=0)
-        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
-        require("map.passage_margin", self.passage_margin, at_least=0.0)
-        require("map.start_margin", self.start_margin, at_least=0.0)
-        require("map.time_factor", self.time_factor, at_least=1.0)
-        require("map.least_time", self.least_time, above=0.0)
+            raise argument_error(f"subset is {self.subset!r}: must be {STATIC} or {DYNABARN}")
+        require("trial_seed", self.trial_seed, at_least=0)
+        require("count", self.count, at_least=1, at_most=MOST_WORLDS)
+        require("passage_margin", self.passage_margin, at_least=0.0)
+        require("start_margin", self.start_margin, at_least=0.0)
+        require("time_factor", self.time_factor, at_least=1.0)
+        require("least_time", self.least_time, above=0.0)
         chosen = self.worlds
         if chosen is not None and not (chosen and set(chosen) <= set(range(self.count))):
-            raise InputError(
-                f"map.worlds is {list(chosen)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
+            raise argument_error(
+                f"worlds is {list(chosen)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
             )
         if self.paths is not None:
             check_paths(self.paths)
@@ -329,7 +332,7 @@ class ColdTrial:
             }
             return DrawnTask(task, robot, disturbances, columns)
         raise InputError(
-            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of map.ranges fits ({narrow})"
+            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of ranges fits ({narrow})"
         )
 
     def _task(self, number: int, family: str, seed: int, choice: int, robot: Robot) -> Task:

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, config_key, require
 from lme.inputs import plausibility
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.movers import MOTIONS, ORCA, SCRIPTED, Mover
+from lme.worlds.movers import MOTIONS, SCRIPTED, Mover
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import MapSet, Task
 
@@ -31,23 +31,23 @@ _TASKS_KEPT = 64
 class Walking:
     """Settings that people who react share, wherever they are. Without slots, so that it can be a second base."""
 
-    motion: str = ORCA  # orca | social_force
-    sees_robot: float = 1.0  # share of the people who keep out of the robot's way
-    walking_speed: float = 1.29  # [m/s] mean of the wanted speeds
-    speed_spread: float = 0.19  # [m/s] their standard deviation
-    body_radius: float = 0.25  # [m]
+    motion: str
+    sees_robot: float
+    walking_speed: float
+    speed_spread: float
+    body_radius: float
 
-    def check(self, group: str) -> None:
-        """Raise InputError for a wrong value. group: "map" or "crowd", for the message."""
+    def check(self) -> None:
+        """Raise InputError for a wrong value."""
         reactive = [motion for motion in MOTIONS if motion != SCRIPTED]
         if self.motion not in reactive:
-            raise InputError(f"{group}.motion is {self.motion!r}: must be {' or '.join(reactive)}")
-        require(f"{group}.sees_robot", self.sees_robot, at_least=0.0, at_most=1.0)
+            raise argument_error(f"motion is {self.motion!r}: must be {' or '.join(reactive)}")
+        require("sees_robot", self.sees_robot, at_least=0.0, at_most=1.0)
         for key in ("walking_speed", "body_radius"):
-            require(f"{group}.{key}", getattr(self, key), above=0.0)
-        require(f"{group}.speed_spread", self.speed_spread, at_least=0.0, at_most=self.walking_speed / 3.0)
+            require(key, getattr(self, key), above=0.0)
+        require("speed_spread", self.speed_spread, at_least=0.0, at_most=self.walking_speed / 3.0)
         for key in ("walking_speed", "body_radius"):
-            plausibility.check(f"{group}.{key}", getattr(self, key))
+            plausibility.check(config_key(key), getattr(self, key))
 
     def person(
         self, rng: np.random.Generator, path: Floats, repeat: str, speed: float | None = None
@@ -68,19 +68,19 @@ class Walking:
 class CrowdedConfig(Walking):
     """Keys of `conf/crowd/orca.yaml`."""
 
-    density: float = 0.05  # [1/m²]
-    count: int | None = None
-    crowd_seed: int = 0
-    clear: float = 2.0  # [m]
-    walk: float = 4.0  # [m]
+    density: float
+    count: int | None
+    crowd_seed: int
+    clear: float
+    walk: float
 
     def __post_init__(self) -> None:
-        self.check("crowd")
-        require("crowd.density", self.density, above=0.0, at_most=4.0)
+        self.check()
+        require("density", self.density, above=0.0, at_most=4.0)
         if self.count is not None:
-            require("crowd.count", self.count, at_least=1, at_most=1000)
+            require("count", self.count, at_least=1, at_most=1000)
         for key in ("crowd_seed", "clear", "walk"):
-            require(f"crowd.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
 
 
 class Crowded:
@@ -149,7 +149,7 @@ class Crowded:
         config = self.config
         return InputError(
             f"map {task.map_name}, world {task.number} has no room for {count} people of radius "
-            f"{config.body_radius:g} m: must be a lower crowd.density, crowd.count or crowd.clear, or another map"
+            f"{config.body_radius:g} m: must be a lower density, count or clear, or another map"
         )
 
     def _round(self, rng: np.random.Generator, space: FreeSpace, place: Floats) -> Floats:

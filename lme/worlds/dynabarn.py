@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.rules import PacedRules, check_chosen
@@ -55,20 +55,18 @@ DIFFICULTIES = {
 class DynabarnConfig(PacedRules):
     """Keys of `conf/map/dynabarn.yaml`."""
 
-    difficulty: str = "medium"  # easy | medium | hard
-    motion_seed: int = 0  # seed of the worlds
-    goal_tolerance: float = 1.0  # [m]
-    time_limit: float = 100.0  # [s]
-    clock_distance: float = 0.1  # [m]
-    speed: float = 2.0  # [m/s] of the optimal time
+    difficulty: str
+    motion_seed: int
+    time_limit: float
+    speed: float
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.difficulty not in DIFFICULTIES:
-            raise InputError(
-                f"map.difficulty is {self.difficulty!r}: must be one of {', '.join(DIFFICULTIES)}"
+            raise argument_error(
+                f"difficulty is {self.difficulty!r}: must be one of {', '.join(DIFFICULTIES)}"
             )
-        require("map.motion_seed", self.motion_seed, at_least=0)
+        require("motion_seed", self.motion_seed, at_least=0)
 
 
 class Dynabarn:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import argument_error, config_key
 from lme.types import Floats, Pose
 from lme.worlds.room import Room, RoomConfig
 from lme.worlds.sampling import Configuration
@@ -18,15 +18,15 @@ from lme.worlds.sampling import Configuration
 class MapFileConfig(RoomConfig):
     """Keys of `conf/map/file.yaml`."""
 
-    start: list[float] | None = None  # x, y [m], and optionally yaw [rad]; None: drawn for each number
-    goal: list[float] | None = None  # x, y [m]; None: drawn for each number
+    start: list[float] | None
+    goal: list[float] | None
 
     def __post_init__(self) -> None:
         RoomConfig.__post_init__(self)  # super() fails in a dataclass with slots
-        _check_numbers("map.start", self.start, (2, 3), "[x, y] or [x, y, yaw] in metres and radians")
-        _check_numbers("map.goal", self.goal, (2,), "[x, y] in metres")
+        _check_numbers("start", self.start, (2, 3), "[x, y] or [x, y, yaw] in metres and radians")
+        _check_numbers("goal", self.goal, (2,), "[x, y] in metres")
         if self.start is not None and self.goal is not None:
-            _check_single(self.worlds, "map.start and map.goal")
+            _check_single(self.worlds, "start and goal")
 
 
 class MapFile(Room):
@@ -55,7 +55,7 @@ class MapFile(Room):
         start, goal = self._start(), self._goal()
         for key, place in (("start", start), ("goal", goal)):
             if place is not None:
-                self._space.check_free(f"map.{key}", place)
+                self._space.check_free(config_key(key), place)
         if start is not None:
             return self._from_given_start(start, number)
         if goal is not None:
@@ -82,11 +82,11 @@ class MapFile(Room):
 def _check_single(worlds: list[int] | None, what: str) -> None:
     """Raise InputError if worlds other than the only one that `what` leaves, number 0, are chosen."""
     if worlds not in (None, [0]):
-        raise InputError(
-            f"map.worlds is {worlds}: must be null or [0], since {what} together leave one configuration"
+        raise argument_error(
+            f"worlds is {worlds}: must be null or [0], since {what} together leave one configuration"
         )
 
 
 def _check_numbers(key: str, values: list[float] | None, counts: tuple[int, ...], right: str) -> None:
     if values is not None and (len(values) not in counts or not all(map(math.isfinite, values))):
-        raise InputError(f"{key} is {list(values)}: must be {right}, or null")
+        raise argument_error(f"{key} is {list(values)}: must be {right}, or null")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, building, require
 from lme.inputs import plausibility
 from lme.inputs.yaml_entry import Entry
 from lme.types import Floats
@@ -60,13 +60,13 @@ class Mover:
         if self.outline is not None:
             object.__setattr__(self, "outline", _rows(self.outline, "outline", (2,), 3))
         if self.repeat not in REPEATS:
-            raise InputError(f"mover.repeat is {self.repeat!r}: must be {', '.join(REPEATS)}")
+            raise argument_error(f"repeat is {self.repeat!r}: must be {', '.join(REPEATS)}")
         for key in ("radius", "speed", "turn_rate", "starts_within", "waits_within"):
             if getattr(self, key) is not None:
-                require(f"mover.{key}", getattr(self, key), above=0.0)
+                require(key, getattr(self, key), above=0.0)
         if self.radius is not None:
-            plausibility.check_fields("mover", self)
-        require("mover.start_after", self.start_after, at_least=0.0)
+            plausibility.check_fields(self)
+        require("start_after", self.start_after, at_least=0.0)
         if self.trigger is not None:
             self._check_trigger(self.trigger)
         self._check_motion()
@@ -88,18 +88,18 @@ class Mover:
 
     def _check_trigger(self, trigger: tuple[float, float]) -> None:
         if self.starts_within is None:
-            raise InputError("mover.trigger needs mover.starts_within: how near to it the robot must come")
+            raise argument_error("trigger needs starts_within: how near to it the robot must come")
         if len(trigger) != 2 or not all(map(math.isfinite, trigger)):
-            raise InputError(f"mover.trigger is {trigger}: must be x, y in metres")
+            raise argument_error(f"trigger is {trigger}: must be x, y in metres")
 
     def _check_motion(self) -> None:
         if self.motion not in MOTIONS:
-            raise InputError(f"mover.motion is {self.motion!r}: must be {', '.join(MOTIONS)}")
+            raise argument_error(f"motion is {self.motion!r}: must be {', '.join(MOTIONS)}")
         if self.walks and self.radius is None:
-            raise InputError(f"mover.motion is {self.motion}: must be scripted for a mover with an outline")
+            raise argument_error(f"motion is {self.motion}: must be scripted for a mover with an outline")
         if self.walks and (self.starts_within, self.waits_within, self.times) != (None, None, None):
-            raise InputError(
-                f"mover.motion is {self.motion}: must be scripted for a mover with starts_within, waits_within or times"
+            raise argument_error(
+                f"motion is {self.motion}: must be scripted for a mover with starts_within, waits_within or times"
             )
 
     def _checked_times(self, times: Floats) -> Floats:
@@ -110,8 +110,8 @@ class Mover:
             or not (np.diff(given) > 0.0).all()
             or given[0] < 0.0
         ):
-            raise InputError(
-                f"mover.times has {given.size} values for {len(self.path)} waypoints: must be rising times "
+            raise argument_error(
+                f"times has {given.size} values for {len(self.path)} waypoints: must be rising times "
                 "from 0 s on, one for each of at least two"
             )
         return given
@@ -128,8 +128,8 @@ def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Flo
     rows = np.array(values, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < least or not np.isfinite(rows).all():
         shape = " or ".join(map(str, columns))
-        raise InputError(
-            f"mover.{key} is {np.asarray(values).tolist()}: must be at least {least} rows of {shape} finite numbers"
+        raise argument_error(
+            f"{key} is {np.asarray(values).tolist()}: must be at least {least} rows of {shape} finite numbers"
         )
     return rows
 
@@ -148,7 +148,8 @@ def mover_of(place: str, item: object) -> Mover:
         if entry.value(key) is not None:
             given[key] = _one_of(entry, key, names)
     try:
-        return Mover(path=_entry_poses(entry), **given)
+        with building("mover"):
+            return Mover(path=_entry_poses(entry), **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error
 

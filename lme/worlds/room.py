@@ -8,10 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.inputs.guarded_file import read_yaml
 from lme.inputs.resources import resource_dir
 from lme.types import Floats
@@ -31,29 +32,29 @@ DRAWING = "shapes.yaml"  # a shipped map is drawn in this file of its folder in 
 class RoomConfig(DrawnRules):
     """Keys of `conf/map/_room.yaml`."""
 
-    name: str | None = None  # in the records; None: the file's name
-    path: str | None = None  # shape file, ROS map or picture; None: the shape file that ships under `name`
-    size: list[float] | None = None  # width, height [m] of a plain picture
-    unknown: str = "obstacle"  # obstacle | free: unknown cells of a ROS map
+    name: str | None
+    path: str | None
+    size: list[float] | None
+    unknown: str
 
     def __post_init__(self) -> None:
         DrawnRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.unknown not in UNKNOWN:
-            raise InputError(f"map.unknown is {self.unknown!r}: must be {' or '.join(UNKNOWN)}")
+            raise argument_error(f"unknown is {self.unknown!r}: must be {' or '.join(UNKNOWN)}")
         self._check_size()
 
     def _check_size(self) -> None:
         if self.size is not None:
             if len(self.size) != 2:
-                raise InputError(f"map.size is {list(self.size)}: must be [width, height] in metres, or null")
+                raise argument_error(f"size is {list(self.size)}: must be [width, height] in metres, or null")
             for side in self.size:
-                require("map.size", side, above=0.0)
+                require("size", side, above=0.0)
 
 
 class Room:
     """Configurations by number. Configuration n does not depend on which others are chosen."""
 
-    Config = RoomConfig
+    Config: ClassVar[type[RoomConfig]] = RoomConfig
 
     def __init__(self, config: RoomConfig) -> None:
         """Read the map. Raises InputError for an invalid file, or one with too little free space."""
@@ -127,14 +128,14 @@ def read_floor_plan(
     """
     if path.suffix.lower() not in (".yaml", ".yml"):
         if not is_picture(path):
-            raise InputError(
-                f"map.path is {path}: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or a picture"
+            raise argument_error(
+                f"path is {path}: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or a picture"
             )
         if size is None:
-            raise InputError(f"map.size is null: must be [width, height] in metres for the picture {path}")
+            raise argument_error(f"size is null: must be [width, height] in metres for the picture {path}")
         return read_bitmap(path, size)
     if size is not None:
-        raise InputError(f"map.size is {list(size)}: must be null, as {path} gives its own size")
+        raise argument_error(f"size is {list(size)}: must be null, as {path} gives its own size")
     drawing = read_yaml(path)
     if isinstance(drawing, dict) and "image" in drawing:
         return read_ros_map(path, unknown_is_obstacle=unknown == "obstacle")
@@ -161,11 +162,9 @@ def _path(config: RoomConfig) -> Path:
         return map_path(config.path, "a shape file, ROS map or picture")
     shipped = sorted(drawing.parent.name for drawing in resource_dir("maps").glob(f"*/{DRAWING}"))
     if config.name is None:
-        raise InputError("map.path is null: must be a shape file (.yaml), a ROS map (.yaml) or a picture")
+        raise argument_error("path is null: must be a shape file (.yaml), a ROS map (.yaml) or a picture")
     if config.name not in shipped:
-        raise InputError(
-            f"map.name is {config.name!r}: must be one of {', '.join(shipped)}, or give map.path"
-        )
+        raise argument_error(f"name is {config.name!r}: must be one of {', '.join(shipped)}, or give path")
     return resource_dir("maps") / config.name / DRAWING
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, config_key, require
 from lme.inputs import plausibility
 from lme.inputs.guarded_file import expanded
 from lme.robots import Robot
@@ -24,22 +24,22 @@ TIME_FACTOR, LEAST_TIME = 8.0, 60.0  # of a time limit that follows from the sho
 class TaskRules:
     """Keys of every YAML in `conf/map/`."""
 
-    worlds: list[int] | None = None  # numbers of the worlds to drive; None: all that the map set offers
-    goal_tolerance: float = 0.2  # [m] success within
-    time_limit: float | None = 120.0  # [s]; None: by the robot's full speed, where the map set knows it
-    clock_distance: float = 0.0  # [m] the clock starts once the robot has moved this far
+    worlds: list[int] | None
+    goal_tolerance: float
+    time_limit: float | None
+    clock_distance: float
 
     def __post_init__(self) -> None:
-        require("map.goal_tolerance", self.goal_tolerance, above=0.0)
-        plausibility.check("map.goal_tolerance", self.goal_tolerance)
+        require("goal_tolerance", self.goal_tolerance, above=0.0)
+        plausibility.check(config_key("goal_tolerance"), self.goal_tolerance)
         if self.time_limit is not None:
-            require("map.time_limit", self.time_limit, above=0.0)
-            plausibility.check("map.time_limit", self.time_limit)
-        require("map.clock_distance", self.clock_distance, at_least=0.0)
+            require("time_limit", self.time_limit, above=0.0)
+            plausibility.check(config_key("time_limit"), self.time_limit)
+        require("clock_distance", self.clock_distance, at_least=0.0)
         chosen = self.worlds
         if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
-            raise InputError(
-                f"map.worlds is {list(chosen)}: must be different numbers from 0 on, at least one, or null"
+            raise argument_error(
+                f"worlds is {list(chosen)}: must be different numbers from 0 on, at least one, or null"
             )
 
     def numbers(self, offered: Iterable[int]) -> tuple[int, ...]:
@@ -49,7 +49,7 @@ class TaskRules:
     def limit(self, length: float) -> float:
         """The time limit [s] of a task whose shortest path has this length [m]. Raises InputError if there is none."""
         if self.time_limit is None:
-            raise InputError("map.time_limit is null: must be given in seconds for this map set")
+            raise argument_error("time_limit is null: must be given in seconds for this map set")
         return self.time_limit
 
     def task(
@@ -73,7 +73,7 @@ class TaskRules:
         if straight <= self.goal_tolerance:
             raise InputError(
                 f"map {map_name}, world {number}: the start lies {straight:.3g} m from the goal, within "
-                f"map.goal_tolerance = {self.goal_tolerance:g} m: must be further away"
+                f"goal_tolerance = {self.goal_tolerance:g} m: must be further away"
             )
         return Task(
             map_name=map_name,
@@ -94,15 +94,14 @@ class TaskRules:
 class PacedRules(TaskRules):
     """Rules of a map set whose optimal time is that of the shortest path, at the robot's full speed or a given one."""
 
-    time_limit: float | None = None  # [s]; None: `fair_limit` of each world
-    speed: float | None = None  # [m/s] that the optimal time assumes; None: v_max
-    v_max: float | None = None  # [m/s] full speed of the robot; None: STAGE_V_MAX
+    speed: float | None
+    v_max: float | None
 
     def __post_init__(self) -> None:
         TaskRules.__post_init__(self)  # super() fails in a dataclass with slots
         for key in ("speed", "v_max"):
             if getattr(self, key) is not None:
-                require(f"map.{key}", getattr(self, key), above=0.0)
+                require(key, getattr(self, key), above=0.0)
 
     @property
     def full_speed(self) -> float:
@@ -123,21 +122,21 @@ class PacedRules(TaskRules):
 class DrawnRules(PacedRules):
     """Rules of a map set that draws pairs of start and goal in the free space of a map."""
 
-    configurations: int = 50  # pairs of start and goal, numbers 0, 1, …
-    sample_seed: int = 0  # seed of the configurations
-    min_distance: float = 3.0  # [m] from start to goal, in a straight line
-    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    margin: float = 0.1  # [m] more than radius, kept free around start and goal
-    grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
+    configurations: int
+    sample_seed: int
+    min_distance: float
+    radius: float | None
+    margin: float
+    grid: float
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.configurations", self.configurations, at_least=1, at_most=MOST_WORLDS)
+        require("configurations", self.configurations, at_least=1, at_most=MOST_WORLDS)
         for key in ("sample_seed", "min_distance", "margin"):
-            require(f"map.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         if self.radius is not None:
-            require("map.radius", self.radius, above=0.0)
-        require("map.grid", self.grid, above=0.0)
+            require("radius", self.radius, above=0.0)
+        require("grid", self.grid, above=0.0)
 
 
 def fair_limit(fastest: float, factor: float = TIME_FACTOR, least: float = LEAST_TIME) -> float:
@@ -157,11 +156,11 @@ def path_measures(length: float, straight: float) -> dict[str, float]:
 
 
 def map_path(given: str, right: str) -> Path:
-    """Return the file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
+    """Return the file that `path` names. right: what it must be. Raises InputError if it is not a file."""
     path = expanded(given)
     if not path.is_file():
         problem = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"map.path is {given}: {problem}; must be {right}")
+        raise argument_error(f"path is {given}: {problem}; must be {right}")
     return path
 
 

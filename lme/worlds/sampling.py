@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lme.errors import InputError
+from lme.errors import InputError, argument_error
 from lme.types import Floats, Ints, Pose
 from lme.worlds.clearance import clearance_field, inside
 from lme.worlds.floor_plan import FloorPlan
@@ -87,7 +87,7 @@ class FreeSpace:
         if not self._passable[*self._cell(place)]:
             raise InputError(
                 f"{what} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
-                "from every obstacle (map.radius)"
+                "from every obstacle (radius)"
             )
 
     def checked_length(self, where: str, start: Pose, goal: Floats) -> float:
@@ -101,7 +101,7 @@ class FreeSpace:
         if not math.isfinite(length):
             raise InputError(
                 f"{where}: no path from the start to the goal is wide enough for a disc of radius "
-                f"{self._radius:.3g} m (map.radius): must be a smaller robot, or a different start, goal or map"
+                f"{self._radius:.3g} m (radius): must be a smaller robot, or a different start, goal or map"
             )
         return length
 
@@ -129,9 +129,9 @@ class FreeSpace:
         return float(np.count_nonzero(self._regions == region)) * self._step**2 if region else 0.0
 
     def _too_small(self, min_distance: float) -> InputError:
-        return InputError(
-            f"map.min_distance is {min_distance:g} m: must be a distance that start and goal can have in the "
-            f"free space that map.radius and map.margin leave ({len(self._roomy)} points of this map)"
+        return argument_error(
+            f"min_distance is {min_distance:g} m: must be a distance that start and goal can have in the "
+            f"free space that radius and margin leave ({len(self._roomy)} points of this map)"
         )
 
     def _goals(self, start: Ints, min_distance: float) -> Points:
@@ -172,8 +172,8 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
     width, height = high[0] - low[0], high[1] - low[1]
     points = (width / step) * (height / step)
     if not points <= MAX_POINTS:
-        raise InputError(
-            f"map.grid is {step:g} m for a map of {width:g} by {height:g} m: must give at most {MAX_POINTS} "
+        raise argument_error(
+            f"grid is {step:g} m for a map of {width:g} by {height:g} m: must give at most {MAX_POINTS} "
             f"points, so at least {step * math.sqrt(points / MAX_POINTS):.2g} m"
         )
     return math.ceil(width / step - 1e-9), math.ceil(height / step - 1e-9)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, argument_error
 from lme.geometry.frames import to_world
 from lme.inputs.guarded_file import read_yaml
 from lme.inputs.resources import resource_dir
@@ -41,8 +41,8 @@ FOLDER = "scenes"  # of maps/
 class SceneConfig(StartsConfig):
     """Keys of `conf/map/_scene.yaml`."""
 
-    name: str | None = None  # in the records; None: the file's name
-    path: str | None = None  # a scene file; None: the one that ships under `name`
+    name: str | None
+    path: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class Scene(Starts):
             if _distance(mover, task.start) <= self._radius:
                 raise InputError(
                     f"map {task.map_name}, start {number}: movers[{place}] overlaps the disc around the robot "
-                    "(map.radius): must start further away"
+                    "(radius): must start further away"
                 )
         return task
 
@@ -125,7 +125,5 @@ def _path(config: SceneConfig) -> Path:
         return map_path(config.path, "a scene file (maps/README.md)")
     shipped = {path.stem: path for path in sorted((resource_dir("maps") / FOLDER).glob("*.yaml"))}
     if config.name not in shipped:
-        raise InputError(
-            f"map.name is {config.name!r}: must be one of {', '.join(shipped)}, or give map.path"
-        )
+        raise argument_error(f"name is {config.name!r}: must be one of {', '.join(shipped)}, or give path")
     return shipped[config.name]

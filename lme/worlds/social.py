@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, require
 from lme.types import Floats, Pose
 from lme.worlds.crowded import Walking
 from lme.worlds.floor_plan import FloorPlan, enclosed
@@ -60,24 +60,23 @@ class Encounter(NamedTuple):
 class SocialConfig(PacedRules, Walking):
     """Keys of `conf/map/social.yaml`."""
 
-    kind: str = "crossing"  # crossing | overtaking | doorway | corridor | group | queue
-    count: int = 20  # numbers 0, 1, …
-    scene_seed: int = 0
-    density: float | None = None  # [1/m²]
-    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    goal_tolerance: float = 1.0  # [m]
+    kind: str
+    count: int
+    scene_seed: int
+    density: float | None
+    radius: float | None
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        self.check("map")
+        self.check()
         if self.kind not in SCENES:
-            raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(SCENES)}")
-        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
-        require("map.scene_seed", self.scene_seed, at_least=0)
+            raise argument_error(f"kind is {self.kind!r}: must be one of {', '.join(SCENES)}")
+        require("count", self.count, at_least=1, at_most=MOST_WORLDS)
+        require("scene_seed", self.scene_seed, at_least=0)
         if self.density is not None:
-            require("map.density", self.density, above=0.0, at_most=4.0)
+            require("density", self.density, above=0.0, at_most=4.0)
         if self.radius is not None:
-            require("map.radius", self.radius, above=0.0, at_most=0.5)
+            require("radius", self.radius, above=0.0, at_most=0.5)
 
 
 class Social:
@@ -143,7 +142,7 @@ class Social:
             if len(people) == count:
                 return tuple(people)
         raise InputError(
-            f"map {self._name}, world {number} has no room for {count} people: must be a lower map.density"
+            f"map {self._name}, world {number} has no room for {count} people: must be a lower density"
         )
 
 

@@ -23,22 +23,22 @@ Place = Callable[[int], tuple[World, FreeSpace]]  # from a number to the world a
 class StartsConfig(PacedRules):
     """Keys that `conf/map/traps.yaml` and `conf/map/_scene.yaml` have in common."""
 
-    starts: int = 20  # numbers 0, 1, …
-    start_seed: int = 0  # seed of the starts
-    lateral: float = 0.3  # [m] greatest offset of a start to either side of the line to the goal
-    turn: float = 0.3  # [rad] greatest angle between the robot's first heading and the goal
-    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    grid: float = 0.05  # [m] between the grid points of shortest paths
+    starts: int
+    start_seed: int
+    lateral: float
+    turn: float
+    radius: float | None
+    grid: float
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.starts", self.starts, at_least=1, at_most=MOST_WORLDS)
-        require("map.start_seed", self.start_seed, at_least=0)
-        require("map.lateral", self.lateral, at_least=0.0, at_most=0.5)
-        require("map.turn", self.turn, at_least=0.0, at_most=math.pi)
+        require("starts", self.starts, at_least=1, at_most=MOST_WORLDS)
+        require("start_seed", self.start_seed, at_least=0)
+        require("lateral", self.lateral, at_least=0.0, at_most=0.5)
+        require("turn", self.turn, at_least=0.0, at_most=math.pi)
         if self.radius is not None:
-            require("map.radius", self.radius, above=0.0, at_most=0.5)
-        require("map.grid", self.grid, above=0.0)
+            require("radius", self.radius, above=0.0, at_most=0.5)
+        require("grid", self.grid, above=0.0)
 
 
 class Starts:

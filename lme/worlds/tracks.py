@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, require
 from lme.inputs.guarded_file import read_text
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
@@ -37,23 +37,22 @@ _WIDEST = 200.0  # [m] of a recorded area
 class RecordedPeopleConfig(PacedRules):
     """Keys of `conf/map/tracks.yaml`."""
 
-    path: str | None = None
-    name: str | None = None
-    frame_rate: float = 25.0  # [1/s]
-    every: float = 10.0  # [s]
-    start: list[float] | None = None  # [m]
-    goal: list[float] | None = None  # [m]
-    body_radius: float = 0.25  # [m]
-    goal_tolerance: float = 1.0  # [m]
+    path: str | None
+    name: str | None
+    frame_rate: float
+    every: float
+    start: list[float] | None
+    goal: list[float] | None
+    body_radius: float
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
         for key in ("frame_rate", "every", "body_radius"):
-            require(f"map.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("start", "goal"):
             place = getattr(self, key)
             if place is not None and (len(place) != 2 or not all(map(math.isfinite, place))):
-                raise InputError(f"map.{key} is {list(place)}: must be x, y in metres, or null")
+                raise argument_error(f"{key} is {list(place)}: must be x, y in metres, or null")
 
 
 class RecordedPeople:
@@ -68,7 +67,7 @@ class RecordedPeople:
     def __init__(self, config: RecordedPeopleConfig) -> None:
         """Read the recording. Raises InputError for a missing or wrong file, and if no world is left."""
         if config.path is None:
-            raise InputError(f"map.path is null: must be a file with lines of {_COLUMNS}")
+            raise argument_error(f"path is null: must be a file with lines of {_COLUMNS}")
         path = map_path(config.path, f"a file with lines of {_COLUMNS}")
         self.config = config
         self._name = config.name or path.stem
@@ -81,8 +80,8 @@ class RecordedPeople:
         last = max(track[-1, 0] for track in self._tracks)
         if not last / config.every <= MOST_BEGINNINGS:
             raise InputError(
-                f"{path}: lasts {last:.4g} s at map.frame_rate {config.frame_rate:g}: must have at most "
-                f"{MOST_BEGINNINGS} beginnings, one for each map.every, {config.every:g} s"
+                f"{path}: lasts {last:.4g} s at frame_rate {config.frame_rate:g}: must have at most "
+                f"{MOST_BEGINNINGS} beginnings, one for each every, {config.every:g} s"
             )
         # Offer only worlds at whose beginning nobody stands where the robot starts.
         self._spans = np.array([track[[0, -1], 0] for track in self._tracks])
@@ -90,13 +89,13 @@ class RecordedPeople:
             number for number in range(math.ceil(last / config.every - 1e-9)) if self._is_clear(number)
         ]
         if not offered:
-            raise InputError(
-                f"map.start is {self._start.tolist()}: must be a place where nobody stands at first"
+            raise argument_error(
+                f"start is {self._start.tolist()}: must be a place where nobody stands at first"
             )
         self._numbers = config.numbers(offered)
         if not set(self._numbers) <= set(offered):
-            raise InputError(
-                f"map.worlds is {list(self._numbers)}: must be of {', '.join(map(str, offered))}, at whose beginning "
+            raise argument_error(
+                f"worlds is {list(self._numbers)}: must be of {', '.join(map(str, offered))}, at whose beginning "
                 f"nobody is within {CLEAR:g} m of the start"
             )
 
@@ -190,7 +189,7 @@ def _apart(tracks: Sequence[Floats], frame_rate: float) -> str:
         return ""
     step = float(np.median(gaps))
     return (
-        f" within {_LOST:g} s (they are {step:.3g} s apart at map.frame_rate {frame_rate:g}; "
+        f" within {_LOST:g} s (they are {step:.3g} s apart at frame_rate {frame_rate:g}; "
         f"{frame_rate * step / _USUAL_STEP:.3g} would make that {_USUAL_STEP:g} s)"
     )
 
@@ -212,7 +211,7 @@ def _warn_of_units(path: Path, tracks: Sequence[Floats], frame_rate: float) -> N
         )
     elif speed > _WALKING[1]:
         warnings.warn(
-            f"{path}: people walk at {speed:.3g} m/s (median) with map.frame_rate={frame_rate:g}: "
+            f"{path}: people walk at {speed:.3g} m/s (median) with frame_rate={frame_rate:g}: "
             f"{frame_rate * _USUAL_SPEED / speed:.3g} would make that {_USUAL_SPEED:g} m/s; the columns must be "
             f"{_COLUMNS}",
             stacklevel=2,

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
@@ -121,14 +121,14 @@ KINDS = (*DRAWINGS, "mixed")
 class TrapsConfig(StartsConfig):
     """Keys of `conf/map/traps.yaml`."""
 
-    kind: str = "u"  # u | wall | door | zigzag | mixed
-    door_margin: float = 0.3  # [m] by which a door is wider than the disc of `radius`
+    kind: str
+    door_margin: float
 
     def __post_init__(self) -> None:
         StartsConfig.__post_init__(self)  # super() fails in a dataclass with slots
         if self.kind not in KINDS:
-            raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(KINDS)}")
-        require("map.door_margin", self.door_margin, at_least=2 * self.grid, at_most=1.0)
+            raise argument_error(f"kind is {self.kind!r}: must be one of {', '.join(KINDS)}")
+        require("door_margin", self.door_margin, at_least=2 * self.grid, at_most=1.0)
 
 
 class Traps(Starts):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
-from lme.errors import InputError, require
+from lme.errors import InputError, building, require
 from lme.guides.lme.weight_files import with_network
 from lme.navigation.navigator import Navigator
 from lme.perception.people.source import People, people_source
@@ -85,7 +85,8 @@ class EpisodeSetting(NamedTuple):
 def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
     """Return config and task of world `number` of `maps`, the map set of the config. Raises InputError."""
     if not isinstance(maps, DrawsRobots):
-        return EpisodeSetting(config, maps.task(number), {})
+        with building("map"):
+            return EpisodeSetting(config, maps.task(number), {})
     drawn = maps.drawn(number)
     return EpisodeSetting(_with_drawn(config, drawn), drawn.task, drawn.columns)
 

@@ -16,7 +16,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, Sweep
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
-from omegaconf import DictConfig, open_dict, read_write
+from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
@@ -71,7 +71,23 @@ class Composer(initialize_config_dir):
         """
         self._check_own_options(overrides)
         words = self._with_search_path(overrides)
-        return self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
+        config = self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
+        self._complete_own_options(config)
+        return config
+
+    def _complete_own_options(self, config: DictConfig) -> None:
+        """Add the keys that the user's files for shipped classes leave out, as `lme.config.composer` does."""
+        if self._config_dir is None:
+            return
+        with read_write(config), open_dict(config):
+            for choice, name in config.hydra.runtime.choices.items():
+                group, _, package = str(choice).partition("@")
+                file = self._config_dir / group / f"{name}.yaml"
+                node = package or group.replace("/", ".")
+                own = OmegaConf.select(config, node)
+                if os.path.isfile(file) and OmegaConf.is_dict(own) and "_target_" in own:  # noqa: PTH113
+                    complete = OmegaConf.merge(self.catalogue.values(f"{group}/{name}"), own)
+                    OmegaConf.update(config, node, complete, merge=False)
 
     def _check_own_options(self, overrides: Sequence[str]) -> None:
         """Raise InputError for a user's file that Hydra would unfold without end."""

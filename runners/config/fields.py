@@ -1,4 +1,4 @@
-"""Fields of a dataclass for the Python reference: type, default, and the comment after each."""
+"""Fields of a dataclass for the Python reference: type, value and meaning, from `conf/` or from the class itself."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
+from lme.config import composer
+from runners.config import catalogue, instantiate
+from runners.config.hydra_errors import dataclass_of
 from runners.config.wording import without_markup
 
 MARKS = "*|_"  # markup of reStructuredText, which comments do not mean
@@ -24,8 +27,29 @@ class ConfigField(NamedTuple):
 
 
 def fields(schema: type) -> list[ConfigField]:
-    """Return the fields of a dataclass in order; a part with a default is replaced by its own fields."""
-    return list(_fields(schema, ""))
+    """Return the fields of a dataclass in order; a part that is never absent is replaced by its own fields.
+
+    Values and meanings of the Config of a shipped class are those of the YAML that names the class.
+    """
+    written = {key.name: key for key in _written(schema)}
+    return [
+        field._replace(default=written[field.name].value, meaning=written[field.name].comment)
+        if field.name in written
+        else field
+        for field in _fields(schema, "")
+    ]
+
+
+def _written(schema: type) -> list[catalogue.Key]:
+    """Return the keys of the shipped YAML of the class whose Config is `schema`; none if there is none."""
+    configs = catalogue.shipped()
+    for file in sorted(configs.folders[0].glob("*/*.yaml")):
+        name = f"{file.parent.name}/{file.stem}"
+        target = composer.own_target(file) or ""
+        is_near = "." in target and schema.__module__.startswith(target.rpartition(".")[0])
+        if is_near and instantiate.config_class(target, name) is schema:
+            return configs.keys(name)
+    return []
 
 
 def as_rst(found: list[ConfigField]) -> list[str]:
@@ -44,8 +68,11 @@ def _fields(schema: type, prefix: str) -> Iterator[ConfigField]:
     comments = _comments(schema)
     for field in dataclasses.fields(schema):
         default = _default(field)
-        if dataclasses.is_dataclass(default):
-            yield from _fields(type(default), f"{prefix}{field.name}.")
+        part: Any = type(default) if dataclasses.is_dataclass(default) else None
+        if default is dataclasses.MISSING:
+            part = dataclass_of(get_type_hints(schema)[field.name])
+        if part:
+            yield from _fields(part, f"{prefix}{field.name}.")
             continue
         text = "" if default is dataclasses.MISSING else repr(default)
         yield ConfigField(f"{prefix}{field.name}", str(field.type), text, comments.get(field.name, ""))

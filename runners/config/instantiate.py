@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
-from lme.errors import InputError, nearest
+from lme.errors import InputError, building, nearest
 from lme.inputs.user_code import import_module
 from runners.config.hydra_errors import describe_expected, full_key, translate_error
 
@@ -25,7 +25,8 @@ def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
     and what would be right.
     """
     cls, config = configured(node, key)
-    return cls(config, *args)
+    with building(key):
+        return cls(config, *args)
 
 
 def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any]:
@@ -52,9 +53,27 @@ def fill_dataclass(schema: Any, given: DictConfig | Mapping[str, Any], key: str)
         except (OmegaConfBaseException, OverflowError) as error:
             raise _mistake(error, schema, name, value, key) from error
     try:
-        return OmegaConf.to_object(node)
+        return typed(node, key)
     except OmegaConfBaseException as error:
         raise _at(key, translate_error(error, schema)) from error
+
+
+def typed(node: Any, key: str = "") -> Any:
+    """Return the dataclasses, mappings, lists and values of a config, as `OmegaConf.to_object` does.
+
+    key: key of the node in the config, with which the messages of the dataclasses' own checks begin. Raises what
+    OmegaConf raises, and InputError.
+    """
+    if isinstance(node, ListConfig):
+        return [typed(item, f"{key}[{number}]") for number, item in enumerate(node)]
+    if not isinstance(node, DictConfig):
+        return node
+    values: dict[Any, Any] = {name: typed(node[name], f"{key}.{name!s}".removeprefix(".")) for name in node}
+    cls: Any = OmegaConf.get_type(node)
+    if not dataclasses.is_dataclass(cls):
+        return values
+    with building(key):
+        return cast(Any, cls)(**values)
 
 
 def _mistake(error: Exception, schema: Any, name: str, value: Any, key: str) -> InputError:

@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar, cast
 from omegaconf import DictConfig, OmegaConf
 
 from lme.guides.lme.weight_files import PUBLISHED
+from runners.config import instantiate
 from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
 from runners.config.changes import changed_keys, describe_changes
@@ -58,7 +59,7 @@ class Job(Generic[C]):
 
         Raises what OmegaConf raises, and InputError.
         """
-        typed = cast(C, OmegaConf.to_object(config))  # comes first because its errors name the key
+        typed = cast(C, instantiate.typed(config))  # comes first because its errors name the key
         check_parts(typed)
         overrides = tuple(map(masked_text, hydra.overrides.task))
         choices = chosen(hydra)

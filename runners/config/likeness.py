@@ -44,7 +44,9 @@ def robot_difference(robot: Mapping[str, Any]) -> str:
 
 def radius_note(robot: Robot) -> str:
     """Return the note on a small collision radius, unless the robot is a shipped one; empty if none is needed."""
-    return robot.radius_note if robot.radius_note and not robots_like(asdict(robot), SHIPPED) else ""
+    return (
+        f"robot.{robot.radius_note}" if robot.radius_note and not robots_like(asdict(robot), SHIPPED) else ""
+    )
 
 
 def map_like(node: Mapping[str, Any], option: str, name: str) -> str:

@@ -34,20 +34,20 @@ _REST = Twist(0.0, 0.0)
 class SimulatorConfig:
     """Speed of the simulator, and what it publishes."""
 
-    speed: float = 1.0  # simulated seconds per second
-    step: float = 0.02  # [s]
-    scan_rate: float = 50.0  # [Hz]
-    watchdog: float = 0.5  # [s]
-    goal: str = "topic"
-    pause: float = 1.0  # [s]
-    scan_frame: str = "laser"
+    speed: float
+    step: float
+    scan_rate: float
+    watchdog: float
+    goal: str
+    pause: float
+    scan_frame: str
 
     def __post_init__(self) -> None:
-        require("live.speed", self.speed, above=0.0)
-        require("live.step", self.step, above=0.0, at_most=0.1)
-        require("live.scan_rate", self.scan_rate, above=0.0, at_most=1.0 / self.step)
-        require("live.watchdog", self.watchdog, above=0.0)
-        require("live.pause", self.pause, at_least=0.0)
+        require("speed", self.speed, above=0.0)
+        require("step", self.step, above=0.0, at_most=0.1)
+        require("scan_rate", self.scan_rate, above=0.0, at_most=1.0 / self.step)
+        require("watchdog", self.watchdog, above=0.0)
+        require("pause", self.pause, at_least=0.0)
         if self.goal not in GOALS:
             raise InputError(f"live.goal is {self.goal}: must be one of {', '.join(GOALS)}")
         if self.scan_frame in ("", ODOM, BASE):

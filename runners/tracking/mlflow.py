@@ -127,8 +127,8 @@ class NoTracking:
 class MlflowConfig:
     """Settings of MLflow. uri: that of the store, a database or a server. experiment: name of a group of runs."""
 
-    uri: str = DEFAULT_URI
-    experiment: str = "lme"
+    uri: str
+    experiment: str
 
     def __post_init__(self) -> None:
         check_uri("tracking.uri", self.uri)

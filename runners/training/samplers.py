@@ -42,13 +42,13 @@ class Search(Protocol):
 class TpeConfig:
     """Keys of TPE. startup: random trials before the model is used. multivariate: one model of all parameters."""
 
-    batch: int = 4
-    startup: int = 10
-    multivariate: bool = True
+    batch: int
+    startup: int
+    multivariate: bool
 
     def __post_init__(self) -> None:
-        require("search.batch", self.batch, at_least=1)
-        require("search.startup", self.startup, at_least=1)
+        require("batch", self.batch, at_least=1)
+        require("startup", self.startup, at_least=1)
 
 
 class Tpe:
@@ -75,12 +75,12 @@ class Tpe:
 class GpConfig:
     """Keys of the Gaussian process. startup: number of random trials before the model is used."""
 
-    batch: int = 1
-    startup: int = 10
+    batch: int
+    startup: int
 
     def __post_init__(self) -> None:
-        require("search.batch", self.batch, at_least=1)
-        require("search.startup", self.startup, at_least=1)
+        require("batch", self.batch, at_least=1)
+        require("startup", self.startup, at_least=1)
 
 
 class Gp:
@@ -107,10 +107,10 @@ class Gp:
 class CmaesConfig:
     """Keys of CMA-ES. batch: number of trials at once, and the size of a generation."""
 
-    batch: int = 10
+    batch: int
 
     def __post_init__(self) -> None:
-        require("search.batch", self.batch, at_least=2)
+        require("batch", self.batch, at_least=2)
 
 
 class Cmaes:
@@ -132,10 +132,10 @@ class Cmaes:
 class RandomConfig:
     """Keys of the random search. batch: number of trials at once; it does not change the result."""
 
-    batch: int = 8
+    batch: int
 
     def __post_init__(self) -> None:
-        require("search.batch", self.batch, at_least=1)
+        require("batch", self.batch, at_least=1)
 
 
 class Random:

@@ -49,9 +49,9 @@ class DaskConfig:
     batch: maximum number of episodes in a task.
     """
 
-    address: str | None = None
-    workers: int | None = None
-    batch: int = 4
+    address: str | None
+    workers: int | None
+    batch: int
 
     def __post_init__(self) -> None:
         try:
@@ -59,11 +59,11 @@ class DaskConfig:
         except ImportError as error:
             hint = install("distributed")
             raise InputError(f"executor=dask needs the package distributed: {hint}") from error
-        require("executor.batch", self.batch, at_least=1)
+        require("batch", self.batch, at_least=1)
         if self.address is not None and not re.fullmatch(_ADDRESS, self.address):
             raise InputError(f"executor.address is {self.address}: must be null or like tcp://host:8786")
         if self.workers is not None:
-            require("executor.workers", self.workers, at_least=1)
+            require("workers", self.workers, at_least=1)
             if self.address is not None:
                 raise InputError(
                     f"executor.workers is {self.workers}: must be null with executor.address, whose cluster has workers"

@@ -95,11 +95,11 @@ class SerialExecutor:
 class ProcessConfig:
     """Settings of the process executor. workers: number of processes; null: one for each usable core."""
 
-    workers: int | None = None
+    workers: int | None
 
     def __post_init__(self) -> None:
         if self.workers is not None:
-            require("executor.workers", self.workers, at_least=1)
+            require("workers", self.workers, at_least=1)
 
 
 class ProcessExecutor:

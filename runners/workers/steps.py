@@ -66,7 +66,7 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
     worlds = sorted({key.world for key in rows})
     config = replace(launch.config, map={**launch.config.map, "worlds": worlds})
     payload = EpisodePayload(config, labels, None)
-    with ProcessExecutor(ProcessConfig()).open(initialise, payload) as run_all:
+    with ProcessExecutor(ProcessConfig(workers=None)).open(initialise, payload) as run_all:
         yield run_all
 
 

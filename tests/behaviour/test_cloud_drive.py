@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.navigation.episode import run_episode
 from lme.perception.projection import Projection, to_scan
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.simulation.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config
 from lme.types import Outcome
 from lme.worlds.world import World
@@ -22,7 +23,7 @@ class ThroughTheCloud:
     """The fast simulator, its scans replaced by those of the cloud."""
 
     def __init__(self, robot, scene, mount, projection):
-        self._fast = FastSimulator(FastConfig(), robot)
+        self._fast = FastSimulator(load_settings("sim/fast"), robot)
         self._scene, self._mount, self._projection, self._dt = scene, mount, projection, robot.dt
         self._eyes = Mid360(Mid360Config(mount=mount))
 

@@ -43,5 +43,5 @@ def test_a_fleet_does_not_back_up():
 
 
 def test_it_is_not_positive():
-    with pytest.raises(InputError, match=r"robot.v_min is 0.1: must be at most 0"):
+    with pytest.raises(InputError, match=r"^v_min is 0.1: must be at most 0"):
         replace(stage(), v_min=0.1)

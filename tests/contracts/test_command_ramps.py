@@ -5,8 +5,9 @@ import copy
 import numpy as np
 import pytest
 
-from lme.planners.safety.filter import SafetyFilter, SafetyFilterConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.config.presets import load_settings
+from lme.planners.safety.filter import SafetyFilter
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Twist
 from runners.config import build
 from tests.builders import CLUTTER, observation, task, without_errors
@@ -39,8 +40,8 @@ def test_commands_ramp_from_the_last_one_whatever_is_measured(planner, filtered)
     machine, navigator = planned(planner)
     made = navigator.planner
     if filtered:
-        made = SafetyFilter(SafetyFilterConfig(), made, machine)
-    simulator, rng = FastSimulator(FastConfig(), machine), np.random.default_rng(0)
+        made = SafetyFilter(load_settings("filter/stopping"), made, machine)
+    simulator, rng = FastSimulator(load_settings("sim/fast"), machine), np.random.default_rng(0)
     made.reset(rng)
     navigator.guide.reset(rng)
     seen = simulator.reset(task(CLUTTER, goal=(8.0, 1.0)), rng)

@@ -10,10 +10,11 @@ import pytest
 
 import lme.guides.lme.escaper
 import lme.planners.mppi.planner
+from lme.config.presets import load_settings
 from lme.guides.lme import weight_files
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import build, catalogue
@@ -136,7 +137,7 @@ def made(robot, guide, planner, margin=0.0):
 
 def drive(machine, navigator: Navigator, world, goal, seconds, seed=0):
     """Commands (T, 2), twists (T, 2) before them and poses (T + 1, 3), without an end at the goal."""
-    simulator = FastSimulator(FastConfig(), machine)
+    simulator = FastSimulator(load_settings("sim/fast"), machine)
     job = task(world, goal=goal, goal_tolerance=0.0, time_limit=seconds)
     navigator.reset(np.random.default_rng(seed))
     navigator.read_map(job.world, job.start)
@@ -159,7 +160,9 @@ def test_an_empty_world_is_crossed_straight(robot, guide, planner):
         goal_tolerance=ARRIVED_M.get(guide, AT_GOAL_M),
         time_limit=5.0 + 25.0 / min(machine.v_max, SLOW_M_S.get(planner, math.inf)),
     )
-    episode = run_episode(job, navigator, FastSimulator(FastConfig(), machine), np.random.default_rng(0))
+    episode = run_episode(
+        job, navigator, FastSimulator(load_settings("sim/fast"), machine), np.random.default_rng(0)
+    )
     assert episode.outcome is Outcome.SUCCESS
     assert np.abs(episode.trajectory[:, 2]).max() <= OFF_LINE_M.get(guide, OFF_LINE_OTHERS_M)
 
@@ -235,7 +238,7 @@ def test_a_clockwise_scan_says_the_same(robot, guide, planner):
     if guide in LME:
         pytest.skip("LME draws its candidates from the first beam on")
     machine, navigator = made(robot, guide, planner)
-    seen = FastSimulator(FastConfig(), machine).reset(task(NEAR), np.random.default_rng(0))
+    seen = FastSimulator(load_settings("sim/fast"), machine).reset(task(NEAR), np.random.default_rng(0))
     scan = seen.scan
     last = scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment
     turned = scan._replace(
@@ -258,6 +261,8 @@ def test_a_clockwise_scan_says_the_same(robot, guide, planner):
 def test_a_sealed_box_ends_in_time_out(robot, guide, planner):
     machine, navigator = made(robot, guide, planner, MARGIN_M)
     job = task(room(8.0 * machine.footprint.r_max), goal=(6.0, 0.3), time_limit=12.0)
-    episode = run_episode(job, navigator, FastSimulator(FastConfig(), machine), np.random.default_rng(0))
+    episode = run_episode(
+        job, navigator, FastSimulator(load_settings("sim/fast"), machine), np.random.default_rng(0)
+    )
     touches = (guide, planner) == BLIND or (robot, guide, planner) in HEEDLESS
     assert episode.outcome is (Outcome.COLLISION if touches else Outcome.TIMEOUT)

@@ -7,17 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.planners.apf import Apf, ApfConfig
-from lme.planners.lics.planner import Lics, LicsConfig
-from lme.planners.min_time.config import MinTimeConfig
+from lme.config.presets import load_settings
+from lme.planners.apf import Apf
+from lme.planners.lics.planner import Lics
 from lme.planners.min_time.planner import MinTime
-from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.planner import Mppi
-from lme.planners.orca import Orca, OrcaConfig
-from lme.planners.ros_dwa.planner import RosDwa, RosDwaConfig
-from lme.planners.teb.config import TebConfig
+from lme.planners.orca import Orca
+from lme.planners.ros_dwa.planner import RosDwa
 from lme.planners.teb.planner import Teb
-from lme.planners.vfh_plus import VfhPlus, VfhPlusConfig
+from lme.planners.vfh_plus import VfhPlus
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, shipped
@@ -25,22 +23,21 @@ from tests.lme.planners.drives import drive, plan
 from tests.tolerances import KERNEL
 
 PLANNERS = {
-    "apf": (Apf, ApfConfig),
-    "lics": (Lics, LicsConfig),
-    "min_time": (MinTime, MinTimeConfig),
-    "mppi": (Mppi, MppiConfig),
-    "orca": (Orca, OrcaConfig),
-    "ros_dwa": (RosDwa, RosDwaConfig),
-    "teb": (Teb, TebConfig),
-    "vfh_plus": (VfhPlus, VfhPlusConfig),
+    "apf": Apf,
+    "lics": Lics,
+    "min_time": MinTime,
+    "mppi": Mppi,
+    "orca": Orca,
+    "ros_dwa": RosDwa,
+    "teb": Teb,
+    "vfh_plus": VfhPlus,
 }
 every_planner = pytest.mark.parametrize("name", PLANNERS)
 every_robot = pytest.mark.parametrize("robot", SHIPPED)
 
 
 def planner(name, robot):
-    kind, config = PLANNERS[name]
-    made = kind(config(), robot)
+    made = PLANNERS[name](load_settings(f"planner/{name}"), robot)
     made.reset(np.random.default_rng(0))
     return made
 

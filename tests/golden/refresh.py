@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.guides.lme.candidates import CandidateConfig
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.config.presets import load_settings
+from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Pose
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
 from tests.builders import robot_from, task
 
@@ -30,8 +30,10 @@ EVERY = 10  # rows of the trajectory: enough to see where two runs part, and the
 def play(config):
     """Drive the episode of one golden file: what to put on record."""
     robot = robot_from(config["robot"])
-    navigator = Navigator(_guide(config["guide"], robot), Simple(SimpleConfig(**config["planner"]), robot))
-    simulator = FastSimulator(FastConfig(**config["sim"]), robot)
+    navigator = Navigator(
+        _guide(config["guide"], robot), Simple(load_settings("planner/simple", **config["planner"]), robot)
+    )
+    simulator = FastSimulator(load_settings("sim/fast", **config["sim"]), robot)
     episode = run_episode(_task(config), navigator, simulator, np.random.default_rng(config["seed"]))
     return {
         "outcome": str(episode.outcome),
@@ -50,14 +52,15 @@ def play(config):
 def _guide(config, robot):
     if config is None:
         return Target(TargetConfig(), robot)
-    settings = {**config, "candidates": CandidateConfig(**config.get("candidates", {}))}
-    return Lme(LmeConfig(**settings), robot)
+    return Lme(load_settings("guide/lme", **config), robot)
 
 
 def _task(config):
     world = config["world"]
     if "barn" in world:
-        return Barn(BarnConfig(worlds=[world["barn"]], time_limit=config["time_limit"])).task(world["barn"])
+        return Barn(load_settings("map/barn", worlds=[world["barn"]], time_limit=config["time_limit"])).task(
+            world["barn"]
+        )
     shapes = {
         "circles": np.array(world["circles"], dtype=float).reshape(-1, 3),
         "segments": np.array(world["segments"], dtype=float).reshape(-1, 4),

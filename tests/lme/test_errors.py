@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lme.errors import InputError, nearest, require
+from lme.errors import InputError, building, nearest, require
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,13 @@ def test_a_value_on_a_closed_bound_is_right():
 
 def test_a_line_break_in_a_name_does_not_break_the_message():
     assert str(InputError("key line\nbreak is 3: must be 4")) == "key line break is 3: must be 4"
+
+
+def test_what_is_built_from_a_config_names_its_key():
+    with building("planner"):
+        with building("planner.costmap"), pytest.raises(InputError, match=r"^planner\.costmap\.size is -1"):
+            require("size", -1, at_least=0)
+        with pytest.raises(InputError, match=r"^planner\.margin is -1"):
+            require("margin", -1, at_least=0)
+    with pytest.raises(InputError, match=r"^margin is -1"):
+        require("margin", -1, at_least=0)

@@ -20,6 +20,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.inputs.resources import resource_dir
 from tests import made_bags, made_logs, networks, torch_archives
@@ -72,9 +73,9 @@ def _world(folder: Path) -> None:
 
 
 def _read_world(folder: Path) -> None:
-    from lme.worlds.barn.map_set import Barn, BarnConfig
+    from lme.worlds.barn.map_set import Barn
 
-    maps = Barn(BarnConfig(source=str(folder), subset="all"))
+    maps = Barn(load_settings("map/barn", source=str(folder), subset="all"))
     for number in maps.numbers:
         maps.task(number)
 
@@ -109,9 +110,9 @@ def _read_ros_map(folder: Path) -> None:
 
 
 def _own_map(path: Path) -> None:
-    from lme.worlds.map_file import MapFile, MapFileConfig
+    from lme.worlds.map_file import MapFile
 
-    maps = MapFile(MapFileConfig(path=str(path), configurations=2, grid=0.2))
+    maps = MapFile(load_settings("map/file", path=str(path), configurations=2, grid=0.2))
     for number in maps.numbers:
         maps.task(number)
 
@@ -138,10 +139,10 @@ def _scene(folder: Path) -> None:
 
 
 def _read_scene(folder: Path) -> None:
-    from lme.worlds.scene import Scene, SceneConfig
+    from lme.worlds.scene import Scene
 
     for path in sorted(folder.iterdir()):
-        Scene(SceneConfig(path=str(path), worlds=[0], grid=0.2)).task(0)
+        Scene(load_settings("map/_scene", path=str(path), worlds=[0], grid=0.2)).task(0)
 
 
 def _weights(folder: Path) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.geometry.fan import fan_blocked
 from lme.geometry.frames import to_robot, to_world
 from lme.grids.obstacle_grid import INSCRIBED, TOUCHING
@@ -34,18 +35,18 @@ _AHEAD = 40  # [points] search window for the robot's next position on the path
 class GlobalPathConfig:
     """Map, search, rate of planning and distance of the subgoal."""
 
-    global_map: str = "observed"  # "observed": from scans in the odometry frame; "known": the true map
-    costmap: CostmapConfig = field(default_factory=CostmapConfig)
-    heuristic_weight: float = 1.0  # 0: Dijkstra, 1: A*
-    replan_rate: float = 10.0  # [Hz]
-    lookahead: float = 2.0  # [m]
+    global_map: str
+    costmap: CostmapConfig
+    heuristic_weight: float
+    replan_rate: float
+    lookahead: float
 
     def __post_init__(self) -> None:
         if self.global_map not in MAPS:
-            raise InputError(f"guide.global_map is {self.global_map!r}: must be one of {', '.join(MAPS)}")
-        require("guide.heuristic_weight", self.heuristic_weight, at_least=0.0, at_most=1.0)
-        require("guide.replan_rate", self.replan_rate, above=0.0)
-        require("guide.lookahead", self.lookahead, above=0.0)
+            raise argument_error(f"global_map is {self.global_map!r}: must be one of {', '.join(MAPS)}")
+        require("heuristic_weight", self.heuristic_weight, at_least=0.0, at_most=1.0)
+        require("replan_rate", self.replan_rate, above=0.0)
+        require("lookahead", self.lookahead, above=0.0)
 
 
 @dataclass(slots=True)
@@ -65,7 +66,7 @@ class GlobalPath:
     does not interpolate between cells; it replaces pieces of the path by straight lines that cost no more.
     """
 
-    Config = GlobalPathConfig
+    Config: ClassVar[type[GlobalPathConfig]] = GlobalPathConfig
 
     def __init__(self, config: GlobalPathConfig, robot: Robot) -> None:
         self._config = config
@@ -122,8 +123,8 @@ class GlobalPath:
         if self._config.global_map == "observed":
             return Costmap(self._config.costmap, self._robot, goal[None])
         if self._world is None:
-            raise InputError(
-                "guide.global_map is 'known', but no map was given: must be 'observed', or call read_map after reset"
+            raise argument_error(
+                "global_map is 'known', but no map was given: must be 'observed', or call read_map after reset"
             )
         costmap = Costmap(self._config.costmap, self._robot, np.vstack([goal, ends_of(*self._world)]))
         costmap.draw(*self._world)

@@ -32,15 +32,15 @@ _ROUNDING = 1e-4  # of a bound, which a file holds as float32
 class LearnedSubgoalConfig:
     """The network's weights, how long a subgoal is kept, and when a candidate is free."""
 
-    weights: str | None = None  # path of an .npz; None: the network that ships with lme
-    period: float = 0.5  # [s] between two choices
-    margin: float = 0.05  # [m] distance of a straight way's sides and front to obstacle points
-    turn_margin: float = 0.02  # [m] distance of the outline in a turn
+    weights: str | None
+    period: float
+    margin: float
+    turn_margin: float
 
     def __post_init__(self) -> None:
-        require("guide.period", self.period, above=0.0)
+        require("period", self.period, above=0.0)
         for key in ("margin", "turn_margin"):
-            require(f"guide.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
 
 
 class SubgoalFeatures(NamedTuple):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.types import Floats
 
 DISTRIBUTIONS = ("polar", "area")
@@ -18,17 +18,17 @@ DISTRIBUTIONS = ("polar", "area")
 class CandidateConfig:
     """Number, range and distribution of candidates. The paper says only: random, within lidar range."""
 
-    number: int = 300
-    max_range: float = 5.0  # [m]
-    distribution: str = "polar"  # "polar": uniform in range and bearing; "area": uniform per square metre
-    target: bool = True  # add the target itself as a candidate if it is in view and free
+    number: int
+    max_range: float
+    distribution: str
+    target: bool
 
     def __post_init__(self) -> None:
-        require("guide.candidates.number", self.number, at_least=1, at_most=100_000)
-        require("guide.candidates.max_range", self.max_range, above=0.0)
+        require("number", self.number, at_least=1, at_most=100_000)
+        require("max_range", self.max_range, above=0.0)
         if self.distribution not in DISTRIBUTIONS:
-            raise InputError(
-                f"guide.candidates.distribution is {self.distribution!r}: must be one of {', '.join(DISTRIBUTIONS)}"
+            raise argument_error(
+                f"distribution is {self.distribution!r}: must be one of {', '.join(DISTRIBUTIONS)}"
             )
 
 

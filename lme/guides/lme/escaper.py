@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.geometry.fan import fan_blocked
 from lme.guides.lme import criteria as paper
 from lme.guides.lme.candidates import CandidateConfig, sample
@@ -32,21 +32,19 @@ PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name i
 class EscaperConfig:
     """Settings that the paper leaves open, and the length of the history."""
 
-    candidates: CandidateConfig = field(default_factory=CandidateConfig)
-    blocking: str = "corridor"  # rule for the blocking sector; see `lme.guides.lme.surmount.find_blockage`
-    surmount: str = (
-        "every"  # which candidates have a surmount feature; see `lme.guides.lme.criteria.SURMOUNT`
-    )
-    history_length: int = 8  # k, paper §III.C(6)
-    history_min_distance: float = 1.0  # [r] nearer history points are ignored
+    candidates: CandidateConfig
+    blocking: str
+    surmount: str
+    history_length: int
+    history_min_distance: float
 
     def __post_init__(self) -> None:
         if self.blocking not in RULES:
-            raise InputError(f"guide.blocking is {self.blocking!r}: must be one of {', '.join(RULES)}")
+            raise argument_error(f"blocking is {self.blocking!r}: must be one of {', '.join(RULES)}")
         if self.surmount not in SURMOUNT:
-            raise InputError(f"guide.surmount is {self.surmount!r}: must be one of {', '.join(SURMOUNT)}")
-        require("guide.history_length", self.history_length, at_least=1)
-        require("guide.history_min_distance", self.history_min_distance, at_least=0.0)
+            raise argument_error(f"surmount is {self.surmount!r}: must be one of {', '.join(SURMOUNT)}")
+        require("history_length", self.history_length, at_least=1)
+        require("history_min_distance", self.history_min_distance, at_least=0.0)
 
 
 class LocalMinimumEscaper:
@@ -56,12 +54,12 @@ class LocalMinimumEscaper:
         self,
         robot: Robot,
         parameters: Mapping[str, float],
-        config: EscaperConfig | None = None,
+        config: EscaperConfig,
         criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
     ) -> None:
         """parameters: a weight for each criterion by name, and d1 [m], d2. criteria: must include c_o."""
         self._mount, self._radius, self._dt = robot.lidar.mount, robot.r, robot.dt
-        self._config = config or EscaperConfig()
+        self._config = config
         self._names = tuple(criteria)
         self._criteria = tuple(
             criterion if criterion is PAPER_CRITERIA.get(name) else _checked(criterion)
@@ -76,7 +74,7 @@ class LocalMinimumEscaper:
         cls,
         path: Path | str,
         robot: Robot,
-        config: EscaperConfig | None = None,
+        config: EscaperConfig,
         criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
     ) -> Self:
         """Create an escaper with the parameters of a weight file. Raises InputError if it is missing or invalid."""

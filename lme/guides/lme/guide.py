@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, argument_error
 from lme.guides.lme.criteria import Criterion
 from lme.guides.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
 from lme.guides.lme.explanation import Explanation
@@ -24,9 +24,9 @@ class LmeConfig(EscaperConfig):
     weight_set: its own. parameters: {}: those of the weight set.
     """
 
-    weight_set: str = PUBLISHED
-    parameters: dict[str, float] = field(default_factory=dict)
-    criteria: dict[str, str] = field(default_factory=dict)
+    weight_set: str
+    parameters: dict[str, float]
+    criteria: dict[str, str]
 
 
 class Lme:
@@ -61,7 +61,7 @@ def _load(paths: Mapping[str, str]) -> dict[str, Criterion]:
         try:
             loaded[name] = getattr(import_module(module), attribute)
         except (InputError, AttributeError, ValueError) as error:
-            raise InputError(
-                f"guide.criteria.{name} is {path!r}: must be the dotted path of a function ({error})"
+            raise argument_error(
+                f"criteria.{name} is {path!r}: must be the dotted path of a function ({error})"
             ) from error
     return loaded

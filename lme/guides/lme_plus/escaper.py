@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from lme.types import Floats, Observation, Pose
 _NAMES = tuple(CRITERIA)
 _NONE = np.empty((0, 2))
 _CANDIDATES = 100  # random ones
+_RANGE = 5.0  # [m] within which they are drawn
 _EVERY = 3  # decisions with the same expected times, if nobody is near and the target does not move
 _BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
 _TRIED = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
@@ -37,41 +38,41 @@ _SAME_TARGET = 0.1  # [m] by which the target may move before the times are reco
 class EscaperPlusParts:
     """Parts of the method; False leaves one out, for an ablation."""
 
-    memory: bool = True  # of points; else those of the current scan
-    random: bool = True  # candidates; else a single one
-    structured: bool = True  # candidates on the fastest way
-    narrow: bool = True  # passages are a last resort; else closed
-    stuck: bool = True  # places take longer
-    learned: bool = True  # times of places that are out of reach
-    people: bool = True  # are expected to walk on; else they are points like all others
+    memory: bool
+    random: bool
+    structured: bool
+    narrow: bool
+    stuck: bool
+    learned: bool
+    people: bool
 
 
 @dataclass(slots=True)
 class EscaperPlusConfig:
     """Range of the memory, distance to obstacles, and expected speed near obstacles and people."""
 
-    reach: float = 12.0  # [m] of the memory and of the expected times
-    margin: float = 0.08  # [m] distance to obstacle points on a straight way and in the turn before it
-    travel: TravelConfig = field(default_factory=TravelConfig)
-    parts: EscaperPlusParts = field(default_factory=EscaperPlusParts)
+    reach: float
+    margin: float
+    travel: TravelConfig
+    parts: EscaperPlusParts
 
     def __post_init__(self) -> None:
-        require("guide.reach", self.reach, above=0.0)
-        require("guide.margin", self.margin, at_least=0.0)
+        require("reach", self.reach, above=0.0)
+        require("margin", self.margin, at_least=0.0)
 
 
 class LocalMinimumEscaperPlus:
     """Generator of subgoals that maintains the current one, like `lme.guides.lme.escaper.LocalMinimumEscaper`."""
 
-    def __init__(
-        self, robot: Robot, parameters: Mapping[str, float], config: EscaperPlusConfig | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, parameters: Mapping[str, float], config: EscaperPlusConfig) -> None:
         """parameters: a weight for each criterion by name, d1 [m], and d2, in the unit of the score."""
         self._robot = robot
-        self._config = config or EscaperPlusConfig()
+        self._config = config
         self._parameters = Parameters.from_mapping(parameters, _NAMES)
         parts = self._config.parts
-        self._candidates = CandidateConfig(number=_CANDIDATES if parts.random else 1)
+        self._candidates = CandidateConfig(
+            number=_CANDIDATES if parts.random else 1, max_range=_RANGE, distribution="polar", target=True
+        )
         self._travel = Travel(
             self._config.travel, robot, self._config.reach, self._config.margin, parts.narrow
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from lme.types import Guidance, Observation
 class LmePlusConfig(EscaperPlusConfig):
     """An escaper's settings, its own weight set, and its parameters by name; {}: those of the weight set."""
 
-    weight_set: str = "lme_plus"
-    parameters: dict[str, float] = field(default_factory=dict)
+    weight_set: str
+    parameters: dict[str, float]
 
 
 class LmePlus:

@@ -29,18 +29,16 @@ _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the rob
 class TravelConfig:
     """The speed near obstacles, and how people count."""
 
-    comfort: float = 0.345  # [m] from the outline; with obstacles farther away the robot drives at v_max
-    slowdown: float = 2.0  # [-] in a passage that just leaves the margin it takes 1 + this times as long
-    patience: float = (
-        10.0  # [s] for which who stands is expected to stay; for longer if they have stood so far
-    )
-    personal_space: float = 0.4  # [m] from the outline of people, where it takes time to wait for them
+    comfort: float
+    slowdown: float
+    patience: float
+    personal_space: float
 
     def __post_init__(self) -> None:
-        require("guide.travel.comfort", self.comfort, above=0.0)
-        require("guide.travel.slowdown", self.slowdown, at_least=0.0)
-        require("guide.travel.patience", self.patience, at_least=0.0)
-        require("guide.travel.personal_space", self.personal_space, at_least=0.0)
+        require("comfort", self.comfort, above=0.0)
+        require("slowdown", self.slowdown, at_least=0.0)
+        require("patience", self.patience, at_least=0.0)
+        require("personal_space", self.personal_space, at_least=0.0)
 
 
 class Field(NamedTuple):

@@ -35,14 +35,14 @@ GRAZING = 6.0  # slope (tan 80°) up to which range steps between beams belong t
 class TangentBugConfig:
     """Settings for a robot of finite size with an imperfect sensor."""
 
-    margin: float = 0.1  # [m] distance to obstacles beyond the collision radius
-    keep: float = 0.5  # [m] the path past the other end must be this much shorter to switch to it
-    leave_gain: float = 0.1  # [m] the robot leaves a boundary only for a place this much nearer to the target
+    margin: float
+    keep: float
+    leave_gain: float
 
     def __post_init__(self) -> None:
-        require("guide.margin", self.margin, above=0.0)
-        require("guide.keep", self.keep, at_least=0.0)
-        require("guide.leave_gain", self.leave_gain, at_least=0.0)
+        require("margin", self.margin, above=0.0)
+        require("keep", self.keep, at_least=0.0)
+        require("leave_gain", self.leave_gain, at_least=0.0)
 
 
 class Mode(StrEnum):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.errors import require
+from lme.errors import config_key, require
 from lme.planners.commands import limited
 from lme.planners.dclp.observation import DIRECTIONS, nearest_by_direction
 from lme.planners.dclp.weights import DIRECTION_INPUTS, TOLD
@@ -24,21 +24,21 @@ _ROUNDING = 1e-4  # of a bound, which a file holds as float32
 class Told:
     """The robot as described to the network, where that differs from the robot; null: the robot's own value."""
 
-    v_max: float | None = None  # [m/s]
-    omega_max: float | None = None  # [rad/s]
-    alpha_v: float | None = None  # [m/s²]
-    alpha_omega: float | None = None  # [rad/s²]
-    front: float | None = None  # [m] from the base to the front
-    rear: float | None = None  # [m] from the base to the rear
-    half_width: float | None = None  # [m]
-    lidar_x: float | None = None  # [m] of the lidar ahead of the base
+    v_max: float | None
+    omega_max: float | None
+    alpha_v: float | None
+    alpha_omega: float | None
+    front: float | None
+    rear: float | None
+    half_width: float | None
+    lidar_x: float | None
 
     def __post_init__(self) -> None:
         for key in TOLD:
             if getattr(self, key) is not None:
-                require(f"planner.told.{key}", getattr(self, key), above=0.0)
+                require(key, getattr(self, key), above=0.0)
         if self.lidar_x is not None:
-            require("planner.told.lidar_x", self.lidar_x)
+            require("lidar_x", self.lidar_x)
 
     def filled_from(self, robot: Robot) -> Told:
         """Return these values, with the robot's own in place of nulls."""
@@ -53,22 +53,20 @@ class Told:
 class DclpConfig:
     """Weights of the network, and the ranges that it gets where the lidar sees nothing."""
 
-    weights: str | None = None  # path of an .npz; None: the network that ships with lme
-    no_return: float = 5.0  # [m] range of a beam without return
-    blind_range: float = 5.0  # [m] range in a direction without beams
-    lookahead: float = 2.0  # [m] of the subgoal on a guide's path
-    full_v: float | None = (
-        None  # [m/s] command for the full output of the network; None: the v_max that it is given
-    )
-    full_omega: float | None = None  # [rad/s] the same for omega_max
-    told: Told = field(default_factory=Told)
+    weights: str | None
+    no_return: float
+    blind_range: float
+    lookahead: float
+    full_v: float | None
+    full_omega: float | None
+    told: Told
 
     def __post_init__(self) -> None:
         for key in ("no_return", "blind_range", "lookahead"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("full_v", "full_omega"):
             if getattr(self, key) is not None:
-                require(f"planner.{key}", getattr(self, key), above=0.0)
+                require(key, getattr(self, key), above=0.0)
 
 
 class DclpFeatures(NamedTuple):
@@ -152,5 +150,6 @@ def warn_if_untrained(told: Told, trained: NDArray[np.float32]) -> None:
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
             warnings.warn(
-                f"planner.told.{key} is {value:g}: this DCLP network was trained for {span}", stacklevel=4
+                f"{config_key(f'told.{key}')} is {value:g}: this DCLP network was trained for {span}",
+                stacklevel=4,
             )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.errors import InputError
+from lme.errors import argument_error, config_key
 from lme.inputs.array_file import Arrays
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
@@ -69,9 +69,9 @@ class DrlVo:
 
 def _weights(path: str | None) -> Arrays:
     if path is None:
-        raise InputError(
-            "planner.weights is null: the authors' network does not ship with lme; import their archive with "
-            "`lme weights import drl_vo PATH NAME`, then set planner.weights=NAME; or use planner=drl_vo_small"
+        raise argument_error(
+            "weights is null: the authors' network does not ship with lme; import their archive with "
+            "`lme weights import drl_vo PATH NAME`, then set weights=NAME; or use planner=drl_vo_small"
         )
     return read_weights(Path(path))
 
@@ -81,6 +81,6 @@ def _warn_if_untrained(config: DrlVoConfig, robot: Robot, trained: NDArray[np.fl
         commanded, reached = getattr(config, key), getattr(robot, key)
         said = f"this DRL-VO network was trained for commands of up to {limit:.3g}"
         if commanded > limit * (1.0 + 1e-6):  # float32
-            warnings.warn(f"planner.{key} is {commanded:g}: {said}", stacklevel=3)
+            warnings.warn(f"{config_key(key)} is {commanded:g}: {said}", stacklevel=3)
         if reached < commanded:
-            warnings.warn(f"robot.{key} is {reached:g}, less than planner.{key}: {said}", stacklevel=3)
+            warnings.warn(f"robot.{key} is {reached:g}, less than {config_key(key)}: {said}", stacklevel=3)

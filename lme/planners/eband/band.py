@@ -19,26 +19,26 @@ _CAPACITY = 256  # [bubbles] useful bands have far fewer
 class BandConfig:
     """Bubbles and forces."""
 
-    horizon: float = 2.0  # [m] length of path that becomes a band
-    spacing: float = 0.05  # [m] least distance of inserted bubbles
-    min_radius: float = 0.1  # [m] smaller bubbles do not join: the passage is too narrow
-    max_radius: float = 1.0  # [m] of a bubble
-    overlap: float = 0.7  # [-] greatest distance of joined bubbles, as a share of the sum of their radii
-    internal_gain: float = 1.0  # [-] of the contraction
-    external_gain: float = 2.0  # [1/m] of the repulsion
-    influence: float = 0.55  # [m] smaller bubbles are repelled
-    min_force: float = 0.15  # [-] smaller forces have no effect
-    iterations: int = 3  # passes along the band in each control period
-    recursion: int = 4  # halvings of a step that overshoots
+    horizon: float
+    spacing: float
+    min_radius: float
+    max_radius: float
+    overlap: float
+    internal_gain: float
+    external_gain: float
+    influence: float
+    min_force: float
+    iterations: int
+    recursion: int
 
     def __post_init__(self) -> None:
         for key in ("horizon", "spacing", "max_radius"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
-        require("planner.min_radius", self.min_radius, at_least=0.0, at_most=self.max_radius)
-        require("planner.overlap", self.overlap, above=0.0, at_most=1.0)
+            require(key, getattr(self, key), above=0.0)
+        require("min_radius", self.min_radius, at_least=0.0, at_most=self.max_radius)
+        require("overlap", self.overlap, above=0.0, at_most=1.0)
         for key in ("internal_gain", "external_gain", "influence", "min_force", "recursion"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.iterations", self.iterations, at_least=1)
+            require(key, getattr(self, key), at_least=0.0)
+        require("iterations", self.iterations, at_least=1)
 
 
 class Band:

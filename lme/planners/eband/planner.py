@@ -31,21 +31,21 @@ _SLOWER = (1.0, 0.5, 0.25, 0.0)  # shares of the velocity tried before backing o
 class EBandConfig(BandConfig):
     """Settings of the band and of the controller."""
 
-    v_max: float = 0.75  # [m/s]
-    v_min: float = 0.1  # [m/s] lower bound of the limit by bubbles; also the speed backwards
-    omega_max: float = 1.0  # [rad/s]
-    bubble_velocity: float = 2.0  # [1/s] velocity limit per radius of the robot's bubble
-    heading_gain: float = 4.0  # [1/s]
-    rotation_threshold: float = 0.5  # [rad] at greater heading errors the robot turns in place
-    margin: float = 0.02  # [m] clearance of every motion, plus twice the lidar's noise
+    v_max: float
+    v_min: float
+    omega_max: float
+    bubble_velocity: float
+    heading_gain: float
+    rotation_threshold: float
+    margin: float
 
     def __post_init__(self) -> None:
         BandConfig.__post_init__(self)  # super() fails in a dataclass with slots
         for key in ("v_max", "omega_max", "bubble_velocity", "heading_gain", "rotation_threshold"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("v_min", "margin"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.v_min", self.v_min, at_most=self.v_max)
+            require(key, getattr(self, key), at_least=0.0)
+        require("v_min", self.v_min, at_most=self.v_max)
 
 
 class EBand:

@@ -23,18 +23,18 @@ SHIPPED = "lics_ki.npz"  # in conf/network/
 class LicsConfig:
     """Weights of the network, its observation, and the velocities for its output; the authors' names."""
 
-    weights: str | None = None  # path of an .npz; None: the authors' network, which ships with lme
-    los: float = 2.0  # [m] the network drives towards the first point of the path this far from its begin
-    laser_clip: float = 5.0  # [m] longer ranges become this one
-    threshold_dist: float = 2.5  # [m] nearer obstacles ahead slow the robot down
-    max_v: float = 1.5  # [m/s]
-    min_v: float = -0.5  # [m/s]
-    max_w: float = 1.2  # [rad/s]
+    weights: str | None
+    los: float
+    laser_clip: float
+    threshold_dist: float
+    max_v: float
+    min_v: float
+    max_w: float
 
     def __post_init__(self) -> None:
         for key in ("los", "laser_clip", "threshold_dist", "max_v", "max_w"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
-        require("planner.min_v", self.min_v, at_most=0.0)
+            require(key, getattr(self, key), above=0.0)
+        require("min_v", self.min_v, at_most=0.0)
 
 
 class Lics:

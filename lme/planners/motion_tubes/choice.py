@@ -34,38 +34,38 @@ _NOT_NEGATIVE = ("front_margin", "side_margin", "front_whisker", "side_whisker",
 class TubeChoiceConfig:
     """Geometry of the forward tubes, selection rules and speeds."""
 
-    long_length: float = 2.0  # [m]
-    short_length: float = 0.9  # [m]
-    near_length: float = 0.25  # [m]
-    heading_max: float = math.pi / 2.0  # [rad]
-    heading_step: float = math.radians(0.5)  # [rad]
-    front_margin: float = 0.10  # [m]
-    side_margin: float = 0.05  # [m]
-    front_whisker: float = 0.05  # [m]
-    side_whisker: float = 0.1  # [m]
-    goal_bin: float = 0.2  # [m]
-    goal_bins: int = 6
-    heading_bin: float = math.radians(20.0)  # [rad]
-    heading_span: float = 0.25  # [m]
-    long_speed: float = 1.75  # [m/s]
-    short_speed: float = 1.0  # [m/s]
-    near_speed: float = 0.25  # [m/s]
-    free_low: float = 0.2  # [-]
-    free_high: float = 0.75  # [-]
-    wide_radius: float = 2.0  # [m]
+    long_length: float
+    short_length: float
+    near_length: float
+    heading_max: float
+    heading_step: float
+    front_margin: float
+    side_margin: float
+    front_whisker: float
+    side_whisker: float
+    goal_bin: float
+    goal_bins: int
+    heading_bin: float
+    heading_span: float
+    long_speed: float
+    short_speed: float
+    near_speed: float
+    free_low: float
+    free_high: float
+    wide_radius: float
 
     def __post_init__(self) -> None:
         for key in _POSITIVE:
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in _NOT_NEGATIVE:
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.near_length", self.near_length, at_most=self.short_length)
-        require("planner.short_length", self.short_length, at_most=self.long_length)
-        require("planner.heading_max", self.heading_max, at_most=math.pi / 2.0 + 1e-9)
-        require("planner.heading_step", self.heading_step, at_least=1e-3, at_most=self.heading_max)
-        require("planner.goal_bins", self.goal_bins, at_least=0)
-        require("planner.free_low", self.free_low, at_least=0.0, at_most=1.0)
-        require("planner.free_high", self.free_high, above=self.free_low)
+            require(key, getattr(self, key), at_least=0.0)
+        require("near_length", self.near_length, at_most=self.short_length)
+        require("short_length", self.short_length, at_most=self.long_length)
+        require("heading_max", self.heading_max, at_most=math.pi / 2.0 + 1e-9)
+        require("heading_step", self.heading_step, at_least=1e-3, at_most=self.heading_max)
+        require("goal_bins", self.goal_bins, at_least=0)
+        require("free_low", self.free_low, at_least=0.0, at_most=1.0)
+        require("free_high", self.free_high, above=self.free_low)
 
 
 class Route(NamedTuple):

@@ -49,24 +49,24 @@ _POSITIVE = (
 class MotionTubesConfig(TubeChoiceConfig):
     """Settings of tubes and their selection, accelerations and recovery."""
 
-    acceleration: float = 1.5  # [m/s²]
-    deceleration: float = 0.75  # [m/s²]
-    stop_deceleration: float = 1.875  # [m/s²]
-    turn_margin: float = 0.14  # [m]
-    turn_speed: float = 1.0  # [rad/s]
-    turn_acceleration: float = math.pi / 3.0  # [rad/s²]
-    turn_tolerance: float = math.radians(5.0)  # [rad]
-    back_length: float = 0.9  # [m]
-    back_speed: float = 0.5  # [m/s]
-    back_bin: float = 0.4  # [m]
-    rest_within: float = 0.05  # [m]
+    acceleration: float
+    deceleration: float
+    stop_deceleration: float
+    turn_margin: float
+    turn_speed: float
+    turn_acceleration: float
+    turn_tolerance: float
+    back_length: float
+    back_speed: float
+    back_bin: float
+    rest_within: float
 
     def __post_init__(self) -> None:
         TubeChoiceConfig.__post_init__(self)
         for key in _POSITIVE:
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("turn_margin", "rest_within"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
 
 
 class _Manoeuvre(Enum):

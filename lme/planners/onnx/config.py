@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from lme.errors import InputError, nearest, require
+from lme.errors import argument_error, nearest, require
 
 PARTS = ("scan", "target", "twist", "limits", "action")
 FORMS = ("xy", "polar")
@@ -14,56 +14,56 @@ FORMS = ("xy", "polar")
 class OnnxScanConfig:
     """Scan: ranges, from right to left."""
 
-    beams: int | None = None  # each the nearest return of a group of neighbours; None: all of the lidar's
-    clip: float | None = None  # [m] longer ranges become this one; None: the lidar's range_max
-    scaled: list[float] | None = None  # what ranges of 0 and `clip` become, such as [-1, 1]; None: metres
+    beams: int | None
+    clip: float | None
+    scaled: list[float] | None
 
     def __post_init__(self) -> None:
         if self.beams is not None:
-            require("planner.scan.beams", self.beams, at_least=1)
+            require("beams", self.beams, at_least=1)
         if self.clip is not None:
-            require("planner.scan.clip", self.clip, above=0.0)
-        _check_pair("planner.scan.scaled", self.scaled)
+            require("clip", self.clip, above=0.0)
+        _check_pair("scaled", self.scaled)
 
 
 @dataclass(slots=True)
 class OnnxTargetConfig:
     """Target, or the guide's subgoal."""
 
-    form: str = "xy"  # xy: ahead and left | polar: distance and bearing [rad]
-    reach: float | None = None  # [m] becomes 1, and farther targets are moved in to it; None: metres
+    form: str
+    reach: float | None
 
     def __post_init__(self) -> None:
         if self.form not in FORMS:
-            raise InputError(f"planner.target.form is {self.form!r}: must be one of {', '.join(FORMS)}")
+            raise argument_error(f"form is {self.form!r}: must be one of {', '.join(FORMS)}")
         if self.reach is not None:
-            require("planner.target.reach", self.reach, above=0.0)
+            require("reach", self.reach, above=0.0)
 
 
 @dataclass(slots=True)
 class OnnxTwistConfig:
     """Current velocity."""
 
-    v: float | None = None  # [m/s] that becomes 1; None: m/s
-    omega: float | None = None  # [rad/s] that becomes 1; None: rad/s
+    v: float | None
+    omega: float | None
 
     def __post_init__(self) -> None:
         for key in ("v", "omega"):
             if getattr(self, key) is not None:
-                require(f"planner.twist.{key}", getattr(self, key), above=0.0)
+                require(key, getattr(self, key), above=0.0)
 
 
 @dataclass(slots=True)
 class OnnxActionConfig:
     """Meaning of the two outputs."""
 
-    v: list[float] | None = None  # [m/s] of outputs −1 and 1; None: −v_max and v_max of the robot
-    omega: list[float] | None = None  # [rad/s] of outputs −1 and 1; None: −omega_max and omega_max
-    clip: bool = True  # outputs beyond ±1 become ±1
+    v: list[float] | None
+    omega: list[float] | None
+    clip: bool
 
     def __post_init__(self) -> None:
         for key in ("v", "omega"):
-            _check_pair(f"planner.action.{key}", getattr(self, key))
+            _check_pair(key, getattr(self, key))
 
 
 @dataclass(slots=True)
@@ -74,23 +74,25 @@ class OnnxConfig:
     by name.
     """
 
-    path: str | None = None  # of the .onnx file
-    inputs: list[str] = field(default_factory=lambda: ["scan", "target", "twist", "limits"])
-    scan: OnnxScanConfig = field(default_factory=OnnxScanConfig)
-    target: OnnxTargetConfig = field(default_factory=OnnxTargetConfig)
-    twist: OnnxTwistConfig = field(default_factory=OnnxTwistConfig)
-    action: OnnxActionConfig = field(default_factory=OnnxActionConfig)
+    path: str | None
+    inputs: list[str]
+    scan: OnnxScanConfig
+    target: OnnxTargetConfig
+    twist: OnnxTwistConfig
+    action: OnnxActionConfig
 
     def __post_init__(self) -> None:
         for part in self.inputs:
             if part not in PARTS:
                 hint = nearest(str(part), PARTS)
-                raise InputError(f"planner.inputs has {part!r}: {hint}each must be one of {', '.join(PARTS)}")
+                raise argument_error(f"inputs has {part!r}: {hint}each must be one of {', '.join(PARTS)}")
         if not self.inputs or len(set(self.inputs)) < len(self.inputs):
-            raise InputError(f"planner.inputs is {list(self.inputs)}: must name at least one part, each once")
+            raise argument_error(f"inputs is {list(self.inputs)}: must name at least one part, each once")
 
 
 def _check_pair(key: str, given: list[float] | None) -> None:
     """Raise InputError unless the value is a pair, the two ends of a range, or None."""
     if given is not None and (len(given) != 2 or given[0] == given[1]):
-        raise InputError(f"{key} is {list(given)}: must be two different numbers, such as [-1, 1], or null")
+        raise argument_error(
+            f"{key} is {list(given)}: must be two different numbers, such as [-1, 1], or null"
+        )

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.errors import InputError
+from lme.errors import InputError, argument_error
 from lme.planners.onnx.config import OnnxConfig, OnnxScanConfig, OnnxTargetConfig
 from lme.robots import Robot
 from lme.types import Floats, LaserScan, Observation
@@ -16,7 +16,7 @@ Part = NDArray[np.float32]
 
 
 class OnnxFeatures:
-    """Parts of the observation that `planner.inputs` names, as float32 vectors.
+    """Parts of the observation that `inputs` names, as float32 vectors.
 
     The arithmetic is that of `lme.gym`, in float32 and in the same order, so that an environment's observation and
     this one are equal to the last bit. Raises InputError unless `planner.scan.beams` divides the lidar's beams.
@@ -25,7 +25,7 @@ class OnnxFeatures:
     def __init__(self, config: OnnxConfig, robot: Robot) -> None:
         have, wanted = robot.lidar.num_beams, config.scan.beams
         if wanted is not None and have % wanted:
-            raise InputError(f"planner.scan.beams is {wanted}: must divide the lidar's {have}")
+            raise argument_error(f"scan.beams is {wanted}: must divide the lidar's {have}")
         self._config, self._beams = config, have if wanted is None else wanted
         self._have = have
         known = {"scan": self._beams, "target": 2, "twist": 2, "limits": 4, "action": 2}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, argument_error
 from lme.inputs.guarded_file import check_regular
 from lme.planners.onnx.features import Part
 from lme.requirements import install
@@ -72,12 +72,12 @@ class Network:
         try:
             outputs = self._session.run(None, given)
         except Exception as error:  # onnxruntime has no common class of errors
-            raise InputError(f"planner.path is {self._path}: the network fails: {_line(error)}") from error
+            raise argument_error(f"path is {self._path}: the network fails: {_line(error)}") from error
         answer = np.asarray(outputs[0], dtype=np.float64).ravel()
         if answer.shape != (2,):
             shape = np.shape(outputs[0])
-            raise InputError(
-                f"planner.path is {self._path}: its first output has the shape {shape}; must be two numbers, "
+            raise argument_error(
+                f"path is {self._path}: its first output has the shape {shape}; must be two numbers, "
                 "for v and omega"
             )
         return answer
@@ -86,30 +86,30 @@ class Network:
         outputs = self._session.get_outputs()
         kind = outputs[0].type if outputs else "nothing"
         if not _NUMBERS.fullmatch(kind):
-            raise InputError(
-                f"planner.path is {self._path}: its first output is {kind}; must be two numbers, for v and omega"
+            raise argument_error(
+                f"path is {self._path}: its first output is {kind}; must be two numbers, for v and omega"
             )
 
     def _check_inputs(self, sizes: Mapping[str, int]) -> None:
         if not self._inputs:
-            raise InputError(f"planner.path is {self._path}: has no inputs; must take {', '.join(sizes)}")
+            raise argument_error(f"path is {self._path}: has no inputs; must take {', '.join(sizes)}")
         for each in self._inputs:
             if each.type not in _TYPES:
-                raise InputError(
-                    f"planner.path is {self._path}: its input {each.name} is a {each.type}; "
+                raise argument_error(
+                    f"path is {self._path}: its input {each.name} is a {each.type}; "
                     f"must be one of {', '.join(_TYPES)}"
                 )
             if not self._joined and each.name not in sizes:
                 names = ", ".join(each.name for each in self._inputs)
-                raise InputError(
-                    f"planner.inputs is {list(sizes)}: must name all inputs of {self._path}, which are {names}; "
+                raise argument_error(
+                    f"inputs is {list(sizes)}: must name all inputs of {self._path}, which are {names}; "
                     "a recurrent network, which takes its own state, cannot be used"
                 )
             size = sum(sizes.values()) if self._joined else sizes[each.name]
             # All axes but the last must be 1 or free.
             if not each.shape or any(isinstance(axis, int) and axis != 1 for axis in each.shape[:-1]):
-                raise InputError(
-                    f"planner.path is {self._path}: its input {each.name} has the shape {each.shape}; must be "
+                raise argument_error(
+                    f"path is {self._path}: its input {each.name} has the shape {each.shape}; must be "
                     f"[1, {size}]: export it for a batch of 1, or with a free batch axis"
                 )
             # The last axis must have the size of the parts, or be free.
@@ -117,9 +117,9 @@ class Network:
             if isinstance(takes, int) and takes != size:
                 parts = sizes if self._joined else {each.name: size}
                 makes = " + ".join(f"{part} {count}" for part, count in parts.items())
-                raise InputError(
-                    f"planner.path is {self._path}: its input {each.name} takes {takes} numbers, but planner.inputs "
-                    f"and planner.scan make {size} ({makes}): must be equal"
+                raise argument_error(
+                    f"path is {self._path}: its input {each.name} takes {takes} numbers, but inputs "
+                    f"and scan make {size} ({makes}): must be equal"
                 )
 
 
@@ -129,7 +129,7 @@ def _session(path: Path) -> Any:
     except ModuleNotFoundError as error:
         raise InputError(f"the planner onnx needs onnxruntime: {install('onnxruntime')}") from error
     if not path.is_file():
-        raise InputError(f"planner.path is {path}: must be the path of an .onnx file")
+        raise argument_error(f"path is {path}: must be the path of an .onnx file")
     check_regular(path, _ONNX_BYTES)
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # the executors fill the cores
@@ -139,7 +139,7 @@ def _session(path: Path) -> Any:
         return runtime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime has no common class of errors
         reason = _reason(_line(error), str(runtime.__version__))
-        raise InputError(f"planner.path is {path}: cannot be read as an ONNX file: {reason}") from error
+        raise argument_error(f"path is {path}: cannot be read as an ONNX file: {reason}") from error
 
 
 def _reason(said: str, version: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import argument_error
 from lme.inputs.guarded_file import expanded
 from lme.planners.commands import limited
 from lme.planners.onnx.config import OnnxConfig
@@ -25,7 +25,7 @@ class OnnxPolicy:
 
     def __init__(self, config: OnnxConfig, robot: Robot) -> None:
         if config.path is None:
-            raise InputError("planner.path is null: must be the path of an .onnx file (docs/envs.md)")
+            raise argument_error("path is null: must be the path of an .onnx file (docs/envs.md)")
         self._config, self._robot = config, robot
         self._features = OnnxFeatures(config, robot)
         self._network = Network(expanded(config.path), self._features.sizes)
@@ -39,8 +39,8 @@ class OnnxPolicy:
         """Return the command for one control period. Raises InputError for outputs that are not finite."""
         answer = self._network.answer(self._features.of(observation, guidance.subgoal, self._last))
         if not np.isfinite(answer).all():
-            raise InputError(
-                f"planner.path is {self._config.path}: the network answers {answer.tolist()}; must be finite numbers"
+            raise argument_error(
+                f"path is {self._config.path}: the network answers {answer.tolist()}; must be finite numbers"
             )
         self._last = np.clip(answer, -1.0, 1.0) if self._config.action.clip else answer
         v, omega = self._velocities(observation.limits)

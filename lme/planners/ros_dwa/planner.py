@@ -26,16 +26,16 @@ _STEP = 0.017  # [rad] between the checks of a turn; rotate_recovery's sim_granu
 class RosDwaConfig(TrajectoriesConfig):
     """Settings of move_base and TrajectoryPlannerROS, with the names and the BARN Challenge's values of ROS."""
 
-    xy_goal_tolerance: float = 0.15  # [m]
-    yaw_goal_tolerance: float = 0.157  # [rad]
-    planner_patience: float = 5.0  # [s]
-    controller_patience: float = 15.0  # [s]
+    xy_goal_tolerance: float
+    yaw_goal_tolerance: float
+    planner_patience: float
+    controller_patience: float
 
     def __post_init__(self) -> None:
         TrajectoriesConfig.__post_init__(self)
         for key in ("xy_goal_tolerance", "planner_patience", "controller_patience"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.yaw_goal_tolerance", self.yaw_goal_tolerance, above=0.0, at_most=1.0)
+            require(key, getattr(self, key), at_least=0.0)
+        require("yaw_goal_tolerance", self.yaw_goal_tolerance, above=0.0, at_most=1.0)
 
 
 class _State(Enum):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,37 +44,37 @@ _MOST_SAMPLES = 201  # of v and of ω: all poses of every pair's trajectory are 
 class TrajectoriesConfig:
     """Velocities, samples, simulation and scores, with the names of ROS."""
 
-    max_vel_x: float = 0.5  # [m/s]
-    min_vel_x: float = 0.1  # [m/s]
-    max_vel_theta: float = 1.57  # [rad/s]
-    min_in_place_vel_theta: float = 0.314  # [rad/s]
-    escape_vel: float = -0.5  # [m/s]
-    acc_lim_x: float = 10.0  # [m/s²]
-    acc_lim_theta: float = 20.0  # [rad/s²]
-    sim_time: float = 2.0  # [s]
-    sim_granularity: float = 0.02  # [m]
-    angular_sim_granularity: float = 0.02
-    vx_samples: int = 6
-    vtheta_samples: int = 20
-    pdist_scale: float = 0.75
-    gdist_scale: float = 1.0
-    occdist_scale: float = 0.1
-    meter_scoring: bool = False
-    heading_lookahead: float = 0.325  # [m]
-    oscillation_reset_dist: float = 0.05  # [m]
-    escape_reset_dist: float = 0.1  # [m]
-    escape_reset_theta: float = 0.1  # [rad]
-    costmap: LocalCostmapConfig = field(default_factory=LocalCostmapConfig)
+    max_vel_x: float
+    min_vel_x: float
+    max_vel_theta: float
+    min_in_place_vel_theta: float
+    escape_vel: float
+    acc_lim_x: float
+    acc_lim_theta: float
+    sim_time: float
+    sim_granularity: float
+    angular_sim_granularity: float
+    vx_samples: int
+    vtheta_samples: int
+    pdist_scale: float
+    gdist_scale: float
+    occdist_scale: float
+    meter_scoring: bool
+    heading_lookahead: float
+    oscillation_reset_dist: float
+    escape_reset_dist: float
+    escape_reset_theta: float
+    costmap: LocalCostmapConfig
 
     def __post_init__(self) -> None:
         for key in _POSITIVE:
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in _NOT_NEGATIVE:
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        require("planner.min_vel_x", self.min_vel_x, at_most=self.max_vel_x)
-        require("planner.escape_vel", self.escape_vel, at_most=0.0)
+            require(key, getattr(self, key), at_least=0.0)
+        require("min_vel_x", self.min_vel_x, at_most=self.max_vel_x)
+        require("escape_vel", self.escape_vel, at_most=0.0)
         for key in ("vx_samples", "vtheta_samples"):
-            require(f"planner.{key}", getattr(self, key), at_least=2, at_most=_MOST_SAMPLES)
+            require(key, getattr(self, key), at_least=2, at_most=_MOST_SAMPLES)
 
 
 @dataclass(slots=True)

@@ -25,42 +25,42 @@ _ROOM_MIN = 0.05  # [m] least room for backing up
 class S3FisvfhConfig:
     """Settings of the entry, with angles instead of counts of beams and sectors, and shares of the limits."""
 
-    window: float = 4.0  # [m]
-    sector: float = math.pi / 60  # [rad]
-    block_distance: float = 1.1  # [m]
-    size_factor: float = 1.15  # [-] of twice the collision radius
-    size_distance: float = 0.9  # [m]
-    wide_factor: float = 22 / 12  # [-] of a valley's least width
-    depth: int = 2  # [steps]
-    deviation_cost: float = 0.1 / math.radians(3.0)  # [m/rad]
-    switch_cost: float = 0.2 / math.radians(3.0)  # [m/rad]
-    smoothing: float = 0.5  # [-] weight of the new heading every 0.1 s
-    speed: float = 0.7  # [m/s] at most v_max
-    turn: float = math.pi / 4.0  # [-] share of ω_max
-    turn_span: float = math.radians(135.0)  # [rad]
-    look_ahead: float = math.radians(30.0)  # [rad]
-    clear_ahead: float = math.radians(22.5)  # [rad]
-    clear_deviation: float = math.radians(15.0)  # [rad]
-    guard_ahead: float = math.radians(33.75)  # [rad]
-    guard_clearance: float = 0.295  # [m]
-    retreat_speed: float = 0.2  # [-] share of v_max
-    retreat_turn: float = 0.125  # [-] share of ω_max
-    retreat_room: float = 0.5  # [m]
+    window: float
+    sector: float
+    block_distance: float
+    size_factor: float
+    size_distance: float
+    wide_factor: float
+    depth: int
+    deviation_cost: float
+    switch_cost: float
+    smoothing: float
+    speed: float
+    turn: float
+    turn_span: float
+    look_ahead: float
+    clear_ahead: float
+    clear_deviation: float
+    guard_ahead: float
+    guard_clearance: float
+    retreat_speed: float
+    retreat_turn: float
+    retreat_room: float
 
     def __post_init__(self) -> None:
         for key in ("window", "block_distance", "size_factor", "size_distance", "speed"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in ("deviation_cost", "switch_cost", "guard_clearance", "retreat_room"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         for key in ("smoothing", "turn"):
-            require(f"planner.{key}", getattr(self, key), above=0.0, at_most=1.0)
+            require(key, getattr(self, key), above=0.0, at_most=1.0)
         for key in ("retreat_speed", "retreat_turn"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0, at_most=1.0)
+            require(key, getattr(self, key), at_least=0.0, at_most=1.0)
         for key in ("turn_span", "look_ahead", "clear_ahead", "clear_deviation", "guard_ahead"):
-            require(f"planner.{key}", getattr(self, key), above=0.0, at_most=math.pi)
-        require("planner.sector", self.sector, at_least=math.radians(0.5), at_most=math.radians(30.0))
-        require("planner.wide_factor", self.wide_factor, at_least=1.0)
-        require("planner.depth", self.depth, at_least=1, at_most=4)
+            require(key, getattr(self, key), above=0.0, at_most=math.pi)
+        require("sector", self.sector, at_least=math.radians(0.5), at_most=math.radians(30.0))
+        require("wide_factor", self.wide_factor, at_least=1.0)
+        require("depth", self.depth, at_least=1, at_most=4)
 
 
 class S3Fisvfh:

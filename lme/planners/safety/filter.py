@@ -22,14 +22,14 @@ _REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points ar
 class SafetyFilterConfig:
     """Margin that the filter keeps free, and the delay of commands."""
 
-    margin: float = 0.01  # [m] distance from the outline that the robot keeps until it stands
-    latency: float = 0.0  # [s] known delay from a command to its effect
-    lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
+    margin: float
+    latency: float
+    lag: float
 
     def __post_init__(self) -> None:
         for key in ("margin", "latency", "lag"):
-            require(f"filter.{key}", getattr(self, key), at_least=0.0)
-        check_fields("filter", self)
+            require(key, getattr(self, key), at_least=0.0)
+        check_fields(self)
 
 
 class SafetyFilter:

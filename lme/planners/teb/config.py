@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import cast
 
 from lme.errors import require
 from lme.mapping.local_costmap import LocalCostmapConfig
 from lme.planners.teb.kernels import Weights
-
-
-def _costmap() -> LocalCostmapConfig:
-    return LocalCostmapConfig(size=20.0, footprint_padding=0.07, inflation_radius=0.0)
-
 
 _POSITIVE = (
     "dt_ref",
@@ -59,60 +53,60 @@ _WEIGHTS = (
 class TebConfig:
     """Samples, path, limits, obstacles, optimisation, recovery and local costmap."""
 
-    dt_ref: float = 0.3  # [s]
-    dt_hysteresis: float = 0.1  # [s]
-    min_samples: int = 3
-    max_samples: int = 500
-    max_global_plan_lookahead_dist: float = 3.0  # [m]
-    global_plan_viapoint_sep: float = 0.3  # [m]
-    path_spacing: float = 0.05  # [m]
-    force_reinit_new_goal_dist: float = 1.0  # [m]
-    force_reinit_new_goal_angular: float = math.pi / 2  # [rad]
-    feasibility_check_no_poses: int = 2
-    max_vel_x: float = 0.8  # [m/s]
-    max_vel_x_backwards: float = 0.0  # [m/s]
-    max_vel_theta: float = 1.57  # [rad/s]
-    acc_lim_x: float = 8.0  # [m/s²]
-    acc_lim_theta: float = 20.0  # [rad/s²]
-    xy_goal_tolerance: float = 0.1  # [m]
-    min_obstacle_dist: float = 0.13  # [m]
-    obstacle_association_force_inclusion_factor: float = 1.5
-    obstacle_association_cutoff_factor: float = 5.0
-    costmap_obstacles_behind_robot_dist: float = 0.15  # [m]
-    no_inner_iterations: int = 5
-    no_outer_iterations: int = 4
-    penalty_epsilon: float = 0.1  # of every limit, in its unit
-    weight_optimaltime: float = 10.0
-    weight_max_vel_x: float = 3.0
-    weight_max_vel_theta: float = 1.0
-    weight_acc_lim_x: float = 2.0
-    weight_acc_lim_theta: float = 2.0
-    weight_kinematics_nh: float = 100.0
-    weight_kinematics_forward_drive: float = 700.0
-    weight_obstacle: float = 15.0
-    weight_viapoint: float = 3.0
-    weight_prefer_rotdir: float = 50.0
-    weight_adapt_factor: float = 2.0
-    shrink_horizon_min_duration: float = 10.0  # [s]
-    oscillation_v_eps: float = 0.1
-    oscillation_omega_eps: float = 0.1
-    oscillation_recovery_min_duration: float = 10.0  # [s]
-    oscillation_filter_duration: float = 10.0  # [s]
-    divergence_detection_max_chi_squared: float | None = None  # None: no limit
-    costmap: LocalCostmapConfig = field(default_factory=_costmap)
+    dt_ref: float
+    dt_hysteresis: float
+    min_samples: int
+    max_samples: int
+    max_global_plan_lookahead_dist: float
+    global_plan_viapoint_sep: float
+    path_spacing: float
+    force_reinit_new_goal_dist: float
+    force_reinit_new_goal_angular: float
+    feasibility_check_no_poses: int
+    max_vel_x: float
+    max_vel_x_backwards: float
+    max_vel_theta: float
+    acc_lim_x: float
+    acc_lim_theta: float
+    xy_goal_tolerance: float
+    min_obstacle_dist: float
+    obstacle_association_force_inclusion_factor: float
+    obstacle_association_cutoff_factor: float
+    costmap_obstacles_behind_robot_dist: float
+    no_inner_iterations: int
+    no_outer_iterations: int
+    penalty_epsilon: float
+    weight_optimaltime: float
+    weight_max_vel_x: float
+    weight_max_vel_theta: float
+    weight_acc_lim_x: float
+    weight_acc_lim_theta: float
+    weight_kinematics_nh: float
+    weight_kinematics_forward_drive: float
+    weight_obstacle: float
+    weight_viapoint: float
+    weight_prefer_rotdir: float
+    weight_adapt_factor: float
+    shrink_horizon_min_duration: float
+    oscillation_v_eps: float
+    oscillation_omega_eps: float
+    oscillation_recovery_min_duration: float
+    oscillation_filter_duration: float
+    divergence_detection_max_chi_squared: float | None
+    costmap: LocalCostmapConfig
 
     def __post_init__(self) -> None:
         for key in _POSITIVE + _POSITIVE_TOO:
-            require(f"planner.{key}", getattr(self, key), above=0.0)
+            require(key, getattr(self, key), above=0.0)
         for key in _NOT_NEGATIVE + tuple(f"weight_{name}" for name in _WEIGHTS):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+            require(key, getattr(self, key), at_least=0.0)
         if self.divergence_detection_max_chi_squared is not None:
             most = self.divergence_detection_max_chi_squared
-            require("planner.divergence_detection_max_chi_squared", most, above=0.0)
-        require("planner.min_samples", self.min_samples, at_least=2)
-        require("planner.max_samples", self.max_samples, at_least=self.min_samples, at_most=10_000)
+            require("divergence_detection_max_chi_squared", most, above=0.0)
+        require("min_samples", self.min_samples, at_least=2)
+        require("max_samples", self.max_samples, at_least=self.min_samples, at_most=10_000)
         for key in ("no_inner_iterations", "no_outer_iterations"):
-            require(f"planner.{key}", getattr(self, key), at_least=1)
+            require(key, getattr(self, key), at_least=1)
 
     def weights(self, factor: float) -> Weights:
         """Return the weights in the order of the normal equations, that of the obstacles times `factor`."""

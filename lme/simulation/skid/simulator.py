@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import InputError, argument_error, require
 from lme.geometry.frames import relative
 from lme.inputs.plausibility import check_fields
 from lme.robots import Robot
@@ -29,21 +29,20 @@ ODOMETRY_RATE = 50.0  # [Hz] of Jackal's odometry filter
 class SkidConfig(Disturbances):
     """Directions of friction, errors of the sensors and resolution of the contact check."""
 
-    friction: str = "world"  # what the two directions of friction are fixed to: "wheel", "world" or "body"
-    yaw_noise: float = 0.005  # [rad] standard deviation of the measured yaw
-    scan_rate: float | None = 50.0  # [Hz] of the lidar; None: a scan with every control step
-    check_time: float = 0.005  # [s] between two contact checks
-    goal_rate: float | None = 0.0  # [Hz] rate of goal fixes; 0: one, at the start; None: one with every scan
+    friction: str
+    yaw_noise: float
+    scan_rate: float | None
+    check_time: float
 
     def __post_init__(self) -> None:
         Disturbances.__post_init__(self)
         if self.friction not in AXES:
-            raise InputError(f"sim.friction is {self.friction!r}: must be one of {', '.join(AXES)}")
-        require("sim.yaw_noise", self.yaw_noise, at_least=0.0)
-        require("sim.check_time", self.check_time, above=0.0)
+            raise argument_error(f"friction is {self.friction!r}: must be one of {', '.join(AXES)}")
+        require("yaw_noise", self.yaw_noise, at_least=0.0)
+        require("check_time", self.check_time, above=0.0)
         if self.scan_rate is not None:
-            require("sim.scan_rate", self.scan_rate, above=0.0)
-        check_fields("sim", self)
+            require("scan_rate", self.scan_rate, above=0.0)
+        check_fields(self)
 
 
 class SkidSimulator:

@@ -16,7 +16,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 from numpy.lib import format as npy
 
-from lme.errors import InputError
+from lme.errors import InputError, argument_error
 from lme.inputs.guarded_file import expanded, read_bytes
 from lme.types import Floats, Ints
 from lme.worlds.barn.generator import GRID_CELLS, start_wall
@@ -36,9 +36,9 @@ def find_worlds(source: str | Path) -> dict[int, Path]:
     try:
         state = "" if root.is_dir() else "is a file" if root.exists() else "does not exist"
     except OSError as error:
-        raise InputError(f"map.source {root!s:.80}: cannot be read ({error.strerror})") from error
+        raise argument_error(f"source {root!s:.80}: cannot be read ({error.strerror})") from error
     if state:
-        raise InputError(f"map.source {root} {state}: must be a folder with the BARN files world_N.world")
+        raise argument_error(f"source {root} {state}: must be a folder with the BARN files world_N.world")
     for layout in _LAYOUTS:
         found = {
             int(match[1]): path
@@ -47,8 +47,8 @@ def find_worlds(source: str | Path) -> dict[int, Path]:
         }
         if found:
             return dict(sorted(found.items()))
-    raise InputError(
-        f"map.source {root} holds no world_N.world: must be a checkout of the BARN benchmark, "
+    raise argument_error(
+        f"source {root} holds no world_N.world: must be a checkout of the BARN benchmark, "
         "its worlds/ or its BARN/ folder"
     )
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from lme.errors import InputError, nearest, require
+from lme.errors import InputError, argument_error, nearest, require
 from lme.inputs.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.barn.files import find_worlds
@@ -71,30 +71,28 @@ def check_given(keys: Iterable[str], map_set: Mapping[str, Any], node: str = "ma
 class BarnConfig(TaskRules):
     """Keys of `conf/map/barn.yaml`."""
 
-    subset: str = "lab100"  # all | official50 | lab100 | hard100 | fresh | fresh_hard
-    source: str | None = None  # folder with the published files; None: regenerate them
-    count: int = 100  # how many fresh worlds
-    fresh_seed: int = 0  # seed of the fresh worlds
-    start: list[float] = field(default_factory=lambda: [-2.25, 3.0, math.pi / 2])  # x, y [m], yaw [rad]
-    goal: list[float] = field(default_factory=lambda: [-2.25, 13.0])  # x, y [m]
-    goal_tolerance: float = 1.0  # [m]
-    time_limit: float = 100.0  # [s]
-    clock_distance: float = 0.1  # [m]
+    subset: str
+    source: str | None
+    count: int
+    fresh_seed: int
+    start: list[float]
+    goal: list[float]
+    time_limit: float
 
     def __post_init__(self) -> None:
         TaskRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.subset not in SUBSETS:
-            raise InputError(
-                f"map.subset is {self.subset!r}: {nearest(self.subset, SUBSETS)}must be one of {', '.join(SUBSETS)}"
+            raise argument_error(
+                f"subset is {self.subset!r}: {nearest(self.subset, SUBSETS)}must be one of {', '.join(SUBSETS)}"
             )
         if self.subset in FRESH and self.source is not None:
-            raise InputError(
-                f"map.source is {self.source}: must be null with map.subset={self.subset}, which is generated"
+            raise argument_error(
+                f"source is {self.source}: must be null with subset={self.subset}, which is generated"
             )
-        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
-        require("map.fresh_seed", self.fresh_seed, at_least=0)
-        _check_numbers("map.start", self.start, "three finite numbers: x, y [m], yaw [rad]", 3)
-        _check_numbers("map.goal", self.goal, "two finite numbers: x, y [m]", 2)
+        require("count", self.count, at_least=1, at_most=MOST_WORLDS)
+        require("fresh_seed", self.fresh_seed, at_least=0)
+        _check_numbers("start", self.start, "three finite numbers: x, y [m], yaw [rad]", 3)
+        _check_numbers("goal", self.goal, "two finite numbers: x, y [m]", 2)
 
 
 class Barn:
@@ -173,12 +171,10 @@ class Barn:
         config = self.config
         some = ", ".join(map(str, absent[:5])) + (f" and {len(absent) - 5} more" if len(absent) > 5 else "")
         if self._files is not None:
-            key = f"map.subset is {config.subset!r}" if config.worlds is None else "map.worlds"
-            return f"{key} asks for worlds that map.source {config.source} does not hold: {some}"
-        right = (
-            f"from {FIRST_FRESH} on with map.subset={config.subset}" if config.subset in FRESH else "0 to 299"
-        )
-        return f"map.worlds asks for {some}: must be {right}"
+            key = f"subset is {config.subset!r}" if config.worlds is None else "worlds"
+            return f"{key} asks for worlds that source {config.source} does not hold: {some}"
+        right = f"from {FIRST_FRESH} on with subset={config.subset}" if config.subset in FRESH else "0 to 299"
+        return f"worlds asks for {some}: must be {right}"
 
 
 def _measures(layout: Layout) -> dict[str, float]:
@@ -190,4 +186,4 @@ def _measures(layout: Layout) -> dict[str, float]:
 
 def _check_numbers(key: str, values: list[float], right: str, count: int) -> None:
     if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise InputError(f"{key} is {list(values)}: must be {right}")
+        raise argument_error(f"{key} is {list(values)}: must be {right}")

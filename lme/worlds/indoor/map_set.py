@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import argument_error, require
 from lme.types import Floats, Pose
 from lme.worlds.indoor.corridors import corridors
 from lme.worlds.indoor.floor_plans import floor_plans
@@ -33,28 +33,28 @@ PAIRS_TRIED = 200  # of start and goal, before the distance counts as impossible
 class IndoorConfig(PacedRules):
     """Keys of `conf/map/indoor.yaml`."""
 
-    kind: str = "offices"  # corridors | offices | floor_plan
-    count: int = 100  # numbers 0, 1, …
-    building_seed: int = 0  # seed of the worlds
-    min_distance: float = 6.0  # [m] from start to goal, in a straight line
-    max_distance: float = 18.0  # [m]
-    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    passage_margin: float = 0.3  # [m] by which every way is at least wider than the disc of `radius`
-    margin: float = 0.1  # [m] more than radius, kept free around start and goal
-    grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
+    kind: str
+    count: int
+    building_seed: int
+    min_distance: float
+    max_distance: float
+    radius: float | None
+    passage_margin: float
+    margin: float
+    grid: float
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.kind not in KINDS:
-            raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(KINDS)}")
-        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
+            raise argument_error(f"kind is {self.kind!r}: must be one of {', '.join(KINDS)}")
+        require("count", self.count, at_least=1, at_most=MOST_WORLDS)
         for key in ("building_seed", "min_distance", "margin"):
-            require(f"map.{key}", getattr(self, key), at_least=0.0)
-        require("map.max_distance", self.max_distance, at_least=self.min_distance)
+            require(key, getattr(self, key), at_least=0.0)
+        require("max_distance", self.max_distance, at_least=self.min_distance)
         if self.radius is not None:
-            require("map.radius", self.radius, above=0.0, at_most=0.45)
-        require("map.grid", self.grid, above=0.0)
-        require("map.passage_margin", self.passage_margin, at_least=2 * self.grid, at_most=0.5)
+            require("radius", self.radius, above=0.0, at_most=0.45)
+        require("grid", self.grid, above=0.0)
+        require("passage_margin", self.passage_margin, at_least=2 * self.grid, at_most=0.5)
 
 
 class Indoor:
@@ -140,7 +140,7 @@ def _start_and_goal(
         together = any(all(map(room.holds, ends)) for room in building.rooms)
         if not together and math.dist(*ends) <= most:
             return found
-    raise InputError(
-        f"map.max_distance is {most:g} m: must be a distance that start and goal can have in different rooms of "
-        f"each building (map.min_distance is {least:g} m)"
+    raise argument_error(
+        f"max_distance is {most:g} m: must be a distance that start and goal can have in different rooms of "
+        f"each building (min_distance is {least:g} m)"
     )

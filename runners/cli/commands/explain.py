@@ -155,7 +155,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     # Make the page of each episode, several of them in worker processes.
     episodes = pages.select_episodes(read_episodes([run_dir]), words)
     places = _places(run_dir, pages.keys_of(episodes), output)
-    executor = ProcessExecutor(ProcessConfig())
+    executor = ProcessExecutor(ProcessConfig(workers=None))
     try:
         results = sorted(pages.make_pages(run_dir, episodes, places, executor))
     except WorkerDiedError as error:

@@ -11,8 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from lme.config.presets import load_settings
 from lme.errors import InputError, require
-from lme.guides.lme.candidates import CandidateConfig
 from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.guide import Lme
 from lme.guides.lme.maintenance import Choice
@@ -41,11 +41,11 @@ LINE_IN, LINE_LETTERS = 0.145, 112  # height and letters of a line of a heading 
 class StepConfig:
     """The decision that a figure shows."""
 
-    step: int | None = None  # null: the most telling; see `telling_step`, or the figure's own
+    step: int | None
 
     def __post_init__(self) -> None:
         if self.step is not None:
-            require("figure.step", self.step, at_least=0)
+            require("step", self.step, at_least=0)
 
 
 class Shot(NamedTuple):
@@ -116,7 +116,7 @@ def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> No
 
 def candidate_reach(trace: Trace) -> float:
     """Return the largest distance of a candidate from the robot [m]; LME's default for LME+, which has no setting."""
-    candidates = getattr(_guide(trace.config), "candidates", CandidateConfig())
+    candidates = getattr(_guide(trace.config), "candidates", load_settings("guide/lme").candidates)
     return float(min(candidates.max_range, trace.robot.lidar.range_max))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -47,9 +47,9 @@ UNITS = {"a_close": "m", "a_dev": "rad", "a_mount": "m"}
 class FeaturesConfig(StepConfig):
     """Content of the figure of `lme figure features`."""
 
-    criteria: list[str] | None = None  # null: all
-    values: str = "raw"
-    percentiles: list[float] = field(default_factory=lambda: [5.0, 95.0])
+    criteria: list[str] | None
+    values: str
+    percentiles: list[float]
 
     def __post_init__(self) -> None:
         StepConfig.__post_init__(self)  # super() fails in a dataclass with slots

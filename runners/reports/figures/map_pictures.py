@@ -58,12 +58,12 @@ class MapPanel(NamedTuple):
 class MapsConfig:
     """Keys of `conf/figure/maps.yaml`."""
 
-    maps: list[str] | None = None  # NAME [NUMBER…] [key=value…] each; None: all that work without a setting
-    columns: int = COLUMNS  # of panels, at most
-    way: bool = True  # draw the path that the optimal time is based on
+    maps: list[str] | None
+    columns: int
+    way: bool
 
     def __post_init__(self) -> None:
-        require("figure.columns", self.columns, at_least=1, at_most=8)
+        require("columns", self.columns, at_least=1, at_most=8)
         if self.maps == []:
             raise InputError(f"figure.maps is []: must be a list of {GRAMMAR}, or null for all")
 

@@ -60,16 +60,16 @@ _SECONDS = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
 class TrajectoriesFigureConfig:
     """Appearance of the paths of several systems."""
 
-    layout: str = "side_by_side"
-    moment: Any = None
-    subgoals: str = "none"
-    width: float = 7.2  # [in]
+    layout: str
+    moment: Any
+    subgoals: str
+    width: float
 
     def __post_init__(self) -> None:
         for key, values in (("layout", LAYOUTS), ("subgoals", SUBGOALS)):
             if getattr(self, key) not in values:
                 raise InputError(f"figure.{key} is {getattr(self, key)!r}: must be {' or '.join(values)}")
-        require("figure.width", self.width, at_least=2.0)
+        require("width", self.width, at_least=2.0)
         moment(self.moment)
 
 

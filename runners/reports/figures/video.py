@@ -22,11 +22,11 @@ ENOUGH_S = 20.0  # longest film if no speed is given
 class VideoConfig:
     """Appearance of a film."""
 
-    format: str = GIF
-    speed: float | None = None  # simulated seconds per second of film
-    fps: float = 10.0  # [1/s]
-    width: int = 800  # [px]
-    candidates: bool = False
+    format: str
+    speed: float | None
+    fps: float
+    width: int
+    candidates: bool
 
     def __post_init__(self) -> None:
         if self.format not in (GIF, MP4):
@@ -34,9 +34,9 @@ class VideoConfig:
         if self.format == MP4:
             find_ffmpeg()
         if self.speed is not None:
-            require("figure.speed", self.speed, above=0.0)
-        require("figure.fps", self.fps, above=0.0, at_most=50.0)
-        require("figure.width", self.width, at_least=200, at_most=4000)
+            require("speed", self.speed, above=0.0)
+        require("fps", self.fps, above=0.0, at_most=50.0)
+        require("width", self.width, at_least=200, at_most=4000)
 
 
 class Video:

@@ -98,6 +98,13 @@ def test_a_file_holds_what_it_inherits(own):
     assert compose(own / "robot" / "back.yaml", "robot", (own,)).values["name"] == "long"
 
 
+def test_a_users_file_for_a_shipped_class_may_leave_keys_out(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("# Dwa that keeps away\n_target_: lme.planners.dwa.Dwa\nmargin: 0.3\n")
+    expected = {**compose(find("planner/dwa"), "planner").values, "margin": 0.3}
+    assert compose(file, "planner").values == expected
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

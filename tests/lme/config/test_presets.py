@@ -8,18 +8,18 @@ import yaml
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from lme.config.presets import load_map_set, load_parameters, load_robot, load_simulator
+from lme.config.presets import load_map_set, load_parameters, load_robot, load_settings, load_simulator
 from lme.errors import InputError
 from lme.guides.lme.score import CRITERIA
 from lme.robots import Robot
 from runners.config.instantiate import build, configured, fill_dataclass
 from tests.places import ROOT
 
-ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
+ROBOTS = sorted((ROOT / "conf" / "robot").glob("[!_]*.yaml"))
 STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
 
 
-@pytest.mark.filterwarnings("ignore:.*robot.collision_radius")
+@pytest.mark.filterwarnings("ignore:.*collision_radius")
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
 def test_a_robot_is_what_hydra_makes_of_its_file(path):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
@@ -38,7 +38,7 @@ def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its
     own.write_text(
         (ROOT / "conf" / "robot" / "go2.yaml").read_text().replace("radius: 0.3 ", "radius: 0.25 ")
     )
-    with pytest.warns(UserWarning, match=r"mine\.yaml: robot\.collision_radius 0\.25 m is less than"):
+    with pytest.warns(UserWarning, match=r"mine\.yaml: collision_radius 0\.25 m is less than"):
         load_robot(own)
 
 
@@ -71,6 +71,33 @@ def test_a_mistake_in_a_robots_file_is_one_line_that_names_it(tmp_path, old, new
         load_robot(path)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_settings_are_those_of_the_option_but_for_the_changes():
+    shipped = load_settings("guide/lme")
+    changed = load_settings("guide/lme", surmount="hidden", candidates={"number": 5})
+    assert (changed.surmount, changed.candidates.number) == ("hidden", 5)
+    assert changed.candidates.max_range == shipped.candidates.max_range
+    assert load_settings("guide/lme") == shipped
+
+
+def test_settings_that_are_changed_later_stay_ones_own():
+    load_settings("guide/lme").candidates.number = 7
+    assert load_settings("guide/lme").candidates.number == 300
+
+
+@pytest.mark.parametrize(
+    ("option", "changes", "said"),
+    [
+        ("planner/dwa", {"margn": 0.1}, r"^planner\.margn: no such key; did you mean margin\?"),
+        ("planner/dwa", {"margin": -0.1}, r"^planner\.margin is -0\.1: must be at least 0"),
+        ("guide/lme", {"candidates": {"number": 0}}, r"^guide\.candidates\.number is 0: must be at least 1"),
+        ("planner/dwb", {}, r"^planner is 'dwb': did you mean dwa\?"),
+    ],
+)
+def test_a_mistake_in_settings_names_the_key(option, changes, said):
+    with pytest.raises(InputError, match=said):
+        load_settings(option, **changes)
 
 
 def test_the_published_parameters(tmp_path):

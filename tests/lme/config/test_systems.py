@@ -13,7 +13,7 @@ from tests.composing import jobs_of
 
 ROBOT = lme.load_robot("jackal")
 SYSTEMS = catalogue.shipped().options("system")
-TASK = lme.Barn(lme.Barn.Config(worlds=[282], time_limit=4.0)).task(282)
+TASK = lme.Barn(lme.load_settings("map/barn", worlds=[282], time_limit=4.0)).task(282)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def job_of():
 
 
 def driven(navigator):
-    simulator = lme.FastSimulator(lme.FastSimulator.Config(), ROBOT)
+    simulator = lme.FastSimulator(lme.load_settings("sim/fast"), ROBOT)
     return lme.run_episode(TASK, navigator, simulator, np.random.default_rng(3))
 
 
@@ -99,9 +99,9 @@ def test_it_stops_within_the_tolerance_of_the_goal():
 
 def test_guides_without_parameters_take_those_that_ship():
     for config, name in ((lme.Lme, "lme"), (lme.LmePlus, "lme_plus")):
-        guide = config(config.Config(), ROBOT)
+        guide = config(lme.load_settings(f"guide/{name}", parameters={}), ROBOT)
         found, expected = (
-            driven(lme.Navigator(each, lme.Simple(lme.Simple.Config(), ROBOT)))
+            driven(lme.Navigator(each, lme.Simple(lme.load_settings("planner/simple"), ROBOT)))
             for each in (guide, lme.load_system(name, ROBOT).guide)
         )
         np.testing.assert_array_equal(found.trajectory, expected.trajectory)

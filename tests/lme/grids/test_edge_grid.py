@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.config.presets import load_robot
+from lme.config.presets import load_robot, load_settings
 from lme.geometry.collision import sweep
 from lme.grids.edge_grid import NO_EDGES, edge_grid, near_edges, nearest
 from lme.perception.raycast import cast, cast_grid
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Pose, Twist
 from lme.worlds.contours import outlines
 from lme.worlds.movers import Mover
@@ -124,10 +124,10 @@ def hall(moving):
 @pytest.mark.parametrize(
     ("robot", "simulator", "config"),
     [
-        ("stage", FastSimulator, FastConfig()),
-        ("stage", FastSimulator, FastConfig(latency=0.1, slip=0.05)),
-        ("go2", FastSimulator, FastConfig()),
-        ("jackal_gazebo", SkidSimulator, SkidConfig()),
+        ("stage", FastSimulator, load_settings("sim/fast")),
+        ("stage", FastSimulator, load_settings("sim/fast", latency=0.1, slip=0.05)),
+        ("go2", FastSimulator, load_settings("sim/fast")),
+        ("jackal_gazebo", SkidSimulator, load_settings("sim/skid")),
     ],
 )
 def test_an_episode_is_that_without_a_grid(robot, simulator, config, moving):

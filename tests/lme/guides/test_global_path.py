@@ -8,16 +8,17 @@ from hypothesis import strategies as st
 
 import lme.guides.global_path.guide as module
 import lme.mapping.costmap as costmap_module
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
-from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
-from lme.mapping.costmap import Costmap, CostmapConfig
+from lme.guides.global_path.guide import GlobalPath
+from lme.mapping.costmap import Costmap
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.tolerances import KERNEL
@@ -27,14 +28,14 @@ POSES = st.builds(Pose, *[st.floats(-3, 3)] * 3)
 
 
 def global_path(robot=None, **settings):
-    guide = GlobalPath(GlobalPathConfig(**settings), robot or stage())
+    guide = GlobalPath(load_settings("guide/global_path", **settings), robot or stage())
     guide.reset(np.random.default_rng(0))
     return guide
 
 
 def first_view(world, robot=None, start=HERE, goal=(4.0, 0.0)):
     """What the robot sees before it moves."""
-    simulator = FastSimulator(FastConfig(), robot or stage())
+    simulator = FastSimulator(load_settings("sim/fast"), robot or stage())
     return simulator.reset(task(world, start, goal), np.random.default_rng(0))
 
 
@@ -43,8 +44,13 @@ def drive(world, goal, robot=None, start=HERE, time_limit=60.0, **settings):
 
 
 def run(episode, robot, **settings):
-    navigator = Navigator(GlobalPath(GlobalPathConfig(**settings), robot), Simple(SimpleConfig(), robot))
-    return run_episode(episode, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    navigator = Navigator(
+        GlobalPath(load_settings("guide/global_path", **settings), robot),
+        Simple(load_settings("planner/simple"), robot),
+    )
+    return run_episode(
+        episode, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
+    )
 
 
 def boxes(*walls):
@@ -130,7 +136,7 @@ def test_a_robot_that_stands_in_the_padding_gets_out():
 
 
 def test_without_a_way_the_path_is_the_straight_line_and_the_robot_waits():
-    guidance = global_path(costmap=CostmapConfig(obstacle_range=10.0)).guide(first_view(SEALED))
+    guidance = global_path(costmap={"obstacle_range": 10.0}).guide(first_view(SEALED))
     assert guidance.blocked
     assert guidance.path[-1] == pytest.approx([4.0, 0.0])
     assert np.abs(guidance.path[:, 1]).max() < KERNEL
@@ -144,7 +150,7 @@ def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half):
 
     def guide(cell_size):
         path = global_path(
-            global_map="known", costmap=CostmapConfig(cell_size=cell_size, inflation_radius=cell_size)
+            global_map="known", costmap={"cell_size": cell_size, "inflation_radius": cell_size}
         )
         path.read_map(world, HERE)
         path.guide(first_view(world))
@@ -153,9 +159,7 @@ def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half):
         guide(0.05)
     least = re.search(r"must have at most 40,000, so cells of at least (\S+) m", str(error.value))[1]
     guide(float(least))
-    with pytest.raises(
-        InputError, match=r"^guide\.costmap\.cell_size is .* has [\d,]+ cells: must have at most"
-    ):
+    with pytest.raises(InputError, match=r"^costmap\.cell_size is .* has [\d,]+ cells: must have at most"):
         guide(0.95 * float(least))
 
 
@@ -163,7 +167,7 @@ def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half):
 def test_a_path_may_lead_far_around(global_map, half):
     """Round the far end of a wall across the way; a true map is on the grid as a whole, however long the wall."""
     wall = World(segments=np.array([[2.0, -half, 2.0, half - 1.0]]))
-    guide = global_path(global_map=global_map, costmap=CostmapConfig(obstacle_range=25.0))
+    guide = global_path(global_map=global_map, costmap={"obstacle_range": 25.0})
     robot = stage()
     robot.lidar.range_max = 30.0
     guide.read_map(wall, HERE)
@@ -223,7 +227,7 @@ def test_the_true_map_is_given_in_the_world_and_used_in_the_odometry_frame():
 
 def test_the_true_map_must_be_given():
     guide = global_path(global_map="known")
-    with pytest.raises(InputError, match=r"guide\.global_map is 'known'"):
+    with pytest.raises(InputError, match=r"global_map is 'known'"):
         guide.guide(observation())
     guide.read_map(World(), HERE)
     guide.reset(np.random.default_rng(0))
@@ -236,13 +240,13 @@ def test_a_map_with_a_rate_is_rebuilt_in_its_own_time():
     robot = stage()
     robot.control_rate = 10.0
     wall = World(segments=np.array([[1.0, -0.5, 1.0, 0.5]]))
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     empty, walled = (
         simulator.reset(task(world, goal=(4.0, 0.0)), np.random.default_rng(0)) for world in (World(), wall)
     )
     seen_at = set()
     for seed in range(12):
-        guide = GlobalPath(GlobalPathConfig(costmap=CostmapConfig(update_rate=2.0)), robot)
+        guide = GlobalPath(load_settings("guide/global_path", costmap={"update_rate": 2.0}), robot)
         guide.reset(np.random.default_rng(seed))
         guide.guide(empty)
         looks = 0
@@ -290,7 +294,7 @@ def test_plans_at_once_when_something_stands_on_the_path(monkeypatch):
 
 def test_without_a_way_the_guide_plans_no_more_often(monkeypatch):
     calls = planned(monkeypatch)
-    guide = global_path(replan_rate=1.0, costmap=CostmapConfig(obstacle_range=10.0))
+    guide = global_path(replan_rate=1.0, costmap={"obstacle_range": 10.0})
     for _ in range(20):
         assert guide.guide(first_view(SEALED)).blocked
     assert len(calls) == 4
@@ -313,7 +317,7 @@ def test_every_robot_gets_out_of_a_u(name, global_map):
 
 
 def test_a_path_leads_through_barn_worlds():
-    barn = Barn(BarnConfig(subset="fresh", count=2))
+    barn = Barn(load_settings("map/barn", subset="fresh", count=2))
     for number in barn.numbers:
         assert run(barn.task(number), shipped("jackal")).outcome is Outcome.SUCCESS
 
@@ -331,8 +335,8 @@ def test_a_mirrored_scene_is_guided_as_its_mirror_image(global_map):
         world = World(circles=circles * [1, side, 1])
         guide = global_path(robot, global_map=global_map)
         guide.read_map(world, HERE)
-        pilot = Simple(SimpleConfig(), robot)
-        simulator = FastSimulator(FastConfig(), robot)
+        pilot = Simple(load_settings("planner/simple"), robot)
+        simulator = FastSimulator(load_settings("sim/fast"), robot)
         seen = simulator.reset(task(world, goal=(6.0, side * 0.7)), np.random.default_rng(0))
         guided = []
         while not simulator.state.arrived and len(guided) < 150:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.global_planner import GlobalPlanner, GlobalPlannerConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.guides.global_planner import GlobalPlanner
+from lme.simulation.fast import FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import shipped, task
@@ -15,7 +16,7 @@ POST = World(circles=np.array([[2.0, 0.0, 0.1]]))
 
 
 def guide(**settings):
-    made = GlobalPlanner(GlobalPlannerConfig(**settings), JACKAL)
+    made = GlobalPlanner(load_settings("guide/global_planner", **settings), JACKAL)
     made.reset(np.random.default_rng(0))
     return made
 
@@ -23,7 +24,7 @@ def guide(**settings):
 def raised(v):
     """Cells that cost something around a post, at a speed [m/s]."""
     made = guide()
-    view = FastSimulator(FastConfig(), JACKAL).reset(task(POST), np.random.default_rng(0))
+    view = FastSimulator(load_settings("sim/fast"), JACKAL).reset(task(POST), np.random.default_rng(0))
     made.guide(view._replace(twist=Twist(v, 0.0)))
     return int((made.costmap.costs > 0).sum())
 
@@ -41,7 +42,7 @@ def test_inflation_grows_with_the_speed_up_to_its_greatest():
 
 
 def test_the_path_keeps_farther_away_than_navfns():
-    view = FastSimulator(FastConfig(), JACKAL).reset(task(POST), np.random.default_rng(0))
+    view = FastSimulator(load_settings("sim/fast"), JACKAL).reset(task(POST), np.random.default_rng(0))
     view = view._replace(twist=Twist(1.5, 0.0))
     near = guide(cost_factor=0.8, fast_inflation_radius=0.3).guide(view).path
     far = guide().guide(view).path

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.learned_subgoal import LearnedSubgoal
 from lme.guides.learned_subgoal.candidates import (
@@ -15,13 +16,13 @@ from lme.guides.learned_subgoal.candidates import (
     candidates,
     mirrored_bearings,
 )
-from lme.guides.learned_subgoal.interface import REACH, LearnedSubgoalConfig, SubgoalInterface
+from lme.guides.learned_subgoal.interface import REACH, SubgoalInterface
 from lme.guides.learned_subgoal.kernels import nearest_by_sector
 from lme.guides.learned_subgoal.network import SLOPE, SubgoalPolicy, draw
 from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, TRAINED, read_weights
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import CLUTTER, observation, room, stage, task
@@ -35,13 +36,17 @@ WALL = World(segments=np.array([[1.0, -3.0, 1.0, 3.0]]))  # across, 1 m ahead
 
 def sight(world, robot=ROBOT, target=(4.0, 0.0), twist=None):
     """What a robot in a world sees."""
-    seen = FastSimulator(FastConfig(), robot).reset(task(world, goal=target), np.random.default_rng(0))
+    seen = FastSimulator(load_settings("sim/fast"), robot).reset(
+        task(world, goal=target), np.random.default_rng(0)
+    )
     return seen if twist is None else seen._replace(twist=twist)
 
 
 def features(world, robot=ROBOT, **settings):
     seen = sight(world, robot)
-    return SubgoalInterface(LearnedSubgoalConfig(**settings), robot).features(seen, seen.target)
+    return SubgoalInterface(load_settings("guide/learned_subgoal", **settings), robot).features(
+        seen, seen.target
+    )
 
 
 def test_the_grid_by_hand():
@@ -71,7 +76,7 @@ def test_behind_a_wall_and_behind_the_robot_nothing_is_free():
 
 def test_the_state_by_hand():
     seen = sight(World(), target=(0.0, 5.0), twist=Twist(0.25, -math.pi / 4))
-    state = SubgoalInterface(LearnedSubgoalConfig(), ROBOT).features(seen, seen.target).state
+    state = SubgoalInterface(load_settings("guide/learned_subgoal"), ROBOT).features(seen, seen.target).state
     limits = [0.5 / 2.0, math.pi / 2 / 4.0, 2.0 / 20.0, 2.0 / 25.0]
     assert state == pytest.approx([0.5, 0.0, 1.0, 0.5, -0.5, *limits, 0.0, 0.0], abs=KERNEL)
 
@@ -117,7 +122,7 @@ def test_candidates_are_drawn_by_their_probability_and_never_one_that_is_not_fre
 
 
 def guide(path, robot=ROBOT, seed=0, **settings):
-    made = LearnedSubgoal(LearnedSubgoalConfig(weights=str(path), **settings), robot)
+    made = LearnedSubgoal(load_settings("guide/learned_subgoal", weights=str(path), **settings), robot)
     made.reset(np.random.default_rng(seed))
     return made
 
@@ -125,7 +130,7 @@ def guide(path, robot=ROBOT, seed=0, **settings):
 def test_a_subgoal_stays_in_place_until_the_next_choice(tmp_path):
     """At 5 Hz and one second: the sixth step chooses again. The world frame shows that the subgoal does not move."""
     made = guide(subgoal_file(tmp_path / "w.npz"), period=1.0)
-    simulator = FastSimulator(FastConfig(), ROBOT)
+    simulator = FastSimulator(load_settings("sim/fast"), ROBOT)
     seen = simulator.reset(task(CLUTTER), np.random.default_rng(0))
     places, switched = [], []
     for _ in range(7):
@@ -154,8 +159,8 @@ def test_a_loaded_file_drives_the_same_to_the_last_bit(tmp_path):
     drives = []
     for file in (path, again):
         navigator, simulator = (
-            Navigator(guide(file), Simple(SimpleConfig(), ROBOT)),
-            FastSimulator(FastConfig(), ROBOT),
+            Navigator(guide(file), Simple(load_settings("planner/simple"), ROBOT)),
+            FastSimulator(load_settings("sim/fast"), ROBOT),
         )
         navigator.reset(np.random.default_rng(5))
         seen = simulator.reset(task(CLUTTER), np.random.default_rng(5))
@@ -197,10 +202,10 @@ def test_a_robot_that_the_network_was_not_trained_for_is_warned_of(tmp_path):
 )
 def test_a_wrong_setting_is_one_line(settings, said):
     with pytest.raises(InputError, match=said):
-        LearnedSubgoalConfig(**settings)
+        load_settings("guide/learned_subgoal", **settings)
 
 
 def test_a_scan_without_returns_leaves_all_in_view_free():
     seen = observation(ranges=np.full(ROBOT.lidar.num_beams, np.nan, np.float32), robot=ROBOT)
-    free = SubgoalInterface(LearnedSubgoalConfig(), ROBOT).features(seen, seen.target).free
+    free = SubgoalInterface(load_settings("guide/learned_subgoal"), ROBOT).features(seen, seen.target).free
     assert free.reshape(BEARINGS, -1).all(axis=1).sum() == 37, "270° of 48 bearings, both edges included"

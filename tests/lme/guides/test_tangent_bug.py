@@ -5,13 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.guides.tangent_bug.guide import Mode, TangentBug, TangentBugConfig
+from lme.guides.tangent_bug.guide import Mode, TangentBug
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task
@@ -28,13 +29,15 @@ def walls(*segments):
 def look(world, start=Pose(0.0, 0.0, 0.0), goal=(6.0, 0.0), robot=None):  # noqa: B008
     """What a robot at the start sees, and a guide that has not seen anything yet."""
     robot = robot or stage()
-    seen = FastSimulator(FastConfig(), robot).reset(task(world, start, goal), np.random.default_rng(0))
-    return TangentBug(TangentBugConfig(), robot), seen
+    seen = FastSimulator(load_settings("sim/fast"), robot).reset(
+        task(world, start, goal), np.random.default_rng(0)
+    )
+    return TangentBug(load_settings("guide/tangent_bug"), robot), seen
 
 
 def drive(world, start=Pose(0.0, 0.0, 0.0), goal=(6.0, 0.0), seconds=120.0, robot=None, **config):  # noqa: B008
     robot = robot or stage()
-    guide = TangentBug(TangentBugConfig(**config), robot)
+    guide = TangentBug(load_settings("guide/tangent_bug", **config), robot)
     modes = []
     act = guide.guide
 
@@ -44,9 +47,9 @@ def drive(world, start=Pose(0.0, 0.0, 0.0), goal=(6.0, 0.0), seconds=120.0, robo
         return guidance
 
     guide.guide = noted
-    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
+    navigator = Navigator(guide, Simple(load_settings("planner/simple"), robot))
     job = task(world, start, goal, time_limit=seconds)
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     return run_episode(job, navigator, simulator, np.random.default_rng(0)), modes
 
 
@@ -192,7 +195,7 @@ def test_a_wall_in_the_blind_arc_is_remembered():
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, FAR, 0.01, 0.05])
 @pytest.mark.parametrize("target", [(4.0, 0.0), (0.0, 0.0), (-1.0, 0.1)])
 def test_any_scan_gives_a_finite_place(value, target):
-    guide = TangentBug(TangentBugConfig(), stage())
+    guide = TangentBug(load_settings("guide/tangent_bug"), stage())
     seen = observation(target, np.full(540, value, dtype=np.float32), Twist(0.2, 0.1))
     for _ in range(3):
         assert np.isfinite(guide.guide(seen).subgoal).all()
@@ -223,5 +226,5 @@ def test_a_reset_guide_starts_from_scratch():
 )
 def test_a_mistake_names_the_key(keys, right):
     with pytest.raises(InputError) as error:
-        TangentBugConfig(**keys)
+        load_settings("guide/tangent_bug", **keys)
     assert right in str(error.value)

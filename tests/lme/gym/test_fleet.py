@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.config.presets import load_map_set, load_robot
+from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.geometry.frames import wrap_angle
 from lme.gym.fleet import Fleet
@@ -16,7 +16,7 @@ from lme.gym.kernels import RUNNING, wrapped
 from lme.gym.reward import CODES, Reward
 from lme.navigation.episode import Progress
 from lme.robots import Footprint
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Twist
 
 HARD = load_map_set("barn", {"worlds": [200, 250, 299], "time_limit": 4.0})
@@ -82,12 +82,12 @@ def assert_sees(views, i, seen, box):
 @pytest.mark.parametrize(
     ("map_set", "robot", "config"),
     [
-        (HARD, load_robot("jackal"), FastConfig()),
-        (HARD, any_robot, FastConfig(max_step=0.1)),
-        (ROOM, load_robot("stage"), FastConfig()),
-        (ROOM, any_robot, FastConfig(even_ramp=True)),
-        (TRAPS, load_robot("jackal_slow"), FastConfig()),
-        (NEAR, any_robot, FastConfig()),
+        (HARD, load_robot("jackal"), load_settings("sim/fast")),
+        (HARD, any_robot, load_settings("sim/fast", max_step=0.1)),
+        (ROOM, load_robot("stage"), load_settings("sim/fast")),
+        (ROOM, any_robot, load_settings("sim/fast", even_ramp=True)),
+        (TRAPS, load_robot("jackal_slow"), load_settings("sim/fast")),
+        (NEAR, any_robot, load_settings("sim/fast")),
     ],
 )
 def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config):
@@ -177,7 +177,7 @@ def test_worlds_of_any_size_share_the_arrays():
     fleet = Fleet(load_map_set("barn", {"subset": "all"}), load_robot("stage"), 1)
     for world in (0, 299, 5):
         (alone,) = (load_map_set("barn", {"worlds": [world]}),)
-        expected = FastSimulator(FastConfig(), load_robot("stage")).reset(
+        expected = FastSimulator(load_settings("sim/fast"), load_robot("stage")).reset(
             alone.task(world), np.random.default_rng(0)
         )
         np.testing.assert_array_equal(fleet.reset(world=world).ranges[0], expected.scan.ranges)
@@ -192,15 +192,15 @@ def test_angles_are_wrapped_as_in_python(angle):
 def test_what_the_compiled_step_does_not_cover_is_refused():
     stage, jackal = load_robot("stage"), load_robot("jackal")
     for config, key in (
-        (FastConfig(latency=0.1), "sim.latency is 0.1"),
-        (FastConfig(slip=0.1), "sim.slip is 0.1"),
-        (FastConfig(natural_frequency_v=7.0), "sim.natural_frequency_v is 7.0"),
-        (FastConfig(tilt=0.1), "sim.tilt is 0.1"),
-        (FastConfig(odometry_error=0.1), "sim.odometry_error is 0.1"),
-        (FastConfig(scan_noise=0.1), "sim.scan_noise is 0.1"),
-        (FastConfig(scan_dropout=0.1), "sim.scan_dropout is 0.1"),
-        (FastConfig(goal_noise_yaw=0.1), "sim.goal_noise_yaw is 0.1"),
-        (FastConfig(goal_rate=0.0), "sim.goal_rate is 0.0"),
+        (load_settings("sim/fast", latency=0.1), "config.latency is 0.1"),
+        (load_settings("sim/fast", slip=0.1), "config.slip is 0.1"),
+        (load_settings("sim/fast", natural_frequency_v=7.0), "config.natural_frequency_v is 7.0"),
+        (load_settings("sim/fast", tilt=0.1), "config.tilt is 0.1"),
+        (load_settings("sim/fast", odometry_error=0.1), "config.odometry_error is 0.1"),
+        (load_settings("sim/fast", scan_noise=0.1), "config.scan_noise is 0.1"),
+        (load_settings("sim/fast", scan_dropout=0.1), "config.scan_dropout is 0.1"),
+        (load_settings("sim/fast", goal_noise_yaw=0.1), "config.goal_noise_yaw is 0.1"),
+        (load_settings("sim/fast", goal_rate=0.0), "config.goal_rate is 0.0"),
     ):
         with pytest.raises(InputError, match=f'{key}: .* vectorization_mode="sync"'):
             Fleet(HARD, jackal, 2, config)
@@ -233,7 +233,7 @@ def test_robots_that_are_drawn_have_the_same_lidar():
         robot.lidar.num_beams = 540 if rng.random() < 0.5 else 360
         return robot
 
-    with pytest.raises(InputError, match=r"robot\.lidar of a randomly drawn robot is Lidar\(num_beams"):
+    with pytest.raises(InputError, match=r"lidar of a randomly drawn robot is Lidar\(num_beams"):
         Fleet(ROOM, draw, 30).reset(range(30))
 
 

@@ -9,9 +9,9 @@ from lme.live.config import LiveConfig
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("stale", 0.0, "live.stale is 0: must be greater than 0"),
-        ("clock", "sundial", "live.clock is 'sundial': must be one of header, received"),
-        ("seed", -1, "live.seed is -1"),
+        ("stale", 0.0, "stale is 0: must be greater than 0"),
+        ("clock", "sundial", "clock is 'sundial': must be one of header, received"),
+        ("seed", -1, "seed is -1"),
     ],
 )
 def test_a_mistake_in_the_config_is_one_line(key, value, message):

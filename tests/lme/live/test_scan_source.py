@@ -112,7 +112,7 @@ def test_the_heights_are_those_of_the_robots_cloud_unless_given():
     assert "between 0.35 and 0.6 m high" in said[0]
     given = CloudConfig(min_height=0.05, max_height=0.5)
     assert read(wall(ABOVE_FLOOR), at(ABOVE_FLOOR), tall, cloud=given)[0] == pytest.approx(2.0, abs=0.01)
-    with pytest.raises(InputError, match=r"scan.cloud.max_height is 0.2: must be greater than 0.35"):
+    with pytest.raises(InputError, match=r"cloud.max_height is 0.2: must be greater than 0.35"):
         read(wall(ABOVE_FLOOR), at(ABOVE_FLOOR), tall, cloud=CloudConfig(max_height=0.2))
 
 

@@ -6,12 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.grids.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING, draw_polygon
 from lme.guides.global_path.kernels import search
-from lme.mapping.costmap import Costmap, CostmapConfig, stamp
+from lme.mapping.costmap import Costmap, stamp
 from lme.mapping.map_clock import MapInput
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from lme.worlds.world import World
 from tests.builders import CLUTTER, observation, stage, task
@@ -21,7 +22,9 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 def costmap(robot=None, goal=(4.0, 0.0), **settings):
-    return Costmap(CostmapConfig(**settings), robot or stage(), np.array([goal]))
+    return Costmap(
+        load_settings("guide/global_path", costmap=settings).costmap, robot or stage(), np.array([goal])
+    )
 
 
 def taken(observed, pose=None):
@@ -84,7 +87,12 @@ def test_costs_of_what_was_freed_go_with_the_next_refresh():
 
 
 def test_an_obstacle_costs_at_least_the_inscribed_radius_whatever_the_inflation():
-    rows = stamp(CostmapConfig(inflation_radius=0.0, footprint_padding=0.1), 0.2)
+    rows = stamp(
+        load_settings(
+            "guide/global_path", costmap={"inflation_radius": 0.0, "footprint_padding": 0.1}
+        ).costmap,
+        0.2,
+    )
     reach = np.hypot(rows[:, 0], rows[:, 1]).max() * 0.05
     assert reach == pytest.approx(0.3)
     assert (rows[:, 2] >= INSCRIBED).all()
@@ -156,7 +164,7 @@ def test_a_polygon_is_solid():
 def test_scans_mark_what_the_true_map_holds():
     robot, start = stage(), Pose(-1.0, 0.5, 0.7)
     robot.footprint.radius = 0.001
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     seen = [simulator.reset(task(CLUTTER, start=start), np.random.default_rng(0))]
     seen += [simulator.step(Twist(0.3, 0.5)) for _ in range(8)]
     maps = [bare(), bare()]
@@ -174,7 +182,7 @@ def test_scans_mark_what_the_true_map_holds():
 def test_a_map_is_cleared_where_the_robot_was_when_it_was_rebuilt():
     robot = stage()  # a disc; the post is 0.5 m ahead of where the scan was taken
     robot.footprint.radius = 0.2
-    seen = FastSimulator(FastConfig(), robot).reset(
+    seen = FastSimulator(load_settings("sim/fast"), robot).reset(
         task(World(circles=np.array([[0.5, 0.0, 0.05]])), goal=(5.0, 0.0)), np.random.default_rng(0)
     )
     clearing = {"footprint_clearing": True, "footprint_padding": 0.1, "observation_persistence": 0.0}
@@ -237,9 +245,9 @@ def test_a_point_outside_counts_as_the_nearest_cell_on_the_grid():
         ({"footprint_padding": -0.1}, "guide.costmap.footprint_padding"),
         ({"observation_persistence": math.nan}, "guide.costmap.observation_persistence"),
         ({"update_rate": 0.0}, "guide.costmap.update_rate is 0: must be greater than 0"),
-        ({"cell_size": 0.001}, "guide.costmap.cell_size is 0.001"),
-        ({"inflation_radius": 10.1}, "guide.costmap.inflation_radius is 10.1: .* at most 200 cells, 10 m"),
-        ({"footprint_padding": 10.1}, "guide.costmap.footprint_padding is 10.1"),
+        ({"cell_size": 0.001}, "costmap.cell_size is 0.001"),
+        ({"inflation_radius": 10.1}, "costmap.inflation_radius is 10.1: .* at most 200 cells, 10 m"),
+        ({"footprint_padding": 10.1}, "costmap.footprint_padding is 10.1"),
     ],
 )
 def test_mistakes_name_their_key(settings, key):

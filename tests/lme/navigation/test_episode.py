@@ -5,13 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import RunningEpisode, run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import PUBLISHED, room, stage, task
@@ -20,9 +21,15 @@ from tests.tolerances import KERNEL
 
 def drive(task, guide="lme", robot=None, seed=0):
     robot = robot or stage()
-    guide = Lme(LmeConfig(parameters=PUBLISHED), robot) if guide == "lme" else Target(TargetConfig(), robot)
-    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
-    return run_episode(task, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(seed))
+    guide = (
+        Lme(load_settings("guide/lme", parameters=PUBLISHED), robot)
+        if guide == "lme"
+        else Target(TargetConfig(), robot)
+    )
+    navigator = Navigator(guide, Simple(load_settings("planner/simple"), robot))
+    return run_episode(
+        task, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(seed)
+    )
 
 
 def test_an_empty_room_is_crossed_200_times_of_200():
@@ -88,7 +95,7 @@ def test_the_clock_starts_with_the_motion():
 def test_velocity_reaches_the_command_at_alpha_or_evenly(even):
     # From rest to 0.2 m/s at 2 m/s², Δt 0.2 s. At α: 0.1 s to 0.2 m/s, then 0.1 s held: 0.01 + 0.02 = 0.03 m.
     # Evenly: 0.1 m/s on average, 0.02 m.
-    simulator = FastSimulator(FastConfig(even_ramp=even), stage())
+    simulator = FastSimulator(load_settings("sim/fast", even_ramp=even), stage())
     simulator.reset(task(), np.random.default_rng(0))
     simulator.step(Twist(0.2, 0.0))
     assert simulator.state.pose.x == pytest.approx(0.02 if even else 0.03, abs=KERNEL)
@@ -100,7 +107,9 @@ def test_a_simulator_that_cannot_change_says_so():
         change = None
 
     robot = stage()
-    navigator = Navigator(Target(TargetConfig(), robot), Simple(SimpleConfig(), robot))
-    running = RunningEpisode(task(), navigator, Fixed(FastConfig(), robot), np.random.default_rng(0))
+    navigator = Navigator(Target(TargetConfig(), robot), Simple(load_settings("planner/simple"), robot))
+    running = RunningEpisode(
+        task(), navigator, Fixed(load_settings("sim/fast"), robot), np.random.default_rng(0)
+    )
     with pytest.raises(InputError, match="Fixed: the world cannot change"):
         running.change(task())

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
 from lme.perception.people.source import Nobody
-from lme.planners.simple import Simple, SimpleConfig
+from lme.planners.simple import Simple
 from lme.types import Guidance, Pose, Twist
 from tests.builders import PUBLISHED, observation, stage
 
@@ -38,7 +39,7 @@ class Fails:
 @pytest.mark.parametrize(
     ("guide", "planner", "said"),
     [
-        (Fails(), Simple(SimpleConfig(), stage()), r"Fails\.guide returned a subgoal"),
+        (Fails(), Simple(load_settings("planner/simple"), stage()), r"Fails\.guide returned a subgoal"),
         (Target(TargetConfig(), stage()), Fails(), r"Fails\.plan returned Twist\(v=nan"),
     ],
 )
@@ -58,8 +59,10 @@ def sometimes_nan(candidates, view):
 
 
 def test_a_criterion_that_gives_nan_is_named_with_the_number_of_its_values():
-    config = LmeConfig(parameters={**PUBLISHED, "own": 1.0}, criteria={"own": f"{__name__}.sometimes_nan"})
-    navigator = Navigator(Lme(config, stage()), Simple(SimpleConfig(), stage()))
+    config = load_settings(
+        "guide/lme", parameters={**PUBLISHED, "own": 1.0}, criteria={"own": f"{__name__}.sometimes_nan"}
+    )
+    navigator = Navigator(Lme(config, stage()), Simple(load_settings("planner/simple"), stage()))
     said = rf"^step 1: {__name__}\.sometimes_nan returned values of which \d+ of \d+ numbers are not finite"
     with pytest.raises(InputError, match=said):
         navigator.act(observation())
@@ -67,7 +70,9 @@ def test_a_criterion_that_gives_nan_is_named_with_the_number_of_its_values():
 
 def test_people_are_checked(monkeypatch):
     monkeypatch.setattr(Nobody, "seen", lambda self, seen, time: seen._replace(pedestrians=None))
-    navigator = Navigator(Target(TargetConfig(), stage()), Simple(SimpleConfig(), stage()), people=Nobody())
+    navigator = Navigator(
+        Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage()), people=Nobody()
+    )
     with pytest.raises(InputError, match=r"^step 1: lme\S+Nobody\.seen returned pedestrians None"):
         navigator.act(observation())
 

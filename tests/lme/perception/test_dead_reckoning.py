@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.geometry.frames import compose
 from lme.perception.dead_reckoning import DeadReckoning
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from tests.builders import observation, stage, task
 from tests.tolerances import KERNEL
@@ -36,7 +37,7 @@ def test_twists_that_explain_the_poses_are_the_source():
 
 def test_so_are_those_of_a_robot_that_ramps_in_the_simulator():
     robot = stage()
-    simulator, reckoning = FastSimulator(FastConfig(), robot), DeadReckoning(robot.dt)
+    simulator, reckoning = FastSimulator(load_settings("sim/fast"), robot), DeadReckoning(robot.dt)
     reckoning.move(simulator.reset(task(goal=(50.0, 0.0)), np.random.default_rng(0)))
     rng = np.random.default_rng(1)
     for _ in range(200):

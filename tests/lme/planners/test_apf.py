@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.apf import Apf, ApfConfig, repulsion
+from lme.planners.apf import Apf, repulsion
 from lme.types import Outcome, Pose
 from lme.worlds.world import World
 from tests.builders import observation, shipped, stage
@@ -79,7 +80,7 @@ def test_a_thin_post_counts_as_one_and_hides_the_wall_behind_it():
 
 
 def planner(robot=None, **settings):
-    made = Apf(ApfConfig(**settings), robot or stage())
+    made = Apf(load_settings("planner/apf", **settings), robot or stage())
     made.reset(np.random.default_rng(0))
     return made
 
@@ -110,7 +111,7 @@ def test_only_the_ratio_of_the_gains_matters():
 
 
 def drive(robot, world=None, **changes):
-    return drives.drive(Apf(ApfConfig(), robot), robot, world, **changes)
+    return drives.drive(Apf(load_settings("planner/apf"), robot), robot, world, **changes)
 
 
 def test_apf_goes_round_a_post_off_its_line():
@@ -150,4 +151,4 @@ def test_apf_wavers_in_a_narrow_passage():
 @pytest.mark.parametrize(("key", "value"), [("attraction", 0.0), ("repulsion", -1.0), ("spread", 4.0)])
 def test_a_wrong_setting_is_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key}"):
-        ApfConfig(**{key: value})
+        load_settings("planner/apf", **{key: value})

@@ -4,19 +4,18 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.dwa import Dwa, DwaConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.dwa import Dwa
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.tolerances import KERNEL
@@ -29,14 +28,16 @@ EAGER = {"clearance": 1.0, "velocity": 1.0}  # gains that make it drive where th
 def plan(target=(4.0, 0.0), ranges=None, twist=STILL, robot=None, **config):
     robot = robot or stage()
     view = observation(target, ranges, twist, robot)
-    return Dwa(DwaConfig(**config), robot).plan(view, Guidance(view.target))
+    return Dwa(load_settings("planner/dwa", **config), robot).plan(view, Guidance(view.target))
 
 
 def drive(world, robot=None, goal=(4.0, 0.0), time_limit=20.0, start=Pose(0.0, 0.0, 0.0), **config):  # noqa: B008
     robot = robot or stage()
-    navigator = Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(**config), robot))
+    navigator = Navigator(Target(TargetConfig(), robot), Dwa(load_settings("planner/dwa", **config), robot))
     job = task(world, goal=goal, time_limit=time_limit, start=start)
-    return run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    return run_episode(
+        job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
+    )
 
 
 def cluttered(seed, robot):
@@ -90,7 +91,10 @@ def test_dwa_survives_strange_scans_and_targets(value, target, twist):
 @pytest.mark.parametrize("config", [{}, EAGER])
 def test_an_empty_world_is_crossed_straight_and_the_goal_is_where_it_rests(name, config):
     robot = shipped(name)
-    simulator, planner = FastSimulator(FastConfig(), robot), Dwa(DwaConfig(**config), robot)
+    simulator, planner = (
+        FastSimulator(load_settings("sim/fast"), robot),
+        Dwa(load_settings("planner/dwa", **config), robot),
+    )
     job = task(goal=(10.0, 0.0), goal_tolerance=0.0, start=Pose(0.0, 0.0, 1.0))
     view = simulator.reset(job, np.random.default_rng(0))
     ends = []
@@ -190,7 +194,7 @@ def test_ranges_inside_the_footprint_stop_it():
 def test_the_subgoal_is_followed_not_the_target():
     robot = stage()
     view = observation((4.0, 0.0), robot=robot)
-    planner = Dwa(DwaConfig(), robot)
+    planner = Dwa(load_settings("planner/dwa"), robot)
     assert planner.plan(view, Guidance(np.array([0.0, 2.0]))).omega > 0.0
     assert planner.plan(view, Guidance(np.array([0.0, -2.0]))).omega < 0.0
 
@@ -207,28 +211,24 @@ def test_heading_looks_as_far_ahead_as_configured():
 @pytest.mark.parametrize("number", [1000, 1002])
 def test_dwa_drives_through_a_barn_world(number):
     robot = shipped("jackal")
-    job = Barn(BarnConfig(subset="fresh", count=10)).task(number)
-    navigator = Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(**EAGER), robot))
-    episode = run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    job = Barn(load_settings("map/barn", subset="fresh", count=10)).task(number)
+    navigator = Navigator(Target(TargetConfig(), robot), Dwa(load_settings("planner/dwa", **EAGER), robot))
+    episode = run_episode(
+        job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
+    )
     assert episode.outcome is Outcome.SUCCESS
-
-
-def test_the_shipped_dwa_config_is_the_default():
-    shipped_config = yaml.safe_load((resource_dir("conf") / "planner" / "dwa.yaml").read_text("utf-8"))
-    shipped_config.pop("_target_")
-    assert DwaConfig(**shipped_config) == DwaConfig()
 
 
 @pytest.mark.parametrize("key", ["heading", "clearance", "velocity", "margin", "margin_time"])
 def test_negative_gains_and_margins_are_named(key):
     with pytest.raises(InputError, match=rf"planner\.{key} is -0\.1: must be at least 0 and finite"):
-        DwaConfig(**{key: -0.1})
+        load_settings("planner/dwa", **{key: -0.1})
 
 
 @pytest.mark.parametrize("key", ["clear_way", "heading_time"])
 def test_lengths_and_times_of_nothing_are_named(key):
     with pytest.raises(InputError, match=rf"planner\.{key} is 0: must be greater than 0"):
-        DwaConfig(**{key: 0.0})
+        load_settings("planner/dwa", **{key: 0.0})
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_lengths_and_times_of_nothing_are_named(key):
 )
 def test_too_few_or_lopsided_samples_are_refused(key, value, say):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value}: .*{say}"):
-        DwaConfig(**{key: value})
+        load_settings("planner/dwa", **{key: value})
 
 
 def test_a_robot_that_settles_late_slows_down_earlier():
@@ -252,7 +252,7 @@ def test_a_robot_that_settles_late_slows_down_earlier():
     fastest = [
         max(v for v, cost in zip(weighed.commands[:, 0], weighed.costs, strict=True) if np.isfinite(cost))
         for weighed in (
-            Dwa(DwaConfig(), robot).weighed(each, Guidance(each.target))
+            Dwa(load_settings("planner/dwa"), robot).weighed(each, Guidance(each.target))
             for robot, each in zip(robots, seen, strict=True)
         )
     ]

@@ -1,23 +1,21 @@
 """The planner E-Band: it follows its band, turns, slows down, remembers, and never rams."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.target import Target, TargetConfig
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.eband.planner import EBand, EBandConfig, _thinned
+from lme.planners.eband.planner import EBand, _thinned
 from lme.planners.polyline import project, stretch
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Observation, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task
@@ -27,20 +25,22 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def planner(robot=None, **settings):
-    made = EBand(EBandConfig(**settings), robot or stage())
+    made = EBand(load_settings("planner/eband", **settings), robot or stage())
     made.reset(np.random.default_rng(0))
     return made
 
 
 def drive(job, robot, navigator=None):
     navigator = navigator or Navigator(Target(TargetConfig(), robot), planner(robot))
-    return run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    return run_episode(
+        job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
+    )
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_eband_keeps_to_the_line_and_stops_at_the_goal(name):
     robot = shipped(name)
-    simulator, made = FastSimulator(FastConfig(), robot), planner(robot)
+    simulator, made = FastSimulator(load_settings("sim/fast"), robot), planner(robot)
     view = simulator.reset(task(goal=(10.0, 0.0), goal_tolerance=1e-9), np.random.default_rng(0))
     xs, ys = [], []
     for _ in range(int(40 * robot.control_rate)):
@@ -69,7 +69,7 @@ def test_small_bubbles_slow_the_robot_down():
     # Walls 0.5 m to either side: a bubble of 0.3 m, 0.6 m/s at most; here the acceleration does not limit it.
     robot = stage(v_max=2.0, alpha_v=50.0, num_beams=2000)
     world = World(segments=np.array([[-20.0, 0.5, 20.0, 0.5], [-20.0, -0.5, 20.0, -0.5]]))
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     view = simulator.reset(task(world, goal=(8.0, 0.0)), np.random.default_rng(0))
     assert planner(robot).plan(view, Guidance(view.target)).v == pytest.approx(0.6, abs=0.01)
     free = planner(robot).plan(observation(target=(8.0, 0.0), robot=robot), Guidance(view.target))
@@ -107,7 +107,7 @@ def test_eband_remembers_obstacles_that_are_out_of_sight():
     robot = shipped("jackal")
     made = planner(robot)
     world = World(circles=np.array([[0.6, 0.0, 0.1]]))
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     for yaw in (0.0, math.pi, math.pi):
         view = simulator.reset(task(world, start=Pose(0.0, 0.0, yaw)), np.random.default_rng(0))
         odometry = Pose(0.0, 0.0, yaw)
@@ -122,7 +122,7 @@ def test_eband_remembers_obstacles_that_are_out_of_sight():
 def test_the_memory_of_eband_is_bounded():
     # Creeping along a corridor, 4 mm a step, every scan sees other points of what goes out of sight behind.
     robot = shipped("jackal")
-    made, simulator = planner(robot), FastSimulator(FastConfig(), robot)
+    made, simulator = planner(robot), FastSimulator(load_settings("sim/fast"), robot)
     walls = World(segments=np.array([[-9.0, 0.6, 9.0, 0.6], [-9.0, -0.6, 9.0, -0.6]]))
     view = simulator.reset(task(walls, goal=(50.0, 0.0)), np.random.default_rng(0))
     for _ in range(400):
@@ -161,7 +161,7 @@ def test_a_mirrored_drive_mirrors(seed):
     robot = stage(fov=math.radians(270.0), num_beams=271)
     rng = np.random.default_rng(seed)
     circles = np.column_stack([rng.uniform((0.8, -1.5), (6.0, 1.5), (12, 2)), np.full(12, 0.15)])
-    simulator, one, other = FastSimulator(FastConfig(), robot), planner(robot), planner(robot)
+    simulator, one, other = FastSimulator(load_settings("sim/fast"), robot), planner(robot), planner(robot)
     view = simulator.reset(task(World(circles=circles), goal=(6.0, 0.7)), np.random.default_rng(0))
     for _ in range(60):
         flipped = mirrored(view)
@@ -217,12 +217,6 @@ def test_noise_does_not_grind_a_long_robot_into_the_walls(start, side, least):
     assert done.min_clearance > least
 
 
-def test_the_yaml_is_the_default_config():
-    values = yaml.safe_load((resource_dir("conf") / "planner" / "eband.yaml").read_text("utf-8"))
-    assert values.pop("_target_") == "lme.planners.eband.EBand"
-    assert values == dataclasses.asdict(EBandConfig())
-
-
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -243,7 +237,7 @@ def test_the_yaml_is_the_default_config():
 )
 def test_bad_settings_are_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}"):
-        EBandConfig(**{key: value})
+        load_settings("planner/eband", **{key: value})
 
 
 def test_the_band_lives_in_the_odometry_frame():

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.navigation.episode import run_episode
-from lme.planners.lics.planner import Lics, LicsConfig
+from lme.planners.lics.planner import Lics
 from lme.types import Guidance, Outcome
 from runners.config import build
 from tests.builders import observation, shipped
@@ -19,7 +20,7 @@ AHEAD = np.array([[0.0, 0.0], [3.0, 0.0]])
 
 
 def planner(robot=JACKAL, **changes):
-    made = Lics(LicsConfig(**changes), robot)
+    made = Lics(load_settings("planner/lics", **changes), robot)
     made.reset(np.random.default_rng(0))
     return made
 
@@ -67,4 +68,4 @@ def test_the_entry_drives_to_the_goal():
 
 def test_a_wrong_value_is_named():
     with pytest.raises(InputError, match=r"planner\.los is 0: must be greater than 0"):
-        LicsConfig(los=0.0)
+        load_settings("planner/lics", los=0.0)

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot
 from lme.geometry.motion import drive as moved_by
-from lme.planners.min_time.config import MinTimeConfig, MinTimeParts
 from lme.planners.min_time.planner import MinTime
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
@@ -30,7 +30,7 @@ STEP = 0.01  # [m] between two poses of the slow sweep
 
 
 def made(robot=JACKAL, **config):
-    return MinTime(MinTimeConfig(**config), robot)
+    return MinTime(load_settings("planner/min_time", **config), robot)
 
 
 def ring(radius, count=90):
@@ -172,15 +172,13 @@ def test_min_time_backs_up_only_as_the_robot_can(v_min, slowest):
 
 
 def test_without_backing_up_min_time_never_does():
-    commands, _, _ = follow(
-        made(parts=MinTimeParts(back=False)), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True
-    )
+    commands, _, _ = follow(made(parts={"back": False}), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True)
     assert commands[:, 0].min() >= 0.0
 
 
 @pytest.mark.parametrize(("way", "person"), [(True, False), (False, False), (True, True)])
 def test_min_time_makes_a_multi_point_turn_if_the_guide_tells_the_way_and_nobody_is_near(way, person):
-    planner = made(parts=MinTimeParts(back=False))
+    planner = made(parts={"back": False})
     people = np.array([[1.0, 0.0, 0.0, 0.0]]) if person else NOBODY
     guidance = Guidance(np.array([3.0, 0.0]), blocked=True, points=wedge())
     guidance = guidance._replace(way=np.array([[-0.5, 0.0], [-1.0, 0.0]]) if way else None)
@@ -229,7 +227,7 @@ def test_min_time_turns_calmly_in_the_open_and_with_all_it_has_near_obstacles_an
     assert first_turn(np.array([[-behind[1], 0.0]])) == pytest.approx(10.0, abs=KERNEL)
     assert first_turn(np.array([[-behind[0], 0.0]])) > 15.0
     assert first_turn(people=np.array([[-6.0, 0.0, 0.1, 0.0]])) > 15.0
-    assert first_turn(parts=MinTimeParts(calm=False)) > 15.0
+    assert first_turn(parts={"calm": False}) > 15.0
     assert first_turn(robot=stage(alpha_omega=5.0)) == pytest.approx(5.0, abs=KERNEL)
 
 
@@ -267,7 +265,7 @@ def crossing(planner, late, speed=1.0):
     """
     start = speed * (4.0 / JACKAL.v_max + late)
     person = Mover(path=np.array([[4.0, start], [4.0, start - 10.0]]), radius=0.3, speed=speed)
-    made = planner(MinTimeConfig(), JACKAL)
+    made = planner(load_settings("planner/min_time"), JACKAL)
     episode = drive(made, JACKAL, World(movers=(person,)), goal=(8.0, 0.0))
     track = episode.trajectory
     return episode, start - speed * track[np.argmax(track[:, 1] > 4.0), 0]
@@ -293,7 +291,10 @@ def test_without_a_tracker_a_person_walks_into_the_robot():
 def stand(planner, side):
     """Distances from its place, while a person comes from a side and walks through that place; whether they touch."""
     person = Mover(path=np.array([[0.0, 3.0 * side], [0.0, -5.0 * side]]), radius=0.3, speed=0.8)
-    made, simulator = planner(MinTimeConfig(), JACKAL), FastSimulator(FastConfig(), JACKAL)
+    made, simulator = (
+        planner(load_settings("planner/min_time"), JACKAL),
+        FastSimulator(load_settings("sim/fast"), JACKAL),
+    )
     seen = simulator.reset(task(World(movers=(person,)), goal=(50.0, 0.0)), np.random.default_rng(0))
     away = []
     for _ in range(60):
@@ -323,7 +324,7 @@ def test_min_time_at_rest_moves_out_of_a_persons_way_and_comes_back(side):
 )
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"planner.{key} is {value}"):
-        MinTimeConfig(**{key: value})
+        load_settings("planner/min_time", **{key: value})
 
 
 WALL_AHEAD = np.column_stack((np.full(41, 1.0), np.linspace(-1.0, 1.0, 41)))

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.planners.min_time import MinTime
-from lme.planners.min_time.config import MinTimeConfig
 from tests.stopping_states import random_steps
 
 
 def made(robot, latency=0.0, lag=0.0):
-    return MinTime(MinTimeConfig(latency=latency, lag=lag), robot)
+    return MinTime(load_settings("planner/min_time", latency=latency, lag=lag), robot)
 
 
 @pytest.fixture(autouse=True)

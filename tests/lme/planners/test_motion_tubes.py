@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
 from lme.perception.raycast import cast
-from lme.planners.motion_tubes.planner import MotionTubes, MotionTubesConfig
+from lme.planners.motion_tubes.planner import MotionTubes
 from lme.robots import Footprint
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task, without_errors
@@ -47,9 +48,10 @@ class ByPath:
 
 def drive(robot, job, steps, guide=None, **config):
     """Poses, twists and the simulator after `steps` or contact or arrival."""
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     driver = Navigator(
-        guide or Target(TargetConfig(), robot), MotionTubes(MotionTubesConfig(**config), robot)
+        guide or Target(TargetConfig(), robot),
+        MotionTubes(load_settings("planner/motion_tubes", **config), robot),
     )
     driver.reset(np.random.default_rng(0))
     view = simulator.reset(job, np.random.default_rng(0))
@@ -109,7 +111,7 @@ def test_fewer_free_tubes_are_driven_slower():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_robot_slower_than_its_tubes_keeps_to_their_arcs(name):
     robot = shipped(name)
-    planner = MotionTubes(MotionTubesConfig(acceleration=50.0), robot)
+    planner = MotionTubes(load_settings("planner/motion_tubes", acceleration=50.0), robot)
     for bearing in (0.16, -0.2, 0.25):
         planner.reset(np.random.default_rng(0))
         target = 4.0 * np.array([math.cos(bearing), math.sin(bearing)])
@@ -130,7 +132,7 @@ def test_motion_tubes_can_stop_after_every_command(seed, v, omega):
     now = Twist(max(v, -0.5) / 2, omega)
 
     def stops(command):
-        simulator = FastSimulator(FastConfig(), robot)
+        simulator = FastSimulator(load_settings("sim/fast"), robot)
         simulator.reset(task(World(circles=circles), goal=(90.0, 0.0)), np.random.default_rng(0))
         simulator.state = simulator.state._replace(twist=now)
         for twist in (command, *[Twist(0.0, 0.0)] * 5):
@@ -139,7 +141,7 @@ def test_motion_tubes_can_stop_after_every_command(seed, v, omega):
                 return False
         return True
 
-    planner = MotionTubes(MotionTubesConfig(heading_step=COARSE), robot)
+    planner = MotionTubes(load_settings("planner/motion_tubes", heading_step=COARSE), robot)
     planner.reset(np.random.default_rng(0))
     view = observation((3.0, 1.0), ranges, now, robot)
     for _ in range(3):  # into recovery, too
@@ -184,7 +186,7 @@ def test_any_scan_gets_a_command(name):
     robot = shipped(name)
     count = robot.lidar.num_beams
     scans = [np.full(count, value, np.float32) for value in (np.nan, np.inf, 0.0, robot.lidar.range_max, 0.3)]
-    planner = MotionTubes(MotionTubesConfig(heading_step=COARSE), robot)
+    planner = MotionTubes(load_settings("planner/motion_tubes", heading_step=COARSE), robot)
     for ranges in [*scans, np.empty(0, np.float32)]:
         for target in ((0.0, 0.0), (3.0, 1.0), (-2.0, 0.0)):
             planner.reset(np.random.default_rng(0))
@@ -273,7 +275,7 @@ def test_motion_tubes_remember_obstacles_out_of_sight():
 )
 def test_bad_settings_are_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key} is"):
-        MotionTubesConfig(**{key: value})
+        load_settings("planner/motion_tubes", **{key: value})
 
 
 def test_a_disc_turns_where_a_rectangle_would_not():

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.grids.obstacle_grid import TOUCHING
 from lme.planners.mppi import planner as module
-from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.planner import Mppi
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue
@@ -22,14 +22,14 @@ POST = World(circles=np.array([[2.0, 0.05, 0.2]]))
 
 
 def planner(robot=JACKAL, seed=0, **changes):
-    made = Mppi(MppiConfig(**changes), robot)
+    made = Mppi(load_settings("planner/mppi", **changes), robot)
     made.reset(np.random.default_rng(seed))
     return made
 
 
 def test_the_defaults_are_the_shipped_values():
     values = catalogue.shipped().values("planner/mppi")
-    config = MppiConfig()
+    config = load_settings("planner/mppi")
     for key, value in values.items():
         if isinstance(value, dict):
             assert {name: getattr(getattr(config, key), name) for name in value} == value
@@ -54,7 +54,7 @@ def test_it_drives_around_a_post_beside_the_line():
 
 def test_a_seed_decides_a_drive_to_the_last_bit():
     def commands(seed):
-        made, simulator = planner(seed=seed), FastSimulator(FastConfig(), JACKAL)
+        made, simulator = planner(seed=seed), FastSimulator(load_settings("sim/fast"), JACKAL)
         view, given = simulator.reset(task(POST), np.random.default_rng(0)), []
         for _ in range(40):
             given.append(plan(made, view))
@@ -82,7 +82,7 @@ def test_mirrored_noise_gives_the_mirrored_command(monkeypatch):
             "draw",
             lambda rng, *shape: rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32([1, side]),
         )
-        view = FastSimulator(FastConfig(), JACKAL).reset(
+        view = FastSimulator(load_settings("sim/fast"), JACKAL).reset(
             task(World(circles=np.array([[1.5, side * 0.4, 0.2]]))), np.random.default_rng(0)
         )
         view.scan.ranges[:] = np.round(view.scan.ranges, 2)
@@ -133,4 +133,4 @@ def test_near_the_target_it_stops():
 )
 def test_a_wrong_value_is_named(changes, named):
     with pytest.raises(InputError, match=named):
-        MppiConfig(**changes)
+        load_settings("planner/mppi", **changes)

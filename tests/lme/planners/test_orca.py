@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.orca import Orca, OrcaConfig, permitted
+from lme.planners.orca import Orca, permitted
 from lme.types import Outcome, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
@@ -16,7 +17,7 @@ from tests.lme.planners.drives import plan
 
 
 def planner(robot=None, **settings):
-    made = Orca(OrcaConfig(**settings), robot or stage())
+    made = Orca(load_settings("planner/orca", **settings), robot or stage())
     made.reset(np.random.default_rng(0))
     return made
 
@@ -63,7 +64,7 @@ def test_its_share_is_of_the_evasion():
 
 
 def drive(robot, world=None, **changes):
-    return drives.drive(Orca(OrcaConfig(), robot), robot, world, **changes)
+    return drives.drive(Orca(load_settings("planner/orca"), robot), robot, world, **changes)
 
 
 def test_it_drives_around_a_pillar_and_people():
@@ -89,4 +90,4 @@ def test_it_stops_before_a_wall():
 )
 def test_wrong_settings_are_named(key, value):
     with pytest.raises(InputError, match=f"planner.{key}"):
-        OrcaConfig(**{key: value})
+        load_settings("planner/orca", **{key: value})

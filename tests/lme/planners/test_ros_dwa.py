@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.grids.obstacle_grid import INSCRIBED, TOUCHING
-from lme.mapping.local_costmap import LocalCostmap, LocalCostmapConfig
-from lme.planners.ros_dwa.planner import RosDwa, RosDwaConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.mapping.local_costmap import LocalCostmap
+from lme.planners.ros_dwa.planner import RosDwa
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import shipped, task
@@ -26,14 +27,16 @@ LOST = Guidance(np.zeros(2), blocked=True)
 
 
 def planner(robot=JACKAL, **changes):
-    made = RosDwa(RosDwaConfig(**changes), robot)
+    made = RosDwa(load_settings("planner/ros_dwa", **changes), robot)
     made.reset(np.random.default_rng(0))
     return made
 
 
 def seen(world=None, pose=Pose(0.0, 0.0, 0.0), twist=Twist(0.0, 0.0), target=(4.0, 0.0), robot=JACKAL):  # noqa: B008
     """What the robot sees at a pose, which is also that of its odometry."""
-    view = FastSimulator(FastConfig(), robot).reset(task(world, start=pose), np.random.default_rng(0))
+    view = FastSimulator(load_settings("sim/fast"), robot).reset(
+        task(world, start=pose), np.random.default_rng(0)
+    )
     return view._replace(odometry=pose, twist=twist, target=to_robot(np.array(target), pose))
 
 
@@ -46,7 +49,7 @@ POST = World(circles=np.array([[1.2, 0.3, 0.1]]))
 
 
 def test_the_map_moves_with_the_robot_and_forgets_what_leaves_it():
-    costmap = LocalCostmap(LocalCostmapConfig(), JACKAL)
+    costmap = LocalCostmap(load_settings("planner/ros_dwa").costmap, JACKAL)
     costmap.update(seen(POST))
     first = occupied(costmap)
     assert len(first) > 0
@@ -63,7 +66,7 @@ def test_the_map_moves_with_the_robot_and_forgets_what_leaves_it():
 
 def test_a_cell_is_free_as_soon_as_a_beam_passes_it_or_the_robot_stands_on_it():
     wall = World(segments=np.array([[2.0, -2.0, 2.0, 2.0]]))
-    costmap = LocalCostmap(LocalCostmapConfig(), JACKAL)
+    costmap = LocalCostmap(load_settings("planner/ros_dwa").costmap, JACKAL)
     costmap.update(seen(World(circles=POST.circles, segments=wall.segments)))
     costmap.update(seen(wall))
     assert (occupied(costmap)[:, 0] > 1.9).all()
@@ -84,7 +87,10 @@ def test_a_map_on_its_own_clock_keeps_what_the_robot_has_driven_over_since():
     post, there = World(circles=np.array([[0.4, 0.0, 0.05]])), Pose(0.1, 0.0, 0.0)
     seed = next(k for k in range(100) if 0.2 < np.random.default_rng(k).spawn(1)[0].uniform() < 0.5)
     costs = []
-    for config in (LocalCostmapConfig(update_rate=20.0), LocalCostmapConfig()):
+    for config in (
+        load_settings("planner/ros_dwa", costmap={"update_rate": 20.0}).costmap,
+        load_settings("planner/ros_dwa").costmap,
+    ):
         costmap = LocalCostmap(config, JACKAL)
         costmap.reset(np.random.default_rng(seed))
         costmap.update(seen(post))
@@ -95,7 +101,7 @@ def test_a_map_on_its_own_clock_keeps_what_the_robot_has_driven_over_since():
 
 
 def test_costs_forbid_the_centre_within_the_inscribed_radius():
-    costmap = LocalCostmap(LocalCostmapConfig(), JACKAL)
+    costmap = LocalCostmap(load_settings("planner/ros_dwa").costmap, JACKAL)
     costmap.update(seen(POST))
     away = np.hypot(*(occupied(costmap)[0] - np.array([0.05 * 30, 0.0])))
     assert away > 0.255
@@ -210,10 +216,10 @@ def test_a_path_is_followed_rather_than_the_subgoal():
 )
 def test_a_bad_value_is_one_line(changes, key):
     with pytest.raises(InputError, match=key):
-        RosDwaConfig(**changes)
+        load_settings("planner/ros_dwa", **changes)
 
 
 @pytest.mark.parametrize("key", ["cell_size", "size", "obstacle_range", "update_rate"])
 def test_a_bad_value_of_the_map_is_one_line(key):
     with pytest.raises(InputError, match=f"planner.costmap.{key} is -1"):
-        LocalCostmapConfig(**{key: -1.0})
+        load_settings("planner/ros_dwa", costmap={key: -1.0})

@@ -1,17 +1,15 @@
 """S3-FISVFH: its kernels against slow twins, its fuzzy curves, and how it drives."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
 from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
@@ -25,8 +23,8 @@ from lme.planners.s3_fisvfh.kernels import (
     search,
     valleys,
 )
-from lme.planners.s3_fisvfh.planner import S3Fisvfh, S3FisvfhConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.s3_fisvfh.planner import S3Fisvfh
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task
@@ -292,7 +290,7 @@ def test_fuzzy_curve_reaches_the_middle_of_the_outermost_halves():
 
 
 def planner(robot, **config):
-    made = S3Fisvfh(S3FisvfhConfig(**config), robot)
+    made = S3Fisvfh(load_settings("planner/s3_fisvfh", **config), robot)
     made.reset(np.random.default_rng(0))
     return made
 
@@ -313,11 +311,11 @@ def plan(robot, target=(5.0, 0.0), ranges=None, twist=Twist(0.0, 0.0), **config)
 
 
 def drive(robot, goal, world=None, **changes):
-    driver = Navigator(Target(TargetConfig(), robot), S3Fisvfh(S3FisvfhConfig(), robot))
+    driver = Navigator(Target(TargetConfig(), robot), S3Fisvfh(load_settings("planner/s3_fisvfh"), robot))
     return run_episode(
         task(world, goal=goal, **changes),
         driver,
-        FastSimulator(FastConfig(), robot),
+        FastSimulator(load_settings("sim/fast"), robot),
         np.random.default_rng(0),
     )
 
@@ -437,21 +435,13 @@ def test_an_episode_repeats_itself_to_the_last_bit():
     np.testing.assert_array_equal(one.trajectory, other.trajectory)
 
 
-def test_the_shipped_values_are_the_defaults():
-    text = (Path(str(resource_dir("conf"))) / "planner" / "s3_fisvfh.yaml").read_text("utf-8")
-    values = yaml.safe_load(text)
-    values.pop("_target_")
-    defaults = {key: getattr(S3FisvfhConfig(), key) for key in S3FisvfhConfig.__dataclass_fields__}
-    assert values == pytest.approx(defaults)
-
-
 @pytest.mark.parametrize(
     ("key", "value"),
     [("window", 0.0), ("depth", 0), ("smoothing", 0.0), ("turn", 1.1), ("turn_span", 4.0), ("sector", 0.0)],
 )
 def test_a_bad_value_is_named(key, value):
     with pytest.raises(InputError, match=f"planner.{key} is"):
-        S3FisvfhConfig(**{key: value})
+        load_settings("planner/s3_fisvfh", **{key: value})
 
 
 @pytest.mark.parametrize("seed", [178, 201, 722, 1100])

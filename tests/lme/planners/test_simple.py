@@ -7,11 +7,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.planners.commands import approach
-from lme.planners.simple import Simple, SimpleConfig
+from lme.planners.simple import Simple
 from lme.ramp import towards
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Pose, Twist
 from tests.builders import SHIPPED, observation, shipped, stage, task
 from tests.tolerances import KERNEL
@@ -25,7 +26,9 @@ def plan(subgoal, twist=Twist(0.0, 0.0), robot=None, limits=None, **config):  # 
     view = observation(twist=twist, robot=robot)
     if limits is not None:
         view = view._replace(limits=limits)
-    return Simple(SimpleConfig(**config), robot).plan(view, Guidance(np.array(subgoal, dtype=float)))
+    return Simple(load_settings("planner/simple", **config), robot).plan(
+        view, Guidance(np.array(subgoal, dtype=float))
+    )
 
 
 def at_bearing(degrees, distance=3.0):
@@ -184,7 +187,10 @@ def test_towards_takes_one_period_at_alpha():
 @pytest.mark.parametrize("start_rad", [0.1, -0.5, 2.0, -3.0])
 def test_no_shipped_robot_turns_past_its_subgoal_or_drives_past_it(name, start_rad):
     robot = shipped(name)
-    simulator, planner = FastSimulator(FastConfig(), robot), Simple(SimpleConfig(), robot)
+    simulator, planner = (
+        FastSimulator(load_settings("sim/fast"), robot),
+        Simple(load_settings("planner/simple"), robot),
+    )
     job = task(start=Pose(0.0, 0.0, -start_rad), goal=(3.0, 0.0), goal_tolerance=1e-3)
     view = simulator.reset(job, np.random.default_rng(0))
     worst, twists = 0.0, []
@@ -207,11 +213,11 @@ def test_no_shipped_robot_turns_past_its_subgoal_or_drives_past_it(name, start_r
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 def test_bad_settings_are_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}: must be at least 0 and finite"):
-        SimpleConfig(**{key: value})
+        load_settings("planner/simple", **{key: value})
 
 
 @pytest.mark.parametrize("key", ["alpha_v", "alpha_omega"])
 @pytest.mark.parametrize("value", [0.0, -0.1, math.nan, math.inf])
 def test_an_acceleration_must_be_positive(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}: must be greater than 0 and finite"):
-        SimpleConfig(**{key: value})
+        load_settings("planner/simple", **{key: value})

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.planners.commands import limited
 from lme.planners.stopping import StoppingGuard
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from lme.worlds.world import World
 from tests.builders import observation, shipped, stage, task
@@ -69,7 +70,7 @@ def test_whatever_is_wanted_nothing_seen_is_hit(name, seed):
     robot = shipped(name)
     angles, distances = rng.uniform(-math.pi, math.pi, 12), rng.uniform(0.6, 1.5, 12)
     posts = np.column_stack([distances * np.cos(angles), distances * np.sin(angles)])
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     seen = simulator.reset(task(World(circles=np.column_stack([posts, np.full(12, 1e-6)])), goal=(9, 9)), rng)
     guard = StoppingGuard(robot, MARGIN)
     for _ in range(20):

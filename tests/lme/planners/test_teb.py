@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.teb.config import TebConfig
 from lme.planners.teb.planner import Teb
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
@@ -17,7 +17,7 @@ JACKAL = shipped("jackal")
 
 
 def planner(robot=JACKAL, **changes):
-    made = Teb(TebConfig(**changes), robot)
+    made = Teb(load_settings("planner/teb", **changes), robot)
     made.reset(np.random.default_rng(0))
     return made
 
@@ -25,7 +25,7 @@ def planner(robot=JACKAL, **changes):
 def test_the_defaults_are_the_shipped_values():
     values = catalogue.shipped().values("planner/teb")
     assert values.pop("_target_") == "lme.planners.teb.Teb"
-    config = TebConfig()
+    config = load_settings("planner/teb")
     costmap = values.pop("costmap")
     assert {key: getattr(config, key) for key in values} == values
     assert {key: getattr(config.costmap, key) for key in costmap} == costmap
@@ -115,4 +115,4 @@ def test_near_the_target_it_stops():
 )
 def test_a_wrong_value_is_named(changes, named):
     with pytest.raises(InputError, match=named):
-        TebConfig(**changes)
+        load_settings("planner/teb", **changes)

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.vfh_plus import VfhPlus, VfhPlusConfig
+from lme.planners.vfh_plus import VfhPlus
 from lme.types import Outcome, Twist
 from lme.worlds.world import World
 from tests.builders import observation, stage
@@ -21,7 +22,7 @@ def wrapped(angle):
 
 
 def planner(robot=None, **settings):
-    made = VfhPlus(VfhPlusConfig(**settings), robot or stage())
+    made = VfhPlus(load_settings("planner/vfh_plus", **settings), robot or stage())
     made.reset(np.random.default_rng(0))
     return made
 
@@ -93,7 +94,7 @@ def test_denser_ahead_is_slower():
 
 
 def drive(robot, world=None, **changes):
-    return drives.drive(VfhPlus(VfhPlusConfig(), robot), robot, world, **changes)
+    return drives.drive(VfhPlus(load_settings("planner/vfh_plus"), robot), robot, world, **changes)
 
 
 def box(half_x, half_y):
@@ -119,4 +120,4 @@ def test_vfh_plus_does_not_get_out_of_a_u():
 )
 def test_a_wrong_setting_is_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key}"):
-        VfhPlusConfig(**{key: value})
+        load_settings("planner/vfh_plus", **{key: value})

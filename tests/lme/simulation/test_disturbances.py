@@ -2,20 +2,25 @@
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.simulation.disturbances import Disturbances, Measured, PastMotion, slipped
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
 from lme.types import Pose, Twist
 from tests.builders import CLUTTER, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
-KINDS = {"fast": (FastSimulator, FastConfig), "physics": (PhysicsSimulator, PhysicsConfig)}
+KINDS = {
+    "fast": (FastSimulator, partial(load_settings, "sim/fast")),
+    "physics": (PhysicsSimulator, partial(load_settings, "sim/physics")),
+}
 BOTH = pytest.mark.parametrize("kind", list(KINDS))
 KEYS = {
     "latency": 0.05,

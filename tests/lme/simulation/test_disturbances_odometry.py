@@ -1,24 +1,26 @@
 """Odometry whose scales are wrong: the believed pose drifts in proportion to the way, in every simulator."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.geometry.frames import relative, to_robot, to_world
 from lme.simulation.disturbances import Odometry
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.simulation.substeps import rolled
 from lme.types import Pose, Twist
 from tests.builders import CLUTTER, shipped, stage, task
 from tests.tolerances import KERNEL
 
 KINDS = {
-    "fast": (FastSimulator, FastConfig, stage()),
-    "physics": (PhysicsSimulator, PhysicsConfig, stage()),
-    "skid": (SkidSimulator, SkidConfig, shipped("jackal_real")),
+    "fast": (FastSimulator, partial(load_settings, "sim/fast"), stage()),
+    "physics": (PhysicsSimulator, partial(load_settings, "sim/physics"), stage()),
+    "skid": (SkidSimulator, partial(load_settings, "sim/skid"), shipped("jackal_real")),
 }
 ALL = pytest.mark.parametrize("kind", list(KINDS))
 REST = Pose(0.0, 0.0, 0.0)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.robots import Footprint, Lidar
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from lme.worlds.world import World
 from tests import oracles
@@ -23,7 +24,9 @@ SIGNED = st.floats(-1.0, 1.0)
 
 def started(world=None, robot=None, seed=0, max_step=0.025, even_ramp=False, **job):
     """A simulator at the start of a task, and its first observation."""
-    simulator = FastSimulator(FastConfig(max_step, even_ramp), robot or stage())
+    simulator = FastSimulator(
+        load_settings("sim/fast", max_step=max_step, even_ramp=even_ramp), robot or stage()
+    )
     return simulator, simulator.reset(task(world, **job), np.random.default_rng(seed))
 
 
@@ -307,4 +310,4 @@ def test_touching_on_arrival_is_contact():
 @pytest.mark.parametrize("value", [0.0, -0.01, math.nan, math.inf])
 def test_bad_settings_are_named(value):
     with pytest.raises(InputError, match=rf"sim\.max_step is {value:g}: must be greater than 0 and finite"):
-        FastConfig(max_step=value)
+        load_settings("sim/fast", max_step=value)

@@ -2,26 +2,27 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from lme.config.presets import load_simulator
+from lme.config.presets import load_settings, load_simulator
 from lme.errors import InputError
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.simulation.gait import STANDING, GaitResponse, damping_ratio, floor_ranges, is_walking, response_of
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.physics import PhysicsSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Twist
 from tests.builders import CLUTTER, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
 QUICK = {"alpha_v": 50.0, "alpha_omega": 100.0, "v_max": 2.0, "omega_max": 3.0}
 KINDS = {
-    "fast": (FastSimulator, FastConfig, stage(**QUICK)),
-    "physics": (PhysicsSimulator, PhysicsConfig, stage(**QUICK)),
-    "skid, wheels": (SkidSimulator, SkidConfig, shipped("jackal_gazebo")),
-    "skid, response": (SkidSimulator, SkidConfig, shipped("jackal_real")),
+    "fast": (FastSimulator, partial(load_settings, "sim/fast"), stage(**QUICK)),
+    "physics": (PhysicsSimulator, partial(load_settings, "sim/physics"), stage(**QUICK)),
+    "skid, wheels": (SkidSimulator, partial(load_settings, "sim/skid"), shipped("jackal_gazebo")),
+    "skid, response": (SkidSimulator, partial(load_settings, "sim/skid"), shipped("jackal_real")),
 }
 ALL = pytest.mark.parametrize("kind", list(KINDS))
 GAIT = {
@@ -167,7 +168,7 @@ def test_an_even_ramp_is_that_of_the_command():
 
 def test_top_speed_and_overshoot_bound_the_way_between_two_contact_checks():
     robot = stage(**QUICK)
-    simulator = FastSimulator(FastConfig(max_step=0.005, **GAIT), robot)
+    simulator = FastSimulator(load_settings("sim/fast", max_step=0.005, **GAIT), robot)
     simulator.reset(task(goal=(1e3, 0.0)), np.random.default_rng(0))
     for _ in range(10):
         simulator.step(Twist(2.0, 0.0))
@@ -262,7 +263,7 @@ def test_the_floor_is_seen_through_a_turned_lidar_and_interpolated_beams():
     turned = replace(robot, lidar=replace(robot.lidar, yaw=math.pi))
     ahead = []
     for chosen in (robot, turned):
-        simulator = FastSimulator(FastConfig(tilt=0.2), chosen)
+        simulator = FastSimulator(load_settings("sim/fast", tilt=0.2), chosen)
         simulator.reset(task(room(8.0), goal=(1e3, 0.0)), np.random.default_rng(3))
         scan = simulator.step(Twist(0.1, 0.0)).scan
         half = len(scan.ranges) // 2
@@ -275,7 +276,7 @@ def test_the_floor_is_seen_through_a_turned_lidar_and_interpolated_beams():
 def test_a_levelled_cloud_does_not_tilt():
     scans = []
     for tilt in (0.0, 0.2):
-        simulator = FastSimulator(FastConfig(tilt=tilt), shipped("go2"))
+        simulator = FastSimulator(load_settings("sim/fast", tilt=tilt), shipped("go2"))
         simulator.reset(task(room(6.0), goal=(1e3, 0.0)), np.random.default_rng(0))
         scans.append([simulator.step(Twist(0.3, 0.0)).scan.ranges for _ in range(3)])
     np.testing.assert_array_equal(*scans)
@@ -284,7 +285,7 @@ def test_a_levelled_cloud_does_not_tilt():
 @ALL
 def test_a_planar_lidar_that_tilts_needs_a_height(kind):
     simulator_class, config_class, robot = KINDS[kind]
-    with pytest.raises(InputError, match=r"^sim\.tilt is 0\.1, but robot\.lidar\.height is null in robot"):
+    with pytest.raises(InputError, match=r"^tilt is 0\.1, but robot\.lidar\.height is null in robot"):
         simulator_class(config_class(tilt=0.1), robot)
 
 

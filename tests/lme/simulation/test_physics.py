@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.navigation.episode import run_episode
 from lme.robots import Footprint
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import GRAVITY, PhysicsConfig, PhysicsSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import GRAVITY, PhysicsSimulator
 from lme.types import Outcome, Pose, Twist
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
 from tests.builders import CLUTTER, SHIPPED, navigator, room, shipped, stage, task
 from tests.tolerances import KERNEL
@@ -28,12 +29,12 @@ DISC, BOX = Footprint(radius=0.2), Footprint(length=0.5, width=0.3)
 
 def physics(world=None, robot=None, **job):
     """A physics simulator at the start of a task, and its first observation."""
-    simulator = PhysicsSimulator(PhysicsConfig(**job.pop("sim", {})), robot or stage())
+    simulator = PhysicsSimulator(load_settings("sim/physics", **job.pop("sim", {})), robot or stage())
     return simulator, simulator.reset(task(world, **job), np.random.default_rng(0))
 
 
 def fast(world=None, robot=None, **job):
-    simulator = FastSimulator(FastConfig(), robot or stage())
+    simulator = FastSimulator(load_settings("sim/fast"), robot or stage())
     simulator.reset(task(world, **job), np.random.default_rng(0))
     return simulator
 
@@ -94,9 +95,12 @@ def test_fast_and_physics_touch_the_same_obstacle_at_the_same_time(seed):
 
 def test_lme_fares_the_same_in_fresh_barn_worlds():
     robot = shipped("jackal")
-    maps = Barn(BarnConfig(subset="fresh", count=6, fresh_seed=11))
+    maps = Barn(load_settings("map/barn", subset="fresh", count=6, fresh_seed=11))
     drives = []
-    for simulator in (FastSimulator(FastConfig(), robot), PhysicsSimulator(PhysicsConfig(), robot)):
+    for simulator in (
+        FastSimulator(load_settings("sim/fast"), robot),
+        PhysicsSimulator(load_settings("sim/physics"), robot),
+    ):
         driver = navigator(robot)
         drives.append(
             [run_episode(maps.task(n), driver, simulator, np.random.default_rng(n)) for n in maps.numbers]
@@ -109,7 +113,10 @@ def test_the_first_scan_is_the_same_to_the_bit():
     robot = shipped("jackal")
     scans = [
         simulator.reset(task(CLUTTER), np.random.default_rng(3)).scan.ranges
-        for simulator in (FastSimulator(FastConfig(), robot), PhysicsSimulator(PhysicsConfig(), robot))
+        for simulator in (
+            FastSimulator(load_settings("sim/fast"), robot),
+            PhysicsSimulator(load_settings("sim/physics"), robot),
+        )
     ]
     np.testing.assert_array_equal(*scans)
 
@@ -244,4 +251,4 @@ def test_a_mirrored_scene_leads_to_a_mirrored_way(seed):
 )
 def test_bad_settings_are_named(key, value):
     with pytest.raises(InputError, match=rf"sim\.{key} is {value:g}: must be greater than 0 and finite"):
-        PhysicsConfig(**{key: value})
+        load_settings("sim/physics", **{key: value})

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.perception.resampling import resampled, tidied
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import LaserScan, Twist
 from lme.worlds.world import World
 from tests.builders import shipped, task
@@ -14,7 +15,7 @@ ROOM = World(circles=np.array([[2.0, 0.5, 0.3]]), segments=np.array([[-3.0, -3.0
 
 def observed(robot, seed=0, world=ROOM, **config):
     """The observations of three steps ahead."""
-    simulator = FastSimulator(FastConfig(**config), robot)
+    simulator = FastSimulator(load_settings("sim/fast", **config), robot)
     seen = [simulator.reset(task(world, goal=(8.0, 0.0)), np.random.default_rng(seed))]
     return seen + [simulator.step(Twist(0.2, 0.1)) for _ in range(3)]
 

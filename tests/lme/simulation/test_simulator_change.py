@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.config.presets import load_settings
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
@@ -19,10 +20,10 @@ WALL = World(segments=np.vstack([room().segments, [[2.0, -5.0, 2.0, 5.0]]]))
 
 def simulators():
     """Each simulator, without and with substeps."""
-    yield "fast", FastSimulator(FastConfig(), shipped("turtlebot2"))
-    yield "delayed", FastSimulator(FastConfig(latency=0.2), shipped("turtlebot2"))
-    yield "physics", PhysicsSimulator(PhysicsConfig(), shipped("turtlebot2"))
-    yield "skid", SkidSimulator(SkidConfig(), shipped("jackal_gazebo"))
+    yield "fast", FastSimulator(load_settings("sim/fast"), shipped("turtlebot2"))
+    yield "delayed", FastSimulator(load_settings("sim/fast", latency=0.2), shipped("turtlebot2"))
+    yield "physics", PhysicsSimulator(load_settings("sim/physics"), shipped("turtlebot2"))
+    yield "skid", SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo"))
 
 
 CASES = [pytest.param(simulator, id=name) for name, simulator in simulators()]
@@ -138,7 +139,7 @@ def test_a_change_to_the_same_world_leads_to_the_same_place(simulator):
 
 def test_people_who_react_keep_their_plans():
     walkers = tuple(replace(person(x, -3.0), motion="orca") for x in (-2.0, 2.0, 3.0))
-    simulator = FastSimulator(FastConfig(), shipped("turtlebot2"))
+    simulator = FastSimulator(load_settings("sim/fast"), shipped("turtlebot2"))
     world = replace(room(), movers=walkers)
     before = under_way(simulator, world, steps=12)
     changed = replace(before, world=replace(world, movers=walkers[1:]))

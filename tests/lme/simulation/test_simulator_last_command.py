@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import lme
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
+from lme.config.presets import load_settings
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
 from lme.types import Twist
 from tests.builders import CLUTTER, stage, task
 from tests.tolerances import KERNEL
@@ -31,7 +32,7 @@ def test_without_disturbances_the_twist_is_the_last_command_bit_for_bit(system, 
     robot = lme.load_robot("jackal")
     world = lme.load_map_set("barn", {"worlds": [120]}).task(120)
     watch = Watch()
-    simulator = FastSimulator(FastConfig(even_ramp=even_ramp), robot)
+    simulator = FastSimulator(load_settings("sim/fast", even_ramp=even_ramp), robot)
     lme.run_episode(world, lme.load_system(system, robot), simulator, np.random.default_rng(0), watch)
     assert len(watch.observations) > 20
     assert all(seen.twist == seen.last_command for seen in watch.observations)
@@ -48,7 +49,7 @@ def test_without_disturbances_both_kinds_of_feedback_drive_the_same_episode(syst
         lme.run_episode(
             world,
             lme.load_system(system, robot, feedback=feedback),
-            FastSimulator(FastConfig(), robot),
+            FastSimulator(load_settings("sim/fast"), robot),
             np.random.default_rng(0),
         )
         for feedback in ("OPEN_LOOP", "CLOSED_LOOP")
@@ -56,7 +57,9 @@ def test_without_disturbances_both_kinds_of_feedback_drive_the_same_episode(syst
     np.testing.assert_array_equal(one.trajectory, other.trajectory)
 
 
-@pytest.mark.parametrize("config", [FastConfig(latency=0.3), FastConfig(lag=0.2)])
+@pytest.mark.parametrize(
+    "config", [load_settings("sim/fast", latency=0.3), load_settings("sim/fast", lag=0.2)]
+)
 def test_with_disturbances_the_last_command_is_what_was_sent(config):
     simulator = FastSimulator(config, stage())
     assert simulator.reset(task(CLUTTER), np.random.default_rng(0)).last_command == (0.0, 0.0)
@@ -67,6 +70,6 @@ def test_with_disturbances_the_last_command_is_what_was_sent(config):
 
 
 def test_the_physics_say_it_too():
-    simulator = PhysicsSimulator(PhysicsConfig(), stage())
+    simulator = PhysicsSimulator(load_settings("sim/physics"), stage())
     simulator.reset(task(CLUTTER), np.random.default_rng(0))
     assert simulator.step(Twist(0.3, -0.2)).last_command == pytest.approx((0.3, -0.2), abs=KERNEL)

@@ -6,16 +6,17 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.drivetrain import Response
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative, to_robot
 from lme.navigation.episode import run_episode
 from lme.robots import Contact
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Pose, Twist
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
 from tests.builders import CLUTTER, navigator, room, shipped, stage, task
@@ -28,7 +29,7 @@ CALM = {"yaw_noise": 0.0}
 
 def skid(world=None, robot=GAZEBO, start=Pose(0.0, 0.0, 0.0), goal=FAR, seed=0, **sim):  # noqa: B008
     """A simulator at the start of a task, and its first observation."""
-    simulator = SkidSimulator(SkidConfig(**sim), robot)
+    simulator = SkidSimulator(load_settings("sim/skid", **sim), robot)
     return simulator, simulator.reset(task(world, start=start, goal=goal), np.random.default_rng(seed))
 
 
@@ -41,8 +42,8 @@ def driven(simulator, commands):
 
 @pytest.mark.parametrize("robot", [GAZEBO, REAL], ids=lambda robot: robot.name)
 def test_lme_drives_barn_worlds_and_a_seed_gives_the_drive_again(robot):
-    maps, driver = Barn(BarnConfig(subset="fresh", count=2, fresh_seed=3)), navigator(robot)
-    simulator = SkidSimulator(SkidConfig(), robot)
+    maps, driver = Barn(load_settings("map/barn", subset="fresh", count=2, fresh_seed=3)), navigator(robot)
+    simulator = SkidSimulator(load_settings("sim/skid"), robot)
     for number in maps.numbers:
         one, two = (
             run_episode(maps.task(number), driver, simulator, np.random.default_rng(1)) for _ in range(2)
@@ -177,7 +178,7 @@ def test_a_scan_says_where_it_was_taken():
     for seed in range(3):
         simulator, _ = skid(CLUTTER, robot, seed=seed, scan_rate=20.0, odometry_age=0.02, **CALM)
         seen = driven(simulator, [(1.0, 0.6)] * 5)[-1]
-        other = FastSimulator(FastConfig(), dataclasses.replace(robot, contact=None))
+        other = FastSimulator(load_settings("sim/fast"), dataclasses.replace(robot, contact=None))
         # the wheels slide, so the odometry is off; where the scan was taken is known relative to it
         now = simulator._sensors._past._motions[-1][1]
         there = compose(simulator.state.pose, relative(seen.scan_pose, now.odometry))
@@ -189,7 +190,7 @@ def test_without_a_scan_rate_the_scan_is_taken_at_the_current_pose():
     robot = dataclasses.replace(GAZEBO, lidar=dataclasses.replace(GAZEBO.lidar, noise_std=0.0))
     simulator, _ = skid(CLUTTER, robot, scan_rate=None)
     seen = driven(simulator, [(0.5, 0.3)] * 3)[-1]
-    other = FastSimulator(FastConfig(), dataclasses.replace(robot, contact=None))
+    other = FastSimulator(load_settings("sim/fast"), dataclasses.replace(robot, contact=None))
     there = other.reset(task(CLUTTER, start=simulator.state.pose), np.random.default_rng(0))
     np.testing.assert_allclose(seen.scan.ranges, there.scan.ranges, atol=RANGE)
 
@@ -200,9 +201,9 @@ def test_without_a_scan_rate_the_scan_is_taken_at_the_current_pose():
 @pytest.mark.parametrize(
     "make",
     [
-        lambda robot: SkidSimulator(SkidConfig(), robot),
-        lambda robot: FastSimulator(FastConfig(), robot),
-        lambda robot: PhysicsSimulator(PhysicsConfig(), robot),
+        lambda robot: SkidSimulator(load_settings("sim/skid"), robot),
+        lambda robot: FastSimulator(load_settings("sim/fast"), robot),
+        lambda robot: PhysicsSimulator(load_settings("sim/physics"), robot),
     ],
     ids=["skid", "fast", "physics"],
 )
@@ -261,15 +262,15 @@ def test_commands_that_come_too_seldom_are_refused():
 )
 def test_bad_settings_are_named(key, value, said):
     with pytest.raises(InputError, match=rf"^sim\.{key} is {said}"):
-        SkidConfig(**{key: value})
+        load_settings("sim/skid", **{key: value})
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"mass": 0.0}, r"robot\.drivetrain\.mass is 0: must be greater than 0"),
-        ({"com_x": 0.2}, r"robot\.drivetrain\.com_x is 0\.2 m: must lie between the axles, within ±0\.131"),
-        ({"wheel_base": -1.0}, r"robot\.drivetrain\.wheel_base is -1: must be at least 0"),
+        ({"mass": 0.0}, r"mass is 0: must be greater than 0"),
+        ({"com_x": 0.2}, r"com_x is 0\.2 m: must lie between the axles, within ±0\.131"),
+        ({"wheel_base": -1.0}, r"wheel_base is -1: must be at least 0"),
     ],
 )
 def test_an_impossible_drivetrain_is_refused(change, said):
@@ -278,9 +279,9 @@ def test_an_impossible_drivetrain_is_refused(change, said):
 
 
 def test_an_impossible_contact_or_response_is_refused():
-    with pytest.raises(InputError, match=r"^robot\.contact is \{radius: None, length: 1, width: None\}"):
+    with pytest.raises(InputError, match=r"^radius is None, length 1 and width None"):
         Contact(length=1)
-    with pytest.raises(InputError, match=r"robot\.response\.gain_v is 0: must be greater than 0"):
+    with pytest.raises(InputError, match=r"gain_v is 0: must be greater than 0"):
         Response(0.0, 1.0, 0.0, 0.0, 1.0, 1.0)
-    with pytest.raises(InputError, match=r"robot\.drivetrain and robot\.response are both set"):
+    with pytest.raises(InputError, match=r"drivetrain and response are both set"):
         dataclasses.replace(GAZEBO, response=REAL.response)

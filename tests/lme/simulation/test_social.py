@@ -7,15 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.geometry.collision import sweep
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.simulator import State
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.simulation.social import Company, closing_speeds, distances, without_people
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.movers import Mover
@@ -42,9 +43,11 @@ def someone(*path, **rules):
 
 def drive(*movers, planner=None, simulator=None, **rules):
     """Outcome and measures of a drive from (0, 0) to (4, 0)."""
-    simulator = simulator or FastSimulator(FastConfig(), stage())
+    simulator = simulator or FastSimulator(load_settings("sim/fast"), stage())
     robot = simulator._robot
-    navigator = Navigator(Target(TargetConfig(), robot), planner or Simple(SimpleConfig(), robot))
+    navigator = Navigator(
+        Target(TargetConfig(), robot), planner or Simple(load_settings("planner/simple"), robot)
+    )
     company = Company(robot, simulator)
     place = task(World(movers=movers), **{"goal": (4.0, 0.0), "time_limit": 20.0, **rules})
     episode = run_episode(place, navigator, simulator, np.random.default_rng(0), company)
@@ -78,9 +81,9 @@ def test_irregularity_is_the_angle_between_heading_and_goal():
 
 
 SIMULATORS = [
-    lambda: FastSimulator(FastConfig(), stage()),
-    lambda: PhysicsSimulator(PhysicsConfig(), stage()),
-    lambda: SkidSimulator(SkidConfig(), shipped("jackal_gazebo")),
+    lambda: FastSimulator(load_settings("sim/fast"), stage()),
+    lambda: PhysicsSimulator(load_settings("sim/physics"), stage()),
+    lambda: SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")),
 ]
 
 
@@ -100,11 +103,11 @@ def test_a_robot_that_drives_into_someone_who_stands_is(made):
 
 
 def test_a_wall_is_nobodys_fault():
-    simulator = FastSimulator(FastConfig(), stage())
+    simulator = FastSimulator(load_settings("sim/fast"), stage())
     robot, company = simulator._robot, None
     company = Company(robot, simulator)
     world = World(segments=np.array([[2.0, -1.0, 2.0, 1.0]]), movers=(someone((0.0, 3.0)),))
-    navigator = Navigator(Target(TargetConfig(), robot), Simple(SimpleConfig(), robot))
+    navigator = Navigator(Target(TargetConfig(), robot), Simple(load_settings("planner/simple"), robot))
     episode = run_episode(task(world), navigator, simulator, np.random.default_rng(0), company)
     found = company.measures()
     assert episode.outcome is Outcome.COLLISION

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.robots import Lidar
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.simulation.tracker import discs_in_sight
 from lme.types import Pose, Twist
 from lme.worlds.movers import Mover
@@ -30,7 +31,7 @@ def walker(*path, **rules):
 
 def seen(*movers, start=Pose(0.0, 0.0, 0.0), steps=1, world=WALL, robot=None, simulator=None):  # noqa: B008
     """The pedestrians after some steps of a robot at rest."""
-    simulator = simulator or FastSimulator(FastConfig(), robot or stage())
+    simulator = simulator or FastSimulator(load_settings("sim/fast"), robot or stage())
     world = World(circles=world.circles, segments=world.segments, movers=movers)
     found = simulator.reset(task(world, start=start, goal=(9.0, 9.0)), np.random.default_rng(0))
     for _ in range(steps):
@@ -46,9 +47,9 @@ def test_without_movers_there_are_no_pedestrians():
 @pytest.mark.parametrize(
     "simulator",
     [
-        FastSimulator(FastConfig(), stage()),
-        PhysicsSimulator(PhysicsConfig(), stage()),
-        SkidSimulator(SkidConfig(), shipped("jackal_gazebo")),
+        FastSimulator(load_settings("sim/fast"), stage()),
+        PhysicsSimulator(load_settings("sim/physics"), stage()),
+        SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")),
     ],
     ids=lambda simulator: type(simulator).__name__,
 )

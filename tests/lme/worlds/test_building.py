@@ -7,11 +7,11 @@ from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from lme.config.presets import load_map_set
+from lme.config.presets import load_map_set, load_settings
 from lme.errors import InputError
 from lme.worlds import building
-from lme.worlds.building import Buildings, BuildingsConfig
-from lme.worlds.map_file import MapFile, MapFileConfig
+from lme.worlds.building import Buildings
+from lme.worlds.map_file import MapFile
 
 RADIUS = 0.2
 KEYS = {"configurations": 4, "min_distance": 3.0, "radius": RADIUS}
@@ -37,7 +37,7 @@ def folder(tmp_path):
 
 
 def make(paths, **keys):
-    return Buildings(BuildingsConfig(paths=[str(path) for path in paths], **{**KEYS, **keys}))
+    return Buildings(load_settings("map/building", paths=[str(path) for path in paths], **{**KEYS, **keys}))
 
 
 def test_numbers_go_through_the_buildings_in_order(folder):
@@ -50,7 +50,7 @@ def test_numbers_go_through_the_buildings_in_order(folder):
 def test_a_pair_is_that_of_map_file(folder):
     """The same start, goal and shortest path as with map=file, with the same keys."""
     maps = make([folder / "b.yaml", folder])
-    room = MapFile(MapFileConfig(path=str(folder / "b.yaml"), grid=0.1, **KEYS))
+    room = MapFile(load_settings("map/file", path=str(folder / "b.yaml"), grid=0.1, **KEYS))
     for k in range(4):
         for number in (k, 8 + k):  # b itself, and b in the folder
             task, same = maps.task(number), room.task(k)
@@ -155,9 +155,9 @@ def test_the_preset_by_name(folder):
 @pytest.mark.parametrize("paths", [None, []])
 def test_without_maps(paths):
     with pytest.raises(
-        InputError, match=r"map.paths is .*: must be a list of ROS maps .*lme maps build makes one"
+        InputError, match=r"paths is .*: must be a list of ROS maps .*lme maps build makes one"
     ):
-        Buildings(BuildingsConfig(paths=paths))
+        Buildings(load_settings("map/building", paths=paths))
 
 
 def test_what_is_wrong_with_paths_and_numbers_is_one_line(folder, tmp_path):
@@ -166,7 +166,7 @@ def test_what_is_wrong_with_paths_and_numbers_is_one_line(folder, tmp_path):
         make([tmp_path / "empty"])
     with pytest.raises(InputError, match=r"none\.yaml: no such file"):
         make([tmp_path / "none.yaml"])
-    with pytest.raises(InputError, match=r"map\.worlds holds 12: must be at most 11, for 3 buildings with 4"):
+    with pytest.raises(InputError, match=r"worlds holds 12: must be at most 11, for 3 buildings with 4"):
         make([folder], worlds=[3, 12])
     with pytest.raises(InputError, match=r"map\.configurations is 0"):
         make([folder], configurations=0)

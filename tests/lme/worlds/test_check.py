@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.robots import Footprint
 from lme.types import Pose
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 from lme.worlds.check import check_task, footprint_clearance, point_clearance
 from lme.worlds.world import World
 from tests.builders import stage, task
@@ -108,12 +109,12 @@ def test_a_goal_in_a_concave_polygons_bay_is_outside():
 
 
 def test_barn_tasks_are_possible_and_bad_ones_are_not():
-    tasks = Barn(BarnConfig(worlds=[0, 150, 299]))
+    tasks = Barn(load_settings("map/barn", worlds=[0, 150, 299]))
     for number in tasks.numbers:
         check_task(tasks.task(number), stage())
     inside = dataclasses.replace(tasks.task(0), goal=np.array([-4.425, 7.0]))
     with pytest.raises(InputError, match="goal"):
         check_task(inside, stage())
-    moved = Barn(BarnConfig(worlds=[0], start=[-4.4, 3.0, 0.0])).task(0)
+    moved = Barn(load_settings("map/barn", worlds=[0], start=[-4.4, 3.0, 0.0])).task(0)
     with pytest.raises(InputError, match="start"):
         check_task(moved, stage())

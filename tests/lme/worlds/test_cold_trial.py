@@ -5,10 +5,10 @@ from collections import Counter
 
 import pytest
 
-from lme.config.presets import load_map_set, load_robot
+from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.worlds.check import check_task
-from lme.worlds.cold_trial import Place, TrialRanges, task_in
+from lme.worlds.cold_trial import Place, task_in
 
 SEED = 7
 
@@ -63,4 +63,4 @@ def test_the_task_is_for_the_drawn_robot_alone():
 )
 def test_a_bad_range_names_its_key(key, bounds, message):
     with pytest.raises(InputError, match=rf"map\.ranges\.{key}.*{message}"):
-        TrialRanges(**{key: bounds})
+        load_settings("map/_cold_trial", ranges={key: bounds})

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from lme.config.presets import load_map_set, load_robot
+from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.simulation.crowd import Crowd
 from lme.types import Pose
 from lme.worlds.check import check_task, point_clearance
-from lme.worlds.crowded import Crowded, CrowdedConfig
+from lme.worlds.crowded import Crowded
 from lme.worlds.world import Named
 
 ROBOT = load_robot("jackal")
@@ -24,7 +24,7 @@ SETS = [
 
 def crowded(name="barn", settings=None, **keys):
     settings = {"subset": "all"} if name == "barn" and settings is None else settings
-    return Crowded(CrowdedConfig(**keys), load_map_set(name, settings, ROBOT))
+    return Crowded(load_settings("crowd/orca", **keys), load_map_set(name, settings, ROBOT))
 
 
 @pytest.mark.parametrize(("name", "settings"), SETS)

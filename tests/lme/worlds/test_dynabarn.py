@@ -5,17 +5,15 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.simulation.crowd import Crowd
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.check import check_task, point_clearance
-from lme.worlds.dynabarn import DIFFICULTIES, RADIUS, Dynabarn, DynabarnConfig, crossing
-from runners.config.instantiate import build
+from lme.worlds.dynabarn import DIFFICULTIES, RADIUS, Dynabarn, crossing
 from tests.builders import SHIPPED, navigator, shipped
 from tests.tolerances import KERNEL
 
@@ -24,7 +22,7 @@ TIGHTEST_M = 1.2  # radius of a turn, the ends of a crossing apart
 
 
 def tasks(difficulty="medium", worlds=None, **keys):
-    chosen = Dynabarn(DynabarnConfig(difficulty=difficulty, worlds=worlds, **keys))
+    chosen = Dynabarn(load_settings("map/dynabarn", difficulty=difficulty, worlds=worlds, **keys))
     return [chosen.task(number) for number in chosen.numbers]
 
 
@@ -137,7 +135,7 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
 def test_the_simulated_robot_meets_the_cylinders():
     """Heading straight for the goal, it is hit in some hard world, and there by a cylinder."""
     robot = shipped("jackal")
-    simulator, driver = FastSimulator(FastConfig(), robot), navigator(robot, "target")
+    simulator, driver = FastSimulator(load_settings("sim/fast"), robot), navigator(robot, "target")
     hit = []
     for task in tasks("hard", worlds=list(range(12))):
         episode = run_episode(task, driver, simulator, np.random.default_rng(task.number))
@@ -146,11 +144,6 @@ def test_the_simulated_robot_meets_the_cylinders():
             hit.append(point_clearance(task.world, simulator.state.pose[:2]))
     assert len(hit) >= 3
     assert min(hit) > robot.footprint.r_max  # no wall is near
-
-
-def test_the_yaml_builds_what_ships():
-    written = yaml.safe_load((resource_dir("conf") / "map" / "dynabarn.yaml").read_text("utf-8"))
-    assert build(written, "map").config == DynabarnConfig()
 
 
 @pytest.mark.parametrize(
@@ -165,10 +158,10 @@ def test_the_yaml_builds_what_ships():
 )
 def test_a_mistake_is_one_line(keys, right):
     with pytest.raises(InputError) as error:
-        DynabarnConfig(**keys)
+        load_settings("map/dynabarn", **keys)
     assert right in str(error.value)
 
 
 def test_a_number_that_was_not_chosen_is_refused():
     with pytest.raises(InputError, match="world 60 is not among the chosen ones of map dynabarn"):
-        Dynabarn(DynabarnConfig()).task(60)
+        Dynabarn(load_settings("map/dynabarn")).task(60)

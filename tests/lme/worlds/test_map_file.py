@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.worlds.check import check_task
-from lme.worlds.map_file import MapFile, MapFileConfig
-from lme.worlds.room import Room, RoomConfig
-from lme.worlds.traps import Traps, TrapsConfig
+from lme.worlds.map_file import MapFile
+from lme.worlds.room import Room
+from lme.worlds.traps import Traps
 from lme.worlds.world import Named
 from tests.builders import stage
 
@@ -33,12 +34,12 @@ def hall(tmp_path):
 
 
 def chosen(path, **keys):
-    return MapFile(MapFileConfig(**{"path": path, "configurations": 4, "radius": RADIUS, **keys}))
+    return MapFile(load_settings("map/file", **{"path": path, "configurations": 4, "radius": RADIUS, **keys}))
 
 
 def test_a_map_file_without_start_and_goal_is_a_room(hall):
     mine = chosen(hall)
-    room = Room(RoomConfig(path=hall, configurations=4, radius=RADIUS))
+    room = Room(load_settings("map/_room", path=hall, configurations=4, radius=RADIUS))
     for number in range(4):
         ours, theirs = mine.task(number), room.task(number)
         assert ours.start == theirs.start
@@ -90,18 +91,18 @@ def test_a_place_between_lattice_points_is_free_if_the_disc_fits(tmp_path):
     [
         (
             {"start": [-1.0, 1.0]},
-            "map.start is (-1, 1), outside the map: must lie in x 0 to 10 m, y 0 to 10 m",
+            "start is (-1, 1), outside the map: must lie in x 0 to 10 m, y 0 to 10 m",
         ),
         (
             {"start": [2.0, 7.0]},
-            "map.start is (2, 7), in an obstacle or too near one: must be at least 0.2 m",
+            "start is (2, 7), in an obstacle or too near one: must be at least 0.2 m",
         ),
-        ({"goal": [4.9, 4.0]}, "map.goal is (4.9, 4), in an obstacle or too near one"),
+        ({"goal": [4.9, 4.0]}, "goal is (4.9, 4), in an obstacle or too near one"),
         (
             {"start": [9.0, 1.0], "goal": [1.0, 1.0]},
             "map hall, configuration 0: no path from the start to the goal is wide enough for a disc of radius 0.2 m",
         ),
-        ({"start": [9.0, 1.0]}, "map.min_distance is 3 m: must be a distance"),
+        ({"start": [9.0, 1.0]}, "min_distance is 3 m: must be a distance"),
         (
             {"start": [1.0, 1.0], "goal": [1.0, 1.1]},
             "map hall, world 0: the start lies 0.1 m from the goal, within",
@@ -130,7 +131,7 @@ def test_the_records_call_it_by_its_file_or_its_name(hall):
     assert isinstance(chosen(hall), Named)
     assert chosen(hall).name == chosen(hall).task(0).map_name == "hall"
     assert chosen(hall, name="mine").name == "mine"
-    assert not isinstance(Traps(TrapsConfig()), Named)
+    assert not isinstance(Traps(load_settings("map/traps")), Named)
 
 
 def test_a_start_a_goal_and_movers_may_stand_in_the_file(tmp_path):

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.simulation.crowd import Crowd
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
 from lme.types import Pose, Twist
 from lme.worlds.movers import REPEATS, Mover
 from lme.worlds.world import World
@@ -21,7 +22,11 @@ from tests.tolerances import KERNEL
 FAR = Pose(1e3, 0.0, 0.0)
 LEAF = np.array([[0.0, 0.0], [0.9, 0.0], [0.9, 0.05], [0.0, 0.05]])
 BOTH = pytest.mark.parametrize(
-    "simulator_of", [lambda r: FastSimulator(FastConfig(), r), lambda r: PhysicsSimulator(PhysicsConfig(), r)]
+    "simulator_of",
+    [
+        lambda r: FastSimulator(load_settings("sim/fast"), r),
+        lambda r: PhysicsSimulator(load_settings("sim/physics"), r),
+    ],
 )
 
 
@@ -163,16 +168,16 @@ def test_a_mover_on_its_way_back_waits_for_a_robot_on_the_other_side():
     [
         ({"radius": None}, "either a radius"),
         ({"outline": LEAF}, "either a radius"),
-        ({"radius": 0.0}, r"mover\.radius is 0: must be greater than 0"),
-        ({"speed": -1.0}, r"mover\.speed is -1"),
-        ({"turn_rate": math.inf}, r"mover\.turn_rate is inf"),
-        ({"start_after": -0.1}, r"mover\.start_after is -0\.1"),
-        ({"repeat": "twice"}, r"mover\.repeat is 'twice': must be once, back_and_forth, cycle"),
-        ({"trigger": (1.0, 2.0)}, r"mover\.trigger needs mover\.starts_within"),
-        ({"trigger": (1.0, math.nan), "starts_within": 1.0}, r"mover\.trigger is \(1\.0, nan\)"),
-        ({"path": [[0.0, math.nan]]}, r"mover\.path is .*nan"),
-        ({"path": [[0.0]]}, r"mover\.path is .*2 or 3 finite numbers"),
-        ({"radius": None, "outline": LEAF[:2]}, r"mover\.outline is .* at least 3 rows"),
+        ({"radius": 0.0}, r"radius is 0: must be greater than 0"),
+        ({"speed": -1.0}, r"speed is -1"),
+        ({"turn_rate": math.inf}, r"turn_rate is inf"),
+        ({"start_after": -0.1}, r"start_after is -0\.1"),
+        ({"repeat": "twice"}, r"repeat is 'twice': must be once, back_and_forth, cycle"),
+        ({"trigger": (1.0, 2.0)}, r"trigger needs mover\.starts_within"),
+        ({"trigger": (1.0, math.nan), "starts_within": 1.0}, r"trigger is \(1\.0, nan\)"),
+        ({"path": [[0.0, math.nan]]}, r"path is .*nan"),
+        ({"path": [[0.0]]}, r"path is .*2 or 3 finite numbers"),
+        ({"radius": None, "outline": LEAF[:2]}, r"outline is .* at least 3 rows"),
     ],
 )
 def test_invalid_mover_configs_are_refused(changes, words):
@@ -240,7 +245,10 @@ def test_reset_brings_everyone_back(simulator_of):
 def test_the_reactive_pedestrian_steps_in_as_the_robot_arrives_in_both():
     step_in = walker(((2.0, 1.5), (2.0, 0.0)), starts_within=1.0, trigger=(2.0, 0.0), speed=1.0)
     ends = []
-    for simulator in (FastSimulator(FastConfig(), stage()), PhysicsSimulator(PhysicsConfig(), stage())):
+    for simulator in (
+        FastSimulator(load_settings("sim/fast"), stage()),
+        PhysicsSimulator(load_settings("sim/physics"), stage()),
+    ):
         simulator.reset(task(World(movers=(step_in,))), np.random.default_rng(0))
         while not (simulator.state.contact or simulator.state.arrived):
             simulator.step(Twist(0.5, 0.0))

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.clearance import clearance_field
-from lme.worlds.room import Room, RoomConfig, read_floor_plan
+from lme.worlds.room import Room, read_floor_plan
 from runners.config import catalogue
 from runners.config.instantiate import build, fill_dataclass
 from tests.places import SHARED
@@ -22,7 +23,7 @@ ORIGINALS = SHARED / "maps"
 
 
 def room(**keys):
-    return Room(RoomConfig(**{"name": "env1", "configurations": 5, **keys}))
+    return Room(load_settings("map/_room", **{"name": "env1", "configurations": 5, **keys}))
 
 
 def pairs(chosen):
@@ -67,8 +68,8 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
 
 def test_another_process_draws_the_same_tasks():
     code = (
-        "import json; from lme.worlds.room import Room, RoomConfig; "
-        "r = Room(RoomConfig(name='env2', configurations=3)); "
+        "import json; from lme.config.presets import load_settings; from lme.worlds.room import Room; "
+        "r = Room(load_settings('map/_room', name='env2', configurations=3)); "
         "print(json.dumps([[*r.task(n).start, *r.task(n).goal, r.task(n).shortest_path_length] for n in r.numbers]))"
     )
     there = subprocess.run(
@@ -101,16 +102,16 @@ def test_a_picture_is_a_map_set_too(tmp_path):
 @pytest.mark.parametrize(
     ("keys", "right"),
     [
-        ({"name": None}, "map.path is null: must be a shape file"),
-        ({"name": "env3"}, "map.name is 'env3': must be one of empty, env1, env2, or give map.path"),
+        ({"name": None}, "path is null: must be a shape file"),
+        ({"name": "env3"}, "name is 'env3': must be one of empty, env1, env2, or give path"),
         (
             {"path": __file__},
             "test_room.py: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or",
         ),
         ({"path": __file__, "size": [9.0, 9.0]}, "test_room.py: is not a picture; must be a shape file"),
-        ({"path": "gone.yaml"}, "map.path is gone.yaml: no such file"),
-        ({"path": "."}, "map.path is .: is a directory; must be a shape file, ROS map or picture"),
-        ({"size": [10.0, 10.0]}, "map.size is [10.0, 10.0]: must be null"),
+        ({"path": "gone.yaml"}, "path is gone.yaml: no such file"),
+        ({"path": "."}, "path is .: is a directory; must be a shape file, ROS map or picture"),
+        ({"size": [10.0, 10.0]}, "size is [10.0, 10.0]: must be null"),
         ({"size": [10.0]}, "map.size is [10.0]: must be [width, height]"),
         ({"size": [10.0, 0.0]}, "map.size is 0: must be greater than 0"),
         ({"unknown": "maybe"}, "map.unknown is 'maybe': must be obstacle or free"),
@@ -120,10 +121,10 @@ def test_a_picture_is_a_map_set_too(tmp_path):
         ({"worlds": [-1]}, "map.worlds is [-1]: must be different numbers from 0 on"),
         ({"sample_seed": -1}, "map.sample_seed is -1: must be at least 0"),
         ({"min_distance": -1.0}, "map.min_distance is -1: must be at least 0"),
-        ({"min_distance": 50.0}, "map.min_distance is 50 m: must be a distance"),
+        ({"min_distance": 50.0}, "min_distance is 50 m: must be a distance"),
         ({"radius": 0.0}, "map.radius is 0: must be greater than 0"),
         ({"margin": float("nan")}, "map.margin is nan: must be"),
-        ({"grid": 1e-5}, "map.grid is 1e-05 m for a map of 10 by 10 m: must give"),
+        ({"grid": 1e-5}, "grid is 1e-05 m for a map of 10 by 10 m: must give"),
         ({"time_limit": 0.0}, "map.time_limit is 0"),
         ({"speed": 0.0}, "map.speed is 0"),
     ],

@@ -9,7 +9,7 @@ from PIL import Image
 from lme.config.presets import load_map_set, load_robot
 from lme.errors import InputError
 
-LIES = r"the start lies [\d.]+ m from the goal, within map\.goal_tolerance = 100 m: must be further away"
+LIES = r"the start lies [\d.]+ m from the goal, within goal_tolerance = 100 m: must be further away"
 SETS = {
     "barn": ("barn", 0, {"worlds": [0]}),
     "env1": ("env1", 3, {}),

@@ -82,8 +82,8 @@ def test_a_place_outside_a_map_is_told_where_the_map_is(yaw, region):
     corners = to_world(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]), Pose(1.0, 2.0, yaw))
     empty = np.empty((0, 3)), np.empty((0, 4)), ()
     space = FreeSpace(enclosed(corners, *empty), 0.1, 0.2, 0.0)
-    with pytest.raises(InputError, match="^map.start is .* outside the map: must lie " + region):
-        space.check_free("map.start", (3.5, 2.2) if yaw == math.pi / 4 else (9.0, 9.0))
+    with pytest.raises(InputError, match="^start is .* outside the map: must lie " + region):
+        space.check_free("start", (3.5, 2.2) if yaw == math.pi / 4 else (9.0, 9.0))
 
 
 def test_nothing_outside_the_outline_is_free():
@@ -181,7 +181,7 @@ def test_a_hall_of_ten_million_points():
 
 
 def test_too_little_room_to_sample_is_an_error():
-    with pytest.raises(InputError, match=r"map\.min_distance is 20 m: must be a distance"):
+    with pytest.raises(InputError, match=r"min_distance is 20 m: must be a distance"):
         empty_room().draw(rng(), 20.0)
     with pytest.raises(InputError, match=r"\(0 points"):
         FreeSpace(plan(), step=0.1, radius=6.0, margin=0.1).draw(rng(), 1.0)
@@ -189,5 +189,5 @@ def test_too_little_room_to_sample_is_an_error():
 
 def test_a_lattice_of_too_many_points_is_refused_before_it_is_made():
     huge = floor_plan("test", {"bounds": [0, 0, 1e7, 1e7]})
-    with pytest.raises(InputError, match=r"map\.grid is 0\.05 m for a map of 1e\+07 by 1e\+07 m: must give"):
+    with pytest.raises(InputError, match=r"grid is 0\.05 m for a map of 1e\+07 by 1e\+07 m: must give"):
         FreeSpace(huge, step=0.05, radius=0.2, margin=0.1)

@@ -7,18 +7,19 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.dwa import Dwa, DwaConfig
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.dwa import Dwa
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
-from lme.worlds.scene import Scene, SceneConfig, read_scene
+from lme.worlds.scene import Scene, read_scene
 from lme.worlds.world import World
 from runners.config import catalogue
 from runners.config.instantiate import build
@@ -41,21 +42,24 @@ def machine(name):
 
 
 def scene(name, **keys):
-    return Scene(SceneConfig(name=name, radius=machine(name).footprint.r_max, **keys))
+    return Scene(load_settings("map/_scene", name=name, radius=machine(name).footprint.r_max, **keys))
 
 
 def lme(robot):
-    return Navigator(Lme(LmeConfig(parameters=PUBLISHED), robot), Simple(SimpleConfig(), robot))
+    return Navigator(
+        Lme(load_settings("guide/lme", parameters=PUBLISHED), robot),
+        Simple(load_settings("planner/simple"), robot),
+    )
 
 
 def dwa(robot):
-    return Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(), robot))
+    return Navigator(Target(TargetConfig(), robot), Dwa(load_settings("planner/dwa"), robot))
 
 
 @functools.cache
 def episodes(name, make):
     robot, chosen = machine(name), scene(name)
-    driver, simulator = make(robot), FastSimulator(FastConfig(), robot)
+    driver, simulator = make(robot), FastSimulator(load_settings("sim/fast"), robot)
     return [
         run_episode(chosen.task(number), driver, simulator, np.random.default_rng(number))
         for number in range(STARTS)
@@ -129,7 +133,7 @@ def test_the_pedestrian_closes_the_passage_and_another_way_is_left(tmp_path):
     circles = f"circles:\n  - {{centre: [{x}, {y}], radius: {pedestrian.radius}}}"
     pillar.write_text(text.replace("circles:", circles), "utf-8")
     radius = machine("real1").footprint.r_max
-    blocked = Scene(SceneConfig(path=str(pillar), radius=radius)).task(0)
+    blocked = Scene(load_settings("map/_scene", path=str(pillar), radius=radius)).task(0)
     assert blocked.shortest_path_length > scene("real1").task(0).shortest_path_length + 0.1
     assert blocked.map_name == "pillar"
 
@@ -181,7 +185,7 @@ def test_lme_meets_the_pedestrian_and_takes_another_way():
 @pytest.mark.parametrize("name", ALL)
 def test_the_yaml_builds_what_ships(name):
     written = catalogue.shipped().values(f"map/{name}")
-    assert build(written, "map").config == SceneConfig(name=name)
+    assert build(written, "map").config == load_settings("map/_scene", name=name)
 
 
 DOOR = """
@@ -241,17 +245,17 @@ def test_a_mistake_in_a_scene_file_is_one_line_that_names_its_place(tmp_path, ol
 @pytest.mark.parametrize(
     ("keys", "right"),
     [
-        ({"name": "real5"}, "map.name is 'real5': must be one of go2_a, go2_b, real1"),
-        ({}, "map.name is None: must be one of"),
-        ({"path": "."}, "map.path is .: is a directory; must be a scene file"),
-        ({"path": "nowhere.yaml"}, "map.path is nowhere.yaml: no such file"),
+        ({"name": "real5"}, "name is 'real5': must be one of go2_a, go2_b, real1"),
+        ({}, "name is None: must be one of"),
+        ({"path": "."}, "path is .: is a directory; must be a scene file"),
+        ({"path": "nowhere.yaml"}, "path is nowhere.yaml: no such file"),
         ({"name": "real1", "starts": 0}, "map.starts is 0: must be at least 1"),
         ({"name": "real1", "worlds": [2, 2]}, "map.worlds is [2, 2]: must be different numbers"),
     ],
 )
 def test_a_mistake_in_a_key_is_one_line(keys, right):
     with pytest.raises(InputError) as error:
-        Scene(SceneConfig(**keys))
+        Scene(load_settings("map/_scene", **keys))
     assert right in str(error.value)
 
 
@@ -265,7 +269,7 @@ def test_a_robot_that_is_too_wide_for_the_only_way_is_refused():
         InputError,
         match=r"map real1, start 0: no path from the start to the goal is wide enough for a disc of radius 0\.45 m",
     ):
-        Scene(SceneConfig(name="real1", radius=0.45)).task(0)
+        Scene(load_settings("map/_scene", name="real1", radius=0.45)).task(0)
 
 
 @pytest.mark.parametrize(
@@ -284,7 +288,7 @@ def test_a_start_that_is_not_free_says_so(tmp_path, start, right):
         f"bounds: [0, 0, 8, 6]\nstart: {start}\ngoal: [7, 3]\ncircles: [{{centre: [4, 3], radius: 0.5}}]\n"
     )
     with pytest.raises(InputError, match=right):
-        Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0)).task(0)
+        Scene(load_settings("map/_scene", path=str(path), radius=0.2, lateral=0.0)).task(0)
 
 
 @pytest.mark.parametrize("shape", ["radius: 0.25", "outline: [[0.25, 1], [0.25, -1], [-1, 0]]"])
@@ -295,7 +299,7 @@ def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
     path.write_text(
         f"bounds: [0, 0, 8, 6]\nstart: [1, 3]\ngoal: [7, 3]\nmovers: [{{{shape}, path: [[{x}, 3, 180]]}}]\n"
     )
-    met = Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0))
+    met = Scene(load_settings("map/_scene", path=str(path), radius=0.2, lateral=0.0))
     if not refused:
         assert met.task(0).number == 0
         return
@@ -306,7 +310,7 @@ def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
 def test_an_edited_file_is_read_again(tmp_path):
     file = tmp_path / "scene.yaml"
     file.write_text(DOOR, "utf-8")
-    chosen = SceneConfig(path=str(file), worlds=[0])
+    chosen = load_settings("map/_scene", path=str(file), worlds=[0])
     assert Scene(chosen).task(0).world.polygons == World().polygons
     file.write_text(DOOR + "boxes:\n  - {centre: [2, 3], size: [0.2, 0.2]}\n", "utf-8")
     assert len(Scene(chosen).task(0).world.polygons) == 1

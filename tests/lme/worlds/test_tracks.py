@@ -112,11 +112,11 @@ def test_a_wrong_file_is_named_with_its_line(written, text, words):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"path": None}, "map.path is null: must be a file with lines of frame id x y"),
-        ({"path": "nowhere.txt"}, "map.path is nowhere.txt: no such file"),
+        ({"path": None}, "path is null: must be a file with lines of frame id x y"),
+        ({"path": "nowhere.txt"}, "path is nowhere.txt: no such file"),
         ({"frame_rate": 0.0}, "map.frame_rate"),
         ({"start": [1.0]}, "map.start is .*: must be x, y in metres"),
-        ({"worlds": [999]}, "map.worlds is .*: must be of 0"),
+        ({"worlds": [999]}, "worlds is .*: must be of 0"),
     ],
 )
 def test_a_wrong_setting_is_named(settings, words):

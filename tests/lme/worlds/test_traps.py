@@ -1,23 +1,20 @@
 """The traps as a map set, and that they are traps."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-import yaml
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
-from lme.inputs.resources import resource_dir
+from lme.guides.tangent_bug.guide import TangentBug
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
-from lme.worlds.traps import DRAWINGS, KINDS, Traps, TrapsConfig
-from runners.config.instantiate import build
+from lme.worlds.traps import DRAWINGS, KINDS, Traps
 from tests.builders import SHIPPED, navigator, shipped, stage
 
 ON_THE_WAY = 1.02  # of the straight line: nothing to go around
@@ -25,7 +22,7 @@ PUBLISHED_SHARE = 0.9  # of the starts that LME and TangentBug must get out from
 
 
 def traps(**keys):
-    return Traps(TrapsConfig(**keys))
+    return Traps(load_settings("map/traps", **keys))
 
 
 def outcomes(chosen, numbers, make):
@@ -34,7 +31,7 @@ def outcomes(chosen, numbers, make):
         run_episode(
             chosen.task(number),
             make(robot),
-            FastSimulator(FastConfig(), robot),
+            FastSimulator(load_settings("sim/fast"), robot),
             np.random.default_rng(number),
         ).outcome
         for number in numbers
@@ -42,7 +39,9 @@ def outcomes(chosen, numbers, make):
 
 
 def bug(robot):
-    return Navigator(TangentBug(TangentBugConfig(), robot), Simple(SimpleConfig(), robot))
+    return Navigator(
+        TangentBug(load_settings("guide/tangent_bug"), robot), Simple(load_settings("planner/simple"), robot)
+    )
 
 
 @pytest.mark.parametrize("kind", DRAWINGS)
@@ -119,14 +118,6 @@ def test_lme_escapes(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_tangent_bug_escapes_from_every_trap(kind):
     assert set(outcomes(traps(kind=kind), range(5), bug)) == {Outcome.SUCCESS}
-
-
-def test_every_key_stands_in_the_yaml_with_a_comment():
-    text = (resource_dir("conf") / "map" / "traps.yaml").read_text(encoding="utf-8")
-    written = yaml.safe_load(text)
-    assert set(written) == {"_target_", *(field.name for field in dataclasses.fields(TrapsConfig))}
-    assert all("  # " in line for line in text.splitlines()[2:])
-    assert build(written, "map").config == TrapsConfig()
 
 
 @pytest.mark.parametrize(

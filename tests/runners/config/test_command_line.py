@@ -4,6 +4,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.config.command_line import compose
+from tests.composing import jobs_of
 
 
 def test_a_command_line_composes_to_one_job(tmp_path, monkeypatch):
@@ -61,3 +62,12 @@ def test_an_option_that_hydra_would_read_without_end_is_refused(tmp_path, text, 
     (tmp_path / "robot" / "mine.yaml").write_text(text)
     with pytest.raises(InputError, match=rf"robot/mine\.yaml: not valid YAML \(.*{words}"):
         compose("eval", ["--config-dir", str(tmp_path), "robot=mine"])
+
+
+def test_a_users_file_for_a_shipped_class_may_leave_keys_out(tmp_path):
+    (tmp_path / "planner").mkdir()
+    text = "# Dwa that keeps away\n_target_: lme.planners.dwa.Dwa\nmargin: 0.3\n"
+    (tmp_path / "planner" / "mine.yaml").write_text(text)
+    with jobs_of(config_dir=tmp_path) as job:
+        assert job("planner=mine").config.planner == {**job("planner=dwa").config.planner, "margin": 0.3}
+        assert job("planner=mine").changes == {}

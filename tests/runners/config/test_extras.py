@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.recordings import bags, rerun_file
-from runners.workers.cluster import DaskConfig
 from tests.lme.test_requirements import OPTIONAL
 from tests.places import ROOT
 
@@ -60,4 +60,4 @@ def test_a_rerun_file_without_its_package_says_what_to_install(monkeypatch):
 def test_a_cluster_without_its_package_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match="needs the package distributed: pip install 'distributed"):
-        DaskConfig()
+        load_settings("executor/dask")

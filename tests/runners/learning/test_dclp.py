@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lme.config.presets import load_robot
-from lme.planners.dclp.interface import DclpConfig, DclpInterface
+from lme.config.presets import load_robot, load_settings
+from lme.planners.dclp.interface import DclpInterface
 from lme.planners.dclp.network import DclpPolicy
 from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED
 from lme.robots import Footprint
@@ -51,7 +51,7 @@ def test_weights_go_in_and_come_out_unchanged(network):
 def test_the_file_says_what_the_network_was_trained_for(network):
     robot = load_robot("jackal")
     ranges = RobotRanges(v_max=[0.5, 1.5], length=[0.3, 0.6], width=[0.2, 0.4])
-    network.trained_for(DclpConfig(), extremes(robot, ranges))
+    network.trained_for(load_settings("planner/dclp"), extremes(robot, ranges))
     spans = dict(zip(TOLD, network.weights()[TRAINED].tolist(), strict=True))
     assert spans["v_max"] == [0.5, 1.5]
     assert spans["omega_max"] == [robot.omega_max, robot.omega_max]
@@ -118,7 +118,7 @@ def test_an_expert_s_full_command_is_likely_and_no_deviation_counts_as_less():
 
 def test_a_mirrored_scene_has_a_mirrored_answer_by_the_planner_s_own_features():
     robot = stage(fov=1.5 * math.pi, num_beams=720, footprint=Footprint(length=0.5, width=0.3))
-    interface = DclpInterface(DclpConfig(), robot)
+    interface = DclpInterface(load_settings("planner/dclp"), robot)
     ranges = np.random.default_rng(3).uniform(0.5, 3.0, robot.lidar.num_beams).astype(np.float32)
     seen = interface.features(_seen(robot, ranges, 0.4), np.array([1.0, 0.6]))
     mirrored = interface.features(_seen(robot, ranges[::-1].copy(), -0.4), np.array([1.0, -0.6]))

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from lme.config.presets import load_robot
+from lme.config.presets import load_robot, load_settings
 from lme.planners.drl_vo.architecture import Sizes
-from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.interface import PEDESTRIANS, DrlVoInterface
 from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.observation import image_of
@@ -53,7 +52,7 @@ def test_weights_of_any_size_go_in_and_come_out_unchanged(network):
 
 def test_a_new_one_is_small_and_says_what_it_was_trained_for(tmp_path):
     made = DrlVoNetwork()
-    made.trained_for(DrlVoConfig(v_max=1.5, omega_max=0.75), [load_robot("jackal")])
+    made.trained_for(load_settings("planner/drl_vo", v_max=1.5, omega_max=0.75), [load_robot("jackal")])
     with (tmp_path / "w.npz").open("wb") as file:
         made.write(made.weights(), file)
     weights = read_weights(tmp_path / "w.npz")
@@ -107,7 +106,7 @@ def test_an_answer_that_is_cut_off_can_still_be_trained(network):
 def test_mirrored_features_are_those_of_the_mirrored_scene(network):
     ranges = np.random.default_rng(3).uniform(0.5, 4.0, 540).astype(np.float32)
     people = np.array([[3.0, 1.0, 0.5, -0.2], [6.0, -4.0, 0.0, 1.0]])
-    interface = DrlVoInterface(DrlVoConfig(pedestrians=True), ROBOT)
+    interface = DrlVoInterface(load_settings("planner/drl_vo", pedestrians=True), ROBOT)
     seen = interface.features(_seen(ranges, people), np.array([1.0, 0.6]))
     interface.clear()
     across = np.array([1.0, -1.0])
@@ -129,7 +128,7 @@ def _seen(ranges, people):
 
 
 def test_a_command_and_its_answer():
-    interface = DrlVoInterface(DrlVoConfig(v_max=2.0, omega_max=1.5, v_free=3.0), ROBOT)
+    interface = DrlVoInterface(load_settings("planner/drl_vo", v_max=2.0, omega_max=1.5, v_free=3.0), ROBOT)
     for ahead, fastest in ((1.0, 2.0), (4.0, 3.0)):
         seen = observation(ranges=np.full(540, ahead, np.float32), robot=ROBOT)
         action = interface.action(Twist(0.5, -0.75), seen)

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.gym.reward import Reward
-from lme.planners.dclp.interface import DclpConfig, DclpInterface
+from lme.planners.dclp.interface import DclpInterface
 from lme.robots import Footprint
 from tests.composing import jobs_of
 from tests.tolerances import FLOAT32_LAYER
@@ -22,7 +23,6 @@ from runners.learning.learnable import network_class  # noqa: E402
 from runners.learning.ppo_training import Batch, PpoStep, PpoTraining, advantages_of  # noqa: E402
 from runners.learning.reinforcement_training import Parts  # noqa: E402
 from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, lower_value, next_features  # noqa: E402
-from runners.learning.settings import Curriculum, PpoConfig, SacConfig  # noqa: E402
 
 
 def features(count, seed=0):
@@ -52,7 +52,7 @@ def test_the_policy_learns_what_was_better():
     """Turning left was worth more than turning right: after some updates it is likelier."""
     torch.manual_seed(0)
     policy, critic = DclpNetwork(), DclpCritic(0)
-    learner = PpoTraining(PpoConfig(epochs=20, batch=32, kl_max=1e9))
+    learner = PpoTraining(load_settings("learner/ppo", epochs=20, batch=32, kl_max=1e9))
     parts = Parts(
         {"critic": critic},
         {
@@ -119,7 +119,7 @@ def test_the_worth_of_a_step_by_hand():
     targets = torch.nn.ModuleList([DclpCritic(2), DclpCritic(2)])
     inputs, rewards = features(2), torch.tensor([1.0, -10.0])
     batch = ReplaySteps(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
-    learner = SacTraining(SacConfig(alpha=0.5, gamma=0.9))
+    learner = SacTraining(load_settings("learner/sac", alpha=0.5, gamma=0.9))
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
     wanted = learner._target_values(policy, parts, batch)
     with torch.no_grad():
@@ -144,7 +144,9 @@ def driving(config, curriculum=None, robots=3, part=0):
     choose = lambda first, count: places[:count]  # noqa: E731
     network = network_class(config)()
     run = SimpleNamespace(config=config, network=network, places=choose, device=torch.device("cpu"))
-    return Driving(run, robots, 4, Reward(2.0, 10.0, -10.0), curriculum or Curriculum(), part)
+    return Driving(
+        run, robots, 4, Reward(2.0, 10.0, -10.0), curriculum or load_settings("learner/ppo").curriculum, part
+    )
 
 
 def test_robots_are_seen_as_their_planner_would_see_them(config):
@@ -161,7 +163,8 @@ def test_robots_are_seen_as_their_planner_would_see_them(config):
         assert state[i, 2:].numpy() == pytest.approx([*views.twists[i], *views.limits[i]], abs=FLOAT32_LAYER)
         footprint = Footprint(length=2 * half_length, width=2 * half_width)
         own = DclpInterface(
-            DclpConfig(), replace(config.robot, footprint=footprint, v_max=views.limits[i, 0])
+            load_settings("planner/dclp"),
+            replace(config.robot, footprint=footprint, v_max=views.limits[i, 0]),
         )
         seen = own.features(made._observation(views, i), views.targets[i])
         np.testing.assert_allclose(directions[i].numpy(), seen.directions, atol=FLOAT32_LAYER)
@@ -170,7 +173,11 @@ def test_robots_are_seen_as_their_planner_would_see_them(config):
 
 
 def test_an_easy_stage_is_won_at_a_distance_and_left(config):
-    made = driving(config, Curriculum([9.8], promote=0.5), robots=20)
+    made = driving(
+        config,
+        load_settings("learner/ppo", curriculum={"within": [9.8], "promote": 0.5}).curriculum,
+        robots=20,
+    )
     made.start(0)
     rewards = []
     while made.episodes < 100 and len(rewards) < 400:
@@ -196,7 +203,7 @@ def test_a_choice_of_a_guide_s_network_lasts_its_period():
     words = ["guide=learned_subgoal", "planner=simple", "learner=ppo", "training.fresh_hard.subset=fresh"]
     with jobs_of("learn", *words) as job:
         config = job().config
-    made = driving(config, Curriculum([9.8]), robots=6)
+    made = driving(config, load_settings("learner/ppo", curriculum={"within": [9.8]}).curriculum, robots=6)
     made.start(0)
     ahead = torch.full((6,), 2)  # 1.6 m
     found = made.step(ahead)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from lme.config.presets import load_robot
+from lme.config.presets import load_robot, load_settings
 from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES, RANGES, candidates
-from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface
+from lme.guides.learned_subgoal.interface import SubgoalInterface
 from lme.guides.learned_subgoal.network import SubgoalPolicy
 from lme.guides.learned_subgoal.weights import SHAPES, STATE_INPUTS, TOLD, TRAINED
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.worlds.world import World
 from runners.config.schema import RobotRanges
 from runners.workers.trials import extremes
@@ -50,7 +50,7 @@ def test_weights_go_in_and_come_out_unchanged(network):
 
 def test_the_file_says_what_the_network_was_trained_for(network):
     ranges = RobotRanges(v_max=[0.5, 1.5], length=[0.3, 0.6], width=[0.2, 0.4])
-    network.trained_for(LearnedSubgoalConfig(), extremes(load_robot("jackal"), ranges))
+    network.trained_for(load_settings("guide/learned_subgoal"), extremes(load_robot("jackal"), ranges))
     spans = dict(zip(TOLD, network.weights()[TRAINED].tolist(), strict=True))
     assert spans["v_max"] == [0.5, 1.5]
     assert spans["omega_max"] == [4.0, 4.0]
@@ -102,8 +102,8 @@ def test_a_mirrored_scene_has_mirrored_features_and_choices(network):
     for side in (1.0, -1.0):
         world = World(circles=CLUTTER.circles * [1, side, 1], segments=CLUTTER.segments * [1, side, 1, side])
         simulator, interface = (
-            FastSimulator(FastConfig(), robot),
-            SubgoalInterface(LearnedSubgoalConfig(), robot),
+            FastSimulator(load_settings("sim/fast"), robot),
+            SubgoalInterface(load_settings("guide/learned_subgoal"), robot),
         )
         simulator.reset(task(world, goal=(4.0, 1.5 * side)), np.random.default_rng(0))
         seen = simulator.step((0.3, 0.4 * side))
@@ -130,9 +130,11 @@ def test_in_training_a_subgoal_is_what_the_guide_makes_of_it():
             told.append(guidance)
             return (0.2, 0.1)
 
-    follower = SubgoalFollower(SubgoalInterface(LearnedSubgoalConfig(period=0.4), robot), Listener())
+    follower = SubgoalFollower(
+        SubgoalInterface(load_settings("guide/learned_subgoal", period=0.4), robot), Listener()
+    )
     assert follower.steps == 2
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     seen = simulator.reset(task(CLUTTER), np.random.default_rng(0))
     follower.features(seen, seen.target)
     follower.take(np.float64(9.0))

@@ -8,11 +8,12 @@ from PIL import Image
 
 pytest.importorskip("rosbags")
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative
 from lme.mapping import FREE, OCCUPIED
 from lme.types import Pose
-from lme.worlds.map_file import MapFile, MapFileConfig
+from lme.worlds.map_file import MapFile
 from runners.recordings.log import DriveLog, LogConfig, log_config
 from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
 from tests.made_bags import BEGAN, MOUNT, OTHERS, SECOND, TF, BagMaker, drive, seen
@@ -168,7 +169,9 @@ def test_a_robot_drives_in_the_written_map(tmp_path):
     image = Image.open(target.with_suffix(".png"))
     assert np.array_equal(np.array(image)[::-1], built.map.cells)
     maps = MapFile(
-        MapFileConfig(path=str(target), start=[1.5, 1.0], goal=[8.0, 1.0], radius=0.25, time_limit=90.0)
+        load_settings(
+            "map/file", path=str(target), start=[1.5, 1.0], goal=[8.0, 1.0], radius=0.25, time_limit=90.0
+        )
     )
     task = maps.task(0)
     around = np.hypot(3.5, 2.5) + np.hypot(3.0, 2.5)  # past the end of the wall

@@ -7,8 +7,9 @@ import pytest
 import yaml
 from PIL import Image
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.worlds.building import Buildings, BuildingsConfig
+from lme.worlds.building import Buildings
 from runners.recordings import radish
 from runners.recordings.radish import DIGESTS, build_all
 from tests.made_logs import flaser_lines, write
@@ -33,7 +34,9 @@ def test_the_maps_of_a_checkout_are_built_and_driven(checkout, tmp_path, capsys)
     assert sorted(path.name for path in (tmp_path / "maps").glob("*.yaml")) == ["intel.yaml", "seattle.yaml"]
     out = capsys.readouterr().out
     assert "left out, without a log: acapulco, aces, belgioioso, csail, edmonton, freiburg-079" in out
-    config = BuildingsConfig(paths=[str(tmp_path / "maps")], configurations=2, min_distance=3.0, radius=0.25)
+    config = load_settings(
+        "map/building", paths=[str(tmp_path / "maps")], configurations=2, min_distance=3.0, radius=0.25
+    )
     maps = Buildings(config)
     assert [maps.task(n).measures["building"] for n in maps.numbers] == [0.0, 0.0, 1.0, 1.0]
 

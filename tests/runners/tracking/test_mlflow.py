@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.records.launch_record import Launch
 from runners.tracking.mlflow import (
-    MlflowConfig,
     MlflowTracking,
     NoTracking,
     NoTrackingConfig,
@@ -44,7 +44,7 @@ def store(tmp_path_factory):
 
 
 def book(uri, run_dir, config=CONFIG, metrics=None, artifacts=(), sweep_dir=None):
-    tracking = MlflowTracking(MlflowConfig(uri=uri, experiment="lme"))
+    tracking = MlflowTracking(load_settings("tracking/mlflow", uri=uri, experiment="lme"))
     began = time.monotonic()
     tracking.start(config, run_dir, {"system": "LME"}, sweep_dir)
     returned_s = time.monotonic() - began
@@ -54,7 +54,7 @@ def book(uri, run_dir, config=CONFIG, metrics=None, artifacts=(), sweep_dir=None
 
 def test_a_series_is_logged_step_by_step_and_continued(store, tmp_path):
     for values in ([0.1, 0.2], [0.1, 0.2, float("nan"), 0.4]):
-        tracking = MlflowTracking(MlflowConfig(uri=store))
+        tracking = MlflowTracking(load_settings("tracking/mlflow", uri=store))
         tracking.start(CONFIG, tmp_path / "series", {})
         tracking.finish({"success": 1.0}, [], {"reward": values})
     from mlflow import MlflowClient
@@ -164,7 +164,7 @@ def test_a_store_that_cannot_be_written_is_one_line_before_the_first_episode(tmp
         os, "access", lambda path, mode: not (path == place and mode & os.W_OK) and access(path, mode)
     )
     before = sorted(tmp_path.rglob("*"))
-    tracking = MlflowTracking(MlflowConfig(uri=f"sqlite:///{store}"))
+    tracking = MlflowTracking(load_settings("tracking/mlflow", uri=f"sqlite:///{store}"))
     with pytest.warns(UserWarning, match="cannot be written") as caught:
         tracking.start(CONFIG, tmp_path / "sweep" / "0", {}, tmp_path / "sweep")
     (said,) = [str(warning.message) for warning in caught]
@@ -176,7 +176,7 @@ def test_a_store_that_cannot_be_written_is_one_line_before_the_first_episode(tmp
         warnings.simplefilter("error")
         tracking.finish({"success": 1.0}, [])
         for run in ("sweep/1", "sweep"):  # the next job, and the sweep
-            later = MlflowTracking(MlflowConfig(uri=f"sqlite:///{store}"))
+            later = MlflowTracking(load_settings("tracking/mlflow", uri=f"sqlite:///{store}"))
             later.start(CONFIG, tmp_path / run, {}, tmp_path / "sweep" if run != "sweep" else None)
             later.finish({"success": 1.0}, [])
     assert sorted(tmp_path.rglob("*")) == before
@@ -236,7 +236,7 @@ def test_runs_of_a_sweep_lie_below_one(store, tmp_path):
 
 def started(uri, run_dir, sweep_dir=None):
     """A tracked run that is open in the store."""
-    tracking = MlflowTracking(MlflowConfig(uri=uri))
+    tracking = MlflowTracking(load_settings("tracking/mlflow", uri=uri))
     tracking.start({"seed": 3}, run_dir, {}, sweep_dir)
     tracking._opening.join()
     return tracking
@@ -337,7 +337,7 @@ def test_a_deleted_experiment_is_one_line_with_the_command_that_restores_it(stor
     client = MlflowClient(tracking_uri=store)
     number = client.create_experiment("gone")
     client.delete_experiment(number)
-    tracking = MlflowTracking(MlflowConfig(uri=store, experiment="gone"))
+    tracking = MlflowTracking(load_settings("tracking/mlflow", uri=store, experiment="gone"))
     tracking.start(CONFIG, tmp_path, {})
     with pytest.warns(UserWarning, match="the experiment gone was deleted") as caught:
         tracking.finish({"success": 1.0}, [])
@@ -465,7 +465,7 @@ def test_a_store_whose_making_was_interrupted_is_made_again(tmp_path):
 @pytest.mark.parametrize("uri", ["file:outputs/mlruns", "outputs/mlflow.db", ""])
 def test_a_uri_that_mlflow_cannot_use_is_refused(uri):
     with pytest.raises(InputError, match=r"^tracking\.uri is .*such as sqlite:///outputs/mlflow\.db"):
-        MlflowConfig(uri=uri)
+        load_settings("tracking/mlflow", uri=uri)
 
 
 def test_tracking_none_does_nothing(tmp_path):

@@ -3,13 +3,14 @@
 import optuna
 import pytest
 
-from runners.training.samplers import Tpe, TpeConfig, per_trial, restart_of
+from lme.config.presets import load_settings
+from runners.training.samplers import Tpe, per_trial, restart_of
 
 
 def proposals(reward, restarts, count=24):
     """Values of the trials of a study, in which trial n with value x earns reward(n, x)."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    sampler = per_trial(Tpe(TpeConfig(startup=3)).sampler, 5, {"x": 0.5}, restarts)
+    sampler = per_trial(Tpe(load_settings("search/tpe", startup=3)).sampler, 5, {"x": 0.5}, restarts)
     study = optuna.create_study(direction="maximize", sampler=sampler)
     for number in range(count):
         trial = study.ask()

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.config.space import Range, own_values
 from runners.config.urls import masked
@@ -19,13 +20,9 @@ from runners.training.journal import Journal
 from runners.training.race_log import SCORE_LOG, ScoreLog
 from runners.training.samplers import (
     Cmaes,
-    CmaesConfig,
     Gp,
-    GpConfig,
     Random,
-    RandomConfig,
     Tpe,
-    TpeConfig,
     per_trial,
     trial_seed,
 )
@@ -41,10 +38,10 @@ SPACE = {
 PLACES = [("open", 7), ("narrow", 3)]
 TRIALS = 22  # three generations and the beginning of another, for the evolution strategy
 SEARCHES = {
-    "tpe": lambda: Tpe(TpeConfig(startup=5)),
-    "cmaes": lambda: Cmaes(CmaesConfig(batch=6)),
-    "random": lambda: Random(RandomConfig()),
-    "gp": lambda: Gp(GpConfig(startup=5)),
+    "tpe": lambda: Tpe(load_settings("search/tpe", startup=5)),
+    "cmaes": lambda: Cmaes(load_settings("search/cmaes", batch=6)),
+    "random": lambda: Random(load_settings("search/random")),
+    "gp": lambda: Gp(load_settings("search/gp", startup=5)),
 }
 
 

@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 from lme.config.parameters import parameters
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.lme.escaper import LocalMinimumEscaper
 from runners.cli.main import main
@@ -132,7 +133,7 @@ def test_the_weights_are_found_by_path_run_and_name(trained, monkeypatch):
     weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
     for name in ("run", "run/weights.yaml", weights["name"], f"outputs/weights/{weights['name']}.yaml"):
         assert parameters(name, {}) == weights["parameters"]
-    escaper = LocalMinimumEscaper.from_file(run_dir / "weights.yaml", stage())
+    escaper = LocalMinimumEscaper.from_file(run_dir / "weights.yaml", stage(), load_settings("guide/lme"))
     assert escaper._parameters.d2 == weights["parameters"]["d2"]
 
 
@@ -449,7 +450,7 @@ def test_a_weight_file_that_is_not_right(old, new, said):
     Path("mine.yaml").write_text(GOOD.replace(old, new))
     for read in (
         lambda: parameters("mine.yaml", {}),
-        lambda: LocalMinimumEscaper.from_file("mine.yaml", stage()),
+        lambda: LocalMinimumEscaper.from_file("mine.yaml", stage(), load_settings("guide/lme")),
     ):
         with pytest.raises(InputError) as caught:
             read()

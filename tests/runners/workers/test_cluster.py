@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.records.episode_record import EpisodeKey, RunLabels
@@ -213,7 +214,7 @@ def test_a_connection_that_ends_during_a_result_is_reported():
 )  # fmt: skip
 def test_settings_are_checked(settings, message):
     with pytest.raises(InputError, match=message):
-        module.DaskConfig(**settings)
+        load_settings("executor/dask", **settings)
 
 
 def test_a_short_list_goes_to_every_worker():

@@ -11,12 +11,12 @@ from multiprocessing import get_context
 
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.records.episode_record import EpisodeKey
 from runners.workers import episodes
 from runners.workers.executor import (
     EpisodeError,
-    ProcessConfig,
     ProcessExecutor,
     SerialConfig,
     SerialExecutor,
@@ -82,13 +82,15 @@ def name_itself_and_sleep(payload):
 
 
 def processes(workers=2):
-    return ProcessExecutor(ProcessConfig(workers=workers))
+    return ProcessExecutor(load_settings("executor/process", workers=workers))
 
 
 def test_items_are_taken_when_a_worker_is_free():
     taken = []
     items = (taken.append(item) or item for item in ITEMS)
-    results = ProcessExecutor(ProcessConfig(workers=2)).map(multiply, {"factor": 10}, items)
+    results = ProcessExecutor(load_settings("executor/process", workers=2)).map(
+        multiply, {"factor": 10}, items
+    )
     next(results)
     assert len(taken) <= 4  # two at work, and the next of a worker that was done
     assert len(list(results)) == len(ITEMS) - 1
@@ -201,7 +203,7 @@ def test_number_of_workers():
     assert processes(5).workers == 5
     assert processes(None).workers == available_cores() >= 1
     with pytest.raises(InputError, match=r"executor\.workers is 0: must be at least 1"):
-        ProcessConfig(workers=0)
+        load_settings("executor/process", workers=0)
 
 
 COORDINATOR = """
@@ -274,7 +276,8 @@ def test_workers_of_a_killed_coordinator_end_in_the_middle_of_an_episode(coordin
 
 
 @pytest.mark.parametrize(
-    "executor", [SerialExecutor(SerialConfig()), ProcessExecutor(ProcessConfig(workers=2))]
+    "executor",
+    [SerialExecutor(SerialConfig()), ProcessExecutor(load_settings("executor/process", workers=2))],
 )
 def test_an_open_executor_serves_list_after_list(executor):
     """By the same processes: what they hold is built once."""

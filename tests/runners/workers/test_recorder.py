@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.navigation.episode import run_episode
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Twist
 from runners.cli.main import main
 from runners.config import build
@@ -217,7 +218,7 @@ def test_looking_on_changes_nothing():
         run_episode(
             task(CLUTTER),
             navigator(robot),
-            FastSimulator(FastConfig(), robot),
+            FastSimulator(load_settings("sim/fast"), robot),
             np.random.default_rng(4),
             observed,
         )
@@ -235,7 +236,7 @@ def test_chunks_are_compressed(tmp_path):
 
 def _driven(path):
     """Record a short drive of the stage robot; the number of bytes of its scans."""
-    robot, simulator = stage(), FastSimulator(FastConfig(), stage())
+    robot, simulator = stage(), FastSimulator(load_settings("sim/fast"), stage())
     observation = simulator.reset(task(CLUTTER), np.random.default_rng(0))
     driver = navigator(robot)
     driver.reset(np.random.default_rng(0))

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.lme.candidates import CandidateConfig, sample
-from lme.guides.lme.escaper import EscaperConfig, LocalMinimumEscaper
+from lme.guides.lme.candidates import sample
+from lme.guides.lme.escaper import LocalMinimumEscaper
 from lme.robots import Lidar
 from tests.builders import PUBLISHED, explained, observation, stage
 from tests.tolerances import KERNEL
@@ -19,7 +20,7 @@ OFFSETS = st.floats(-0.3, 0.3)
 
 
 def explain(robot, target=(4.0, 0.0), ranges=None, seed=0, **settings):
-    made = LocalMinimumEscaper(robot, PUBLISHED, EscaperConfig(candidates=CandidateConfig(**settings)))
+    made = LocalMinimumEscaper(robot, PUBLISHED, load_settings("guide/lme", candidates=settings))
     made.reset(np.random.default_rng(seed))
     return explained(made, observation(target, ranges, robot=robot))
 
@@ -50,7 +51,13 @@ def test_no_candidate_lies_outside_the_field_of_view(fov, x, y, yaw, distributio
 def test_candidates_are_drawn_about_the_base_whichever_way_the_lidar_looks():
     # Lidar turned by 2 rad, field of view 1 rad: bearings from 1.5 to 2.5 rad about the base.
     robot = with_lidar(fov=1.0, x=0.3, y=-0.1, yaw=2.0)
-    drawn = sample(np.random.default_rng(7), CandidateConfig(number=50), 5.0, 1.5, 1.0)
+    drawn = sample(
+        np.random.default_rng(7),
+        load_settings("guide/lme", candidates={"number": 50}).candidates,
+        5.0,
+        1.5,
+        1.0,
+    )
     assert explain(robot, seed=7, number=50).candidates == pytest.approx(drawn, abs=KERNEL)
 
 
@@ -79,7 +86,7 @@ def test_candidates_fill_the_whole_field_of_view(fov):
     [("polar", 1 / 2, 1 / 2), ("area", 2 / 3, 1 / 4)],
 )
 def test_candidates_spread_over_range_as_the_distribution_says(distribution, mean, inner):
-    config = CandidateConfig(number=40_000, distribution=distribution)
+    config = load_settings("guide/lme", candidates={"number": 40000, "distribution": distribution}).candidates
     distance, bearing = polar(sample(np.random.default_rng(0), config, 4.0, -1.0, 2.0))
     # Deviations of a share or mean of 40,000 are below 0.0025.
     assert distance.mean() / 4.0 == pytest.approx(mean, abs=0.01)
@@ -94,7 +101,7 @@ def test_the_distribution_reaches_the_escaper():
 
 
 def test_the_same_seed_draws_the_same_candidates_and_each_step_new_ones():
-    config = CandidateConfig(number=20)
+    config = load_settings("guide/lme", candidates={"number": 20}).candidates
     rng, twin = np.random.default_rng(3), np.random.default_rng(3)
     first = sample(rng, config, 5.0, -1.0, 2.0)
     np.testing.assert_array_equal(first, sample(twin, config, 5.0, -1.0, 2.0))
@@ -132,7 +139,7 @@ def test_a_target_that_is_not_free_is_not_a_candidate():
 
 
 def test_the_target_may_be_left_out():
-    config = EscaperConfig(candidates=CandidateConfig(number=10, target=False))
+    config = load_settings("guide/lme", candidates={"number": 10, "target": False})
     seen = explained(LocalMinimumEscaper(stage(), PUBLISHED, config), observation(target=(3.0, 0.0)))
     assert len(seen.candidates) == 10
 
@@ -148,4 +155,4 @@ def test_the_target_may_be_left_out():
 )
 def test_bad_settings_are_named(settings, message):
     with pytest.raises(InputError, match=message):
-        CandidateConfig(**settings)
+        load_settings("guide/lme", candidates=settings)

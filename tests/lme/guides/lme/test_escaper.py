@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.config.presets import load_settings
+from lme.guides.lme.guide import Lme
 from lme.guides.lme.maintenance import Choice
 from lme.guides.lme.surmount import find_blockage
 from lme.navigation.episode import run_episode
 from lme.robots import Lidar
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import (
@@ -125,7 +126,7 @@ def test_an_infinite_d1_always_takes_the_new_one(monkeypatch):
 
 
 def test_the_guide_passes_on_switches_and_blocked_ways():
-    guide = Lme(LmeConfig(parameters={**PUBLISHED, "d1": math.inf}), stage())
+    guide = Lme(load_settings("guide/lme", parameters={**PUBLISHED, "d1": math.inf}), stage())
     assert not guide.guide(observation()).switched
     assert guide.guide(observation()).switched
     closed = guide.guide(observation(ranges=np.full(540, 0.15, dtype=np.float32)))
@@ -140,7 +141,7 @@ def test_steps_without_a_free_candidate_are_counted():
         run_episode(
             task(world, time_limit=2.0),
             navigator(robot),
-            FastSimulator(FastConfig(), robot),
+            FastSimulator(load_settings("sim/fast"), robot),
             np.random.default_rng(0),
         )
         for world in (room(0.44), World())

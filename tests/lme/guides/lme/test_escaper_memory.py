@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.lme.maintenance import Choice
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Pose, Twist
 from tests.builders import (
     CLUTTER,
@@ -171,9 +172,13 @@ def test_what_a_guide_draws_does_not_change_what_a_planner_draws():
 def test_a_navigator_that_drove_before_drives_as_a_new_one():
     robot = stage()
     used = navigator(robot)
-    run_episode(task(CLUTTER), used, FastSimulator(FastConfig(), robot), np.random.default_rng(1))
+    run_episode(
+        task(CLUTTER), used, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(1)
+    )
     one, two = (
-        run_episode(task(CLUTTER), made, FastSimulator(FastConfig(), robot), np.random.default_rng(2))
+        run_episode(
+            task(CLUTTER), made, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(2)
+        )
         for made in (used, navigator(robot))
     )
     np.testing.assert_array_equal(one.trajectory, two.trajectory)

@@ -9,12 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.lme import criteria
 from lme.guides.lme.criteria import View
-from lme.guides.lme.escaper import PAPER_CRITERIA, EscaperConfig
-from lme.guides.lme.guide import Lme, LmeConfig
+from lme.guides.lme.escaper import PAPER_CRITERIA
+from lme.guides.lme.guide import Lme
 from lme.guides.lme.score import Parameters, score
 from lme.guides.lme.surmount import RULES, find_blockage
 from lme.robots import Lidar
@@ -118,7 +119,7 @@ def test_parameters_must_be_all_there_and_no_more():
 )
 def test_bad_settings_are_named(settings, message):
     with pytest.raises(InputError, match=message):
-        EscaperConfig(**settings)
+        load_settings("guide/lme", **settings)
 
 
 def leftness(candidates, view):
@@ -127,13 +128,18 @@ def leftness(candidates, view):
 
 
 def test_a_criterion_of_ones_own_counts():
-    config = LmeConfig(parameters=only(leftness=1.0), criteria={"leftness": f"{__name__}.leftness"})
+    config = load_settings(
+        "guide/lme", parameters=only(leftness=1.0), criteria={"leftness": f"{__name__}.leftness"}
+    )
     guide = Lme(config, stage())
     seen = explained(guide.escaper, observation(target=(8.0, 0.0)))
     assert seen.names == (*NAMES, "leftness")
     assert seen.new == int(np.argmax(seen.candidates[:, 1]))
-    with pytest.raises(InputError, match=r"guide\.criteria\.x is 'lme\.nowhere\.x': must be the dotted path"):
-        Lme(LmeConfig(parameters={**PUBLISHED, "x": 1.0}, criteria={"x": "lme.nowhere.x"}), stage())
+    with pytest.raises(InputError, match=r"criteria\.x is 'lme\.nowhere\.x': must be the dotted path"):
+        Lme(
+            load_settings("guide/lme", parameters={**PUBLISHED, "x": 1.0}, criteria={"x": "lme.nowhere.x"}),
+            stage(),
+        )
 
 
 # --- symmetries ------------------------------------------------------------------------------------------

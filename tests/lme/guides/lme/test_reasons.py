@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.guides.lme.criteria import View
-from lme.guides.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.guides.lme.escaper import PAPER_CRITERIA, LocalMinimumEscaper
 from lme.guides.lme.explanation import Decision, Explanation
 from lme.guides.lme.maintenance import Choice, choose
 from lme.guides.lme.reasons import LEFT_OUT, difference_terms, main_terms, reason, reasons
@@ -268,7 +269,9 @@ def test_every_decision_of_a_drive_has_its_reason(seed):
 def test_criteria_of_ones_own_from_the_escaper():
     """Weights are in the order of the names, whatever that is."""
     criteria = {"ahead": lambda candidates, view: candidates[:, 0], **PAPER_CRITERIA}
-    made = LocalMinimumEscaper(stage(), {**only(c_o=1.0), "ahead": 50.0}, EscaperConfig(), criteria)
+    made = LocalMinimumEscaper(
+        stage(), {**only(c_o=1.0), "ahead": 50.0}, load_settings("guide/lme"), criteria
+    )
     made.decide(escape()[0])
     text = reason(made.explanation(), None)
     assert "mainly ahead +" in text

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.guides.lme.score import rank
 from lme.guides.lme_plus.criteria import CRITERIA, Sight, ranked
-from lme.guides.lme_plus.travel import Travel, TravelConfig
+from lme.guides.lme_plus.travel import Travel
 from lme.types import Pose
 from tests.builders import stage
 
@@ -18,7 +19,9 @@ WEIGHTS = np.array([1.0, 0.3, 1.0, 1000.0])
 
 def test_a_dev_counts_the_turn_to_a_place_and_the_turn_at_it():
     robot, target = stage(), np.array([-4.0, 0.0])
-    field = Travel(TravelConfig(), robot, 8.0, 0.08).field(np.empty((0, 2)), target, np.zeros(2))
+    field = Travel(load_settings("guide/lme_plus").travel, robot, 8.0, 0.08).field(
+        np.empty((0, 2)), target, np.zeros(2)
+    )
     sight = Sight(np.empty((0, 2)), Pose(0.0, 0.0, 0.0), field, robot.footprint.box, 0.08, robot.v_max)
     ahead, behind, target_itself = CRITERIA["a_dev"](np.array([[0.15, 0.0], [-1.0, 0.0], target]), sight)
     assert ahead == pytest.approx(-math.pi, abs=0.1)  # the turn is put off
@@ -31,7 +34,9 @@ def test_a_dev_counts_the_turn_to_a_place_and_the_turn_at_it():
 def test_one_call_ranks_the_candidates_by_all_criteria(seed):
     rng, robot = np.random.default_rng(seed), stage()
     points, target, pose = rng.uniform(-2.5, 2.5, (9, 2)), rng.uniform(-4.0, 4.0, 2), Pose(0.3, -0.2, 0.7)
-    field = Travel(TravelConfig(), robot, 4.0, 0.08).field(points, target, np.array(pose[:2]))
+    field = Travel(load_settings("guide/lme_plus").travel, robot, 4.0, 0.08).field(
+        points, target, np.array(pose[:2])
+    )
     sight = Sight(points, pose, field, robot.footprint.box, 0.08, robot.v_max)
     pool = rng.uniform(-4.0, 4.0, (12, 2))
     features, scores, new, blocked = ranked(pool, sight.plain(), WEIGHTS, 11)

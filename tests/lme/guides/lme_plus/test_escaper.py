@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import lme
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.config.presets import load_settings
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.world import World
 from tests.builders import observation, shipped, task, without_errors
@@ -36,7 +37,7 @@ def wall_with_door(half):
 def driven(name, walls, start, goal, seed=0, time_limit=60.0):
     """The outcome, and how far the robot has turned in all [rad]."""
     robot = without_errors(shipped(name))
-    simulator, turned = FastSimulator(FastConfig(), robot), []
+    simulator, turned = FastSimulator(load_settings("sim/fast"), robot), []
 
     class Turns:
         def decided(self, observation, guidance, command, state):

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 import lme.guides.lme_plus.escaper
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.lme.maintenance import Choice
 from lme.guides.lme.reasons import reason, reasons
 from lme.guides.lme_plus.criteria import CRITERIA
-from lme.guides.lme_plus.escaper import EscaperPlusParts
-from lme.guides.lme_plus.guide import LmePlus, LmePlusConfig
+from lme.guides.lme_plus.guide import LmePlus
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.planner import MinTime
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Twist
 from lme.worlds.world import World
 from tests.builders import CLUTTER, assert_same, observation, room, shipped, stage, task, without_errors
@@ -36,7 +35,7 @@ ZIGZAG = World(
 
 
 def guide(robot=None, seed=0, parameters=WEIGHTS, **settings):
-    made = LmePlus(LmePlusConfig(parameters=parameters, **settings), robot or stage())
+    made = LmePlus(load_settings("guide/lme_plus", parameters=parameters, **settings), robot or stage())
     made.reset(np.random.default_rng(seed))
     return made
 
@@ -44,7 +43,7 @@ def guide(robot=None, seed=0, parameters=WEIGHTS, **settings):
 def drive(world, robot=JACKAL, goal=(6.0, 0.0), seed=0, time_limit=40.0, **settings):
     """The episode, and the explanation of each decision."""
     made = guide(robot, **settings)
-    navigator = Navigator(made, MinTime(MinTimeConfig(), robot))
+    navigator = Navigator(made, MinTime(load_settings("planner/min_time"), robot))
     steps, act = [], navigator.act
 
     def tell(view):
@@ -54,7 +53,9 @@ def drive(world, robot=JACKAL, goal=(6.0, 0.0), seed=0, time_limit=40.0, **setti
 
     navigator.act = tell
     job = task(world, goal=goal, time_limit=time_limit)
-    return run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(seed)), steps
+    return run_episode(
+        job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(seed)
+    ), steps
 
 
 def test_it_tells_the_planner_the_fastest_way():
@@ -66,7 +67,7 @@ def test_it_tells_the_planner_the_fastest_way():
 
 def looks(world, robot=None, steps=8):
     """Observations of a robot that turns and drives past obstacles."""
-    simulator = FastSimulator(FastConfig(), robot or stage())
+    simulator = FastSimulator(load_settings("sim/fast"), robot or stage())
     seen = [simulator.reset(task(world), np.random.default_rng(0))]
     return [*seen, *(simulator.step(Twist(0.4, 0.5 if k < 3 else -0.2)) for k in range(steps))]
 
@@ -93,7 +94,7 @@ def test_lme_plus_leaves_traps(world):
 
 def test_lme_plus_finds_reachable_places_when_enclosed():
     robot = stage()
-    seen = FastSimulator(FastConfig(), robot).reset(
+    seen = FastSimulator(load_settings("sim/fast"), robot).reset(
         task(room(3.0), goal=(6.0, 0.0)), np.random.default_rng(0)
     )
     made = guide(robot)
@@ -105,7 +106,7 @@ def test_lme_plus_finds_reachable_places_when_enclosed():
 
 def test_without_memory_lme_plus_knows_only_the_current_scan():
     robot = without_errors(shipped("jackal"))
-    kept, forgetful = guide(robot), guide(robot, parts=EscaperPlusParts(memory=False))
+    kept, forgetful = guide(robot), guide(robot, parts={"memory": False})
     for view in looks(CLUTTER, robot):
         known, scan_alone = (len(made.guide(view).points) for made in (kept, forgetful))
         assert scan_alone <= known
@@ -135,9 +136,9 @@ def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
     # Cells do not mirror, so times may differ by what a cell takes; the other criteria may not.
     robot = stage()
     draw = lme.guides.lme_plus.escaper.sample
-    one, other = (guide(robot, parts=EscaperPlusParts(structured=False)) for _ in range(2))
+    one, other = (guide(robot, parts={"structured": False}) for _ in range(2))
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
-    simulators = [FastSimulator(FastConfig(), robot) for _ in range(2)]
+    simulators = [FastSimulator(load_settings("sim/fast"), robot) for _ in range(2)]
     seen = [
         simulator.reset(task(world, goal=goal), np.random.default_rng(0))
         for simulator, world, goal in zip(
@@ -183,7 +184,7 @@ def test_every_decision_has_its_names_and_its_reason():
 
 
 def test_there_is_nothing_to_explain_before_the_first_decision():
-    made = guide(parts=EscaperPlusParts(random=False))
+    made = guide(parts={"random": False})
     assert made.explanation() is None
     made.guide(observation())
     assert (
@@ -196,4 +197,4 @@ def test_there_is_nothing_to_explain_before_the_first_decision():
 @pytest.mark.parametrize(("key", "value"), [("reach", 0), ("margin", -1)])
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"guide.{key} is {value}"):
-        LmePlusConfig(**{key: value})
+        load_settings("guide/lme_plus", **{key: value})

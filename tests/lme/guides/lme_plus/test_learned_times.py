@@ -7,8 +7,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.guides.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
-from lme.guides.lme_plus.travel import Travel, TravelConfig
+from lme.guides.lme_plus.travel import Travel
 from lme.guides.lme_plus.travel_grid import Grid
 from tests import oracles
 from tests.builders import stage
@@ -85,15 +86,19 @@ def test_no_learned_time_is_longer_than_a_search_of_all_ways_finds(seed):
         rng.uniform(-6.0, 6.0, 2),
     )
     points = points[np.hypot(*(points - here).T) > 0.8]
-    field = Travel(TravelConfig(), robot, 4.0, 0.08).field(points, target, here, learned=learned)
+    field = Travel(load_settings("guide/lme_plus").travel, robot, 4.0, 0.08).field(
+        points, target, here, learned=learned
+    )
     with patch("lme.guides.lme_plus.travel.BEYOND", 1e3):
-        exact = Travel(TravelConfig(), robot, 4.0, 0.08).field(points, target, here).times
+        exact = (
+            Travel(load_settings("guide/lme_plus").travel, robot, 4.0, 0.08).field(points, target, here).times
+        )
     assert times_of(learned, field.grid).any() == math.isfinite(field.robot_time)
     assert (times_of(learned, field.grid) <= exact + field.grid.cell / robot.v_max).all()
 
 
 def test_people_teach_nothing():
-    travel, target = Travel(TravelConfig(), stage(), 4.0, 0.08), np.array([9.0, 0.0])
+    travel, target = Travel(load_settings("guide/lme_plus").travel, stage(), 4.0, 0.08), np.array([9.0, 0.0])
     learned, somebody = LearnedTimes(), np.array([[2.0, 0.0, 0.0, 0.0, 0.3, 5.0]])
     field = travel.field(np.empty((0, 2)), target, np.zeros(2), somebody, learned)
     assert not times_of(learned, field.grid).any()

@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.guides.lme_plus.travel import BEYOND, Travel, TravelConfig
+from lme.guides.lme_plus.travel import BEYOND, Travel
 from lme.types import Pose
 from tests.builders import stage
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE
 
 NOTHING, HERE = np.empty((0, 2)), np.array([3.0, -7.0])
-CONFIG = TravelConfig()
+CONFIG = load_settings("guide/lme_plus").travel
 BEYOND_DOOR = HERE + np.array([4.0, 0.0])
 
 
@@ -121,4 +122,4 @@ def test_the_way_through_a_place_where_the_robot_was_stuck_takes_longer_and_at_l
 @pytest.mark.parametrize(("key", "value"), [("comfort", 0), ("slowdown", -1)])
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"guide.travel.{key} is {value}"):
-        TravelConfig(**{key: value})
+        load_settings("guide/lme_plus", travel={key: value})

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.dclp.interface import DclpConfig, Told
 from lme.planners.dclp.network import DclpPolicy, Mixture, draw
 from lme.planners.dclp.planner import Dclp
 from lme.robots import Footprint
@@ -36,7 +36,7 @@ class Recorder:
 
 
 def made(file, robot, means=(0.5, -0.25), **settings):
-    planner = Dclp(DclpConfig(weights=file, **settings), robot)
+    planner = Dclp(load_settings("planner/dclp", weights=file, **settings), robot)
     planner._network = network = Recorder(means)
     planner.reset(np.random.default_rng(0))
     return planner, network
@@ -87,7 +87,7 @@ def test_the_network_gets_the_goal_twist_limits_and_footprint(file):
 
 def test_a_disc_is_given_to_the_network_as_a_square_and_settings_win(file):
     robot = stage()
-    planner, network = made(file, robot, told=Told(v_max=0.4, rear=0.3, **TOLD))
+    planner, network = made(file, robot, told={"v_max": 0.4, "rear": 0.3, **TOLD})
     planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
     assert network.directions[0, 3:] == pytest.approx([0.2, 0.3, 0.2])
     assert network.state[4:] == pytest.approx([0.4, robot.omega_max, 3.0, 2.5])
@@ -95,10 +95,10 @@ def test_a_disc_is_given_to_the_network_as_a_square_and_settings_win(file):
 
 def test_the_output_is_scaled_by_the_limits_given_and_limited_to_the_robots(file):
     robot = stage()  # 0.4 m/s and 0.4 rad/s in a period
-    planner, _ = made(file, robot, told=Told(v_max=0.4))
+    planner, _ = made(file, robot, told={"v_max": 0.4})
     command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
     assert command == pytest.approx((0.5 * 0.4, -0.25 * robot.omega_max), abs=KERNEL)
-    planner, _ = made(file, robot, (-1.0, 1.0), told=Told(v_max=2.0))
+    planner, _ = made(file, robot, (-1.0, 1.0), told={"v_max": 2.0})
     command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
     assert command == pytest.approx((-0.4, 0.4), abs=KERNEL)
 
@@ -124,7 +124,7 @@ def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, block
 
 def test_weights_that_do_not_exist(tmp_path):
     with pytest.raises(InputError, match=r"none\.npz: cannot be read"):
-        Dclp(DclpConfig(weights=str(tmp_path / "none.npz")), stage())
+        Dclp(load_settings("planner/dclp", weights=str(tmp_path / "none.npz")), stage())
 
 
 @pytest.mark.parametrize(
@@ -133,13 +133,23 @@ def test_weights_that_do_not_exist(tmp_path):
 )
 def test_settings_that_cannot_be(settings, says):
     with pytest.raises(InputError, match=says):
-        DclpConfig(**{**settings, **({"told": Told(**settings["told"])} if "told" in settings else {})})
+        load_settings(
+            "planner/dclp",
+            **{
+                **settings,
+                **(
+                    {"told": load_settings("planner/dclp", told={**settings["told"]}).told}
+                    if "told" in settings
+                    else {}
+                ),
+            },
+        )
 
 
 def test_a_robot_outside_of_the_training_is_named(tmp_path):
     file = str(network_file(tmp_path / "narrow.npz", trained={"alpha_v": (0.5, 5.0)}))
-    with pytest.warns(UserWarning, match=r"planner\.told\.alpha_v is 20: .* trained for 0\.5 to 5"):
-        Dclp(DclpConfig(weights=file), stage(alpha_v=20.0))
+    with pytest.warns(UserWarning, match=r"told\.alpha_v is 20: .* trained for 0\.5 to 5"):
+        Dclp(load_settings("planner/dclp", weights=file), stage(alpha_v=20.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Dclp(DclpConfig(weights=file, told=Told(alpha_v=5.0)), stage(alpha_v=20.0))
+        Dclp(load_settings("planner/dclp", weights=file, told={"alpha_v": 5.0}), stage(alpha_v=20.0))

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.planners.drl_vo import DrlVo
 from lme.planners.drl_vo.config import DrlVoConfig
@@ -182,24 +183,24 @@ def test_sample_and_running_norms_differ(file):
 )
 def test_settings_that_cannot_be(settings, says):
     with pytest.raises(InputError) as caught:
-        DrlVoConfig(**settings)
+        load_settings("planner/drl_vo", **settings)
     assert says in str(caught.value)
 
 
 def test_missing_weights_and_those_of_another_network_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"planner\.weights is null: .*lme weights import drl_vo PATH NAME"):
-        DrlVo(DrlVoConfig(), ROBOT)
+    with pytest.raises(InputError, match=r"weights is null: .*lme weights import drl_vo PATH NAME"):
+        DrlVo(load_settings("planner/drl_vo"), ROBOT)
     other = network_file(tmp_path / "dclp.npz")
     with pytest.raises(InputError, match=r"dclp\.npz: .*conv1\.weight is missing: .* DRL-VO network"):
-        DrlVo(DrlVoConfig(weights=str(other)), ROBOT)
+        DrlVo(load_settings("planner/drl_vo", weights=str(other)), ROBOT)
 
 
 def test_speeds_outside_of_the_training_are_named(file):
-    with pytest.warns(UserWarning, match=r"planner\.v_max is 1: .* trained for commands of up to 0\.5"):
-        DrlVo(DrlVoConfig(weights=file, v_max=1.0), ROBOT)
+    with pytest.warns(UserWarning, match=r"v_max is 1: .* trained for commands of up to 0\.5"):
+        DrlVo(load_settings("planner/drl_vo", weights=file, v_max=1.0), ROBOT)
     slow = stage(omega_max=1.0)
-    with pytest.warns(UserWarning, match=r"robot\.omega_max is 1, less than planner\.omega_max: .* up to 2"):
-        DrlVo(DrlVoConfig(weights=file), slow)
+    with pytest.warns(UserWarning, match=r"robot\.omega_max is 1, less than omega_max: .* up to 2"):
+        DrlVo(load_settings("planner/drl_vo", weights=file), slow)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         DrlVo(config("drl_vo_barn", file), slow)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.planners.eband.band import Band
-from lme.planners.eband.planner import EBandConfig
 from tests.builders import stage
 from tests.tolerances import KERNEL
 
@@ -12,7 +12,7 @@ NOTHING = np.empty((0, 2))
 
 
 def band(robot=None, **settings):
-    return Band(EBandConfig(**settings), (robot or stage()).footprint.r_min)
+    return Band(load_settings("planner/eband", **settings), (robot or stage()).footprint.r_min)
 
 
 def update(made, path, robot=(0.0, 0.0), points=NOTHING, planned=True, times=1):

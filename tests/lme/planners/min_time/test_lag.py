@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.planners.min_time import MinTime
-from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.lag import Lag
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Twist
 from lme.worlds.world import World
 from tests.builders import shipped, task, without_errors
@@ -22,7 +22,10 @@ NOW = Twist(1.0, -0.5)
 
 def driven(actual, goal, points=(), robot=JACKAL, **config):
     """Greatest v and the last state of a drive with this lag of the simulator; points (M, 3): discs."""
-    simulator, planner = FastSimulator(FastConfig(lag=actual), robot), MinTime(MinTimeConfig(**config), robot)
+    simulator, planner = (
+        FastSimulator(load_settings("sim/fast", lag=actual), robot),
+        MinTime(load_settings("planner/min_time", **config), robot),
+    )
     world = World(circles=np.array(points, dtype=float).reshape(-1, 3))
     seen, fastest = simulator.reset(task(world, goal=goal), np.random.default_rng(0)), 0.0
     for _ in range(80):
@@ -82,8 +85,8 @@ def test_an_unknown_lag_ends_at_the_wall():
 
 
 def test_the_twist_after_a_delay_and_a_lag_is_foreseen():
-    planner = MinTime(MinTimeConfig(latency=0.1, lag=0.2), JACKAL)
-    simulator = FastSimulator(FastConfig(latency=0.1, lag=0.2), JACKAL)
+    planner = MinTime(load_settings("planner/min_time", latency=0.1, lag=0.2), JACKAL)
+    simulator = FastSimulator(load_settings("sim/fast", latency=0.1, lag=0.2), JACKAL)
     seen = simulator.reset(task(goal=(50.0, 3.0)), np.random.default_rng(0))
     for _ in range(8):
         foreseen = planner._predict(seen.twist, seen.limits)[1]

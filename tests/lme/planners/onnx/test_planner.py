@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.planners.onnx import OnnxPolicy
-from lme.planners.onnx.config import (
-    OnnxActionConfig,
-    OnnxConfig,
-    OnnxScanConfig,
-    OnnxTargetConfig,
-    OnnxTwistConfig,
-)
 from lme.types import Guidance, Twist
 from tests.builders import observation, stage
 from tests.networks import onnx_file
@@ -45,7 +39,7 @@ def file(tmp_path_factory):
 def made(file, answer=(0.5, -0.25), **settings):
     """The planner with a network that answers `answer`, and that network."""
     settings.setdefault("inputs", ["scan", "target", "twist", "limits", "action"])
-    planner = OnnxPolicy(OnnxConfig(path=file, **settings), ROBOT)
+    planner = OnnxPolicy(load_settings("planner/onnx", path=file, **settings), ROBOT)
     planner._network = network = Recorder(answer)
     planner.reset(np.random.default_rng(0))
     return planner, network
@@ -73,12 +67,12 @@ def test_unscaled_the_parts_are_those_of_the_environments(file):
 
 
 def test_each_group_of_beams_has_its_nearest_return(file):
-    scan = parts(file, scan=OnnxScanConfig(beams=BEAMS // 2))["scan"]
+    scan = parts(file, scan={"beams": BEAMS // 2})["scan"]
     assert (scan[0], scan[1], scan[-1]) == (1.0, 2.0, 0.5)
 
 
 def test_ranges_are_cut_off_and_scaled(file):
-    scan = parts(file, scan=OnnxScanConfig(clip=2.0, scaled=[-1.0, 1.0]))["scan"]
+    scan = parts(file, scan={"clip": 2.0, "scaled": [-1.0, 1.0]})["scan"]
     assert scan[:4] == pytest.approx([1.0, 0.0, 1.0, 1.0])
     assert scan[-1] == pytest.approx(-0.5)
 
@@ -102,11 +96,17 @@ def test_a_clockwise_scan_is_turned_about(file):
 @pytest.mark.parametrize(
     ("config", "expected"),
     [
-        (OnnxTargetConfig(form="polar"), [5.0, np.arctan2(4.0, 3.0)]),
-        (OnnxTargetConfig(reach=10.0), [0.3, 0.4]),
-        (OnnxTargetConfig(reach=2.5), [0.6, 0.8]),
-        (OnnxTargetConfig(form="polar", reach=10.0), [0.5, np.arctan2(4.0, 3.0) / np.pi]),
-        (OnnxTargetConfig(form="polar", reach=2.5), [1.0, np.arctan2(4.0, 3.0) / np.pi]),
+        (load_settings("planner/onnx", target={"form": "polar"}).target, [5.0, np.arctan2(4.0, 3.0)]),
+        (load_settings("planner/onnx", target={"reach": 10.0}).target, [0.3, 0.4]),
+        (load_settings("planner/onnx", target={"reach": 2.5}).target, [0.6, 0.8]),
+        (
+            load_settings("planner/onnx", target={"form": "polar", "reach": 10.0}).target,
+            [0.5, np.arctan2(4.0, 3.0) / np.pi],
+        ),
+        (
+            load_settings("planner/onnx", target={"form": "polar", "reach": 2.5}).target,
+            [1.0, np.arctan2(4.0, 3.0) / np.pi],
+        ),
     ],
 )
 def test_the_target_has_the_form_that_the_policy_knows(file, config, expected):
@@ -114,7 +114,7 @@ def test_the_target_has_the_form_that_the_policy_knows(file, config, expected):
 
 
 def test_the_twist_is_a_share_of_what_becomes_one(file):
-    assert parts(file, twist=OnnxTwistConfig(v=0.6, omega=3.0))["twist"] == pytest.approx([0.5, -0.2])
+    assert parts(file, twist={"v": 0.6, "omega": 3.0})["twist"] == pytest.approx([0.5, -0.2])
 
 
 def test_outputs_are_shares_of_the_robots_limits_and_seen_at_the_next_step(file):
@@ -129,29 +129,29 @@ def test_outputs_are_shares_of_the_robots_limits_and_seen_at_the_next_step(file)
 
 def test_outputs_beyond_one_are_cut_off(file):
     assert made(file, (3.0, -4.0))[0].plan(seen(), LEFT) == pytest.approx((2.0, -3.0))
-    free = made(file, (0.6, -4.0), action=OnnxActionConfig(v=[-2.0, 2.0], omega=[-0.5, 0.5], clip=False))[0]
+    free = made(file, (0.6, -4.0), action={"v": [-2.0, 2.0], "omega": [-0.5, 0.5], "clip": False})[0]
     assert free.plan(seen(), LEFT) == pytest.approx((1.2, -2.0))
 
 
 def test_outputs_may_mean_other_velocities(file):
-    planner, _ = made(file, (-1.0, 0.0), action=OnnxActionConfig(v=[-1.0, 2.0], omega=[-2.0, 1.0]))
+    planner, _ = made(file, (-1.0, 0.0), action={"v": [-1.0, 2.0], "omega": [-2.0, 1.0]})
     assert planner.plan(seen(), LEFT) == pytest.approx((-1.0, -0.5), abs=KERNEL)
 
 
 def test_a_command_stays_within_reach(file):
     slow = stage(v_max=2.0, omega_max=3.0, alpha_v=1.0, alpha_omega=1.0)
-    planner = OnnxPolicy(OnnxConfig(path=file), slow)
+    planner = OnnxPolicy(load_settings("planner/onnx", path=file), slow)
     planner._network = Recorder((1.0, 1.0))
     command = planner.plan(observation(ranges=SECTORS, twist=Twist(0.0, 0.0), robot=slow), LEFT)
     assert command == pytest.approx((slow.dt, slow.dt))
 
 
 def test_a_real_network_answers_the_same_joined_and_by_name(tmp_path):
-    """The random weights are the same; the joined input is in the order of `planner.inputs`."""
+    """The random weights are the same; the joined input is in the order of `inputs`."""
     commands = []
     for name, given in {"joined": [("x", 4)], "named": [("target", 2), ("twist", 2)]}.items():
         path = onnx_file(tmp_path / f"{name}.onnx", given)
-        planner = OnnxPolicy(OnnxConfig(path=str(path), inputs=["target", "twist"]), ROBOT)
+        planner = OnnxPolicy(load_settings("planner/onnx", path=str(path), inputs=["target", "twist"]), ROBOT)
         commands.append(planner.plan(seen(), LEFT))
     assert commands[0] == commands[1] != (0.0, 0.0)
 
@@ -161,63 +161,65 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
 
     path = onnx_file(tmp_path / "double.onnx", [("x", 2)], dtype=onnx.TensorProto.DOUBLE)
     assert all(
-        np.isfinite(OnnxPolicy(OnnxConfig(path=str(path), inputs=["target"]), ROBOT).plan(seen(), LEFT))
+        np.isfinite(
+            OnnxPolicy(load_settings("planner/onnx", path=str(path), inputs=["target"]), ROBOT).plan(
+                seen(), LEFT
+            )
+        )
     )
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"path": None}, "planner.path is null: must be the path of an .onnx file"),
-        ({"path": "missing.onnx"}, "planner.path is missing.onnx: must be the path of an .onnx file"),
-        ({"scan": {"beams": 7}}, f"planner.scan.beams is 7: must divide the lidar's {BEAMS}"),
+        ({"path": None}, "path is null: must be the path of an .onnx file"),
+        ({"path": "missing.onnx"}, "path is missing.onnx: must be the path of an .onnx file"),
+        ({"scan": {"beams": 7}}, f"scan.beams is 7: must divide the lidar's {BEAMS}"),
     ],
 )
 def test_a_mistake_is_named(file, settings, message):
-    scan = OnnxScanConfig(**settings.get("scan", {}))
     with pytest.raises(InputError, match=message):
-        OnnxPolicy(OnnxConfig(path=settings.get("path", file), scan=scan), ROBOT)
+        OnnxPolicy(load_settings("planner/onnx", **{"path": file, **settings}), ROBOT)
 
 
 @pytest.mark.parametrize(
-    ("config", "settings", "message"),
+    ("settings", "message"),
     [
-        (OnnxConfig, {"inputs": ["scam"]}, "planner.inputs has 'scam': did you mean scan"),
-        (OnnxConfig, {"inputs": []}, r"planner.inputs is \[\]: must name at least one part"),
-        (OnnxConfig, {"inputs": ["scan", "scan"]}, "each once"),
-        (OnnxScanConfig, {"clip": 0.0}, "planner.scan.clip is 0: must be greater than 0"),
-        (OnnxScanConfig, {"scaled": [1.0]}, r"planner.scan.scaled is \[1.0\]: must be two different numbers"),
-        (OnnxTargetConfig, {"form": "round"}, "planner.target.form is 'round': must be one of xy, polar"),
-        (OnnxTwistConfig, {"v": -1.0}, "planner.twist.v is -1: must be greater than 0"),
+        ({"inputs": ["scam"]}, "planner.inputs has 'scam': did you mean scan"),
+        ({"inputs": []}, r"planner.inputs is \[\]: must name at least one part"),
+        ({"inputs": ["scan", "scan"]}, "each once"),
+        ({"scan": {"clip": 0.0}}, "planner.scan.clip is 0: must be greater than 0"),
+        ({"scan": {"scaled": [1.0]}}, r"planner.scan.scaled is \[1.0\]: must be two different numbers"),
+        ({"target": {"form": "round"}}, "planner.target.form is 'round': must be one of xy, polar"),
+        ({"twist": {"v": -1.0}}, "planner.twist.v is -1: must be greater than 0"),
         (
-            OnnxActionConfig,
-            {"v": [1.0, 1.0]},
+            {"action": {"v": [1.0, 1.0]}},
             r"planner.action.v is \[1.0, 1.0\]: must be two different numbers",
         ),
     ],
 )
-def test_a_wrong_value_is_named(config, settings, message):
+def test_a_wrong_value_is_named(settings, message):
     with pytest.raises(InputError, match=message):
-        config(**settings)
+        load_settings("planner/onnx", **settings)
 
 
 def refused(tmp_path, inputs, given, **network):
     path = onnx_file(tmp_path / "policy.onnx", given, **network)
     with pytest.raises(InputError) as caught:
-        OnnxPolicy(OnnxConfig(path=str(path), inputs=inputs), ROBOT)
+        OnnxPolicy(load_settings("planner/onnx", path=str(path), inputs=inputs), ROBOT)
     return str(caught.value)
 
 
 def test_a_network_of_another_size_is_refused_with_both(tmp_path):
     said = refused(tmp_path, ["scan", "target"], [("x", 76)])
-    assert f"input x takes 76 numbers, but planner.inputs and planner.scan make {BEAMS + 2}" in said
+    assert f"input x takes 76 numbers, but inputs and scan make {BEAMS + 2}" in said
     assert f"(scan {BEAMS} + target 2): must be equal" in said
     assert "\n" not in said
 
 
 def test_a_network_with_another_input_or_output_is_refused(tmp_path):
     said = refused(tmp_path, ["scan", "target"], ["scan", ("goal", 2)])
-    assert "planner.inputs is ['scan', 'target']: must name all inputs of" in said
+    assert "inputs is ['scan', 'target']: must name all inputs of" in said
     assert "which are scan, goal" in said
     said = refused(tmp_path, ["target"], [("target", 2)], outputs=5)
     assert "its first output has the shape (1, 5); must be two numbers, for v and omega" in said
@@ -227,7 +229,7 @@ def test_a_file_that_is_not_onnx_is_refused_in_one_line(tmp_path):
     path = tmp_path / "policy.onnx"
     path.write_bytes(b"not a network")
     with pytest.raises(InputError, match="cannot be read as an ONNX file") as caught:
-        OnnxPolicy(OnnxConfig(path=str(path)), ROBOT)
+        OnnxPolicy(load_settings("planner/onnx", path=str(path)), ROBOT)
     assert "\n" not in str(caught.value)
 
 
@@ -245,7 +247,7 @@ def altered(tmp_path):
             onnx.save_model(network, path, save_as_external_data=True, location="data", size_threshold=0)
             (tmp_path / "data").write_bytes(data)
         with pytest.raises(InputError) as caught:
-            OnnxPolicy(OnnxConfig(path=str(path), inputs=list(inputs)), ROBOT)
+            OnnxPolicy(load_settings("planner/onnx", path=str(path), inputs=list(inputs)), ROBOT)
         assert str(path) in str(caught.value)
         assert "\n" not in str(caught.value)
         assert "onnxruntime_src" not in str(caught.value)
@@ -310,7 +312,7 @@ def test_half_a_file_is_refused(tmp_path):
     for content in (path.read_bytes()[:-9], b""):
         path.write_bytes(content)
         with pytest.raises(InputError, match="it is damaged, or no ONNX file"):
-            OnnxPolicy(OnnxConfig(path=str(path)), ROBOT)
+            OnnxPolicy(load_settings("planner/onnx", path=str(path)), ROBOT)
 
 
 def test_an_answer_that_is_not_finite_is_refused(file):
@@ -326,4 +328,4 @@ def test_a_scan_with_other_beams_than_the_robots_is_refused(file):
 def test_without_onnxruntime_a_line_says_how_to_install_it(file, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "onnxruntime", None)
     with pytest.raises(InputError, match="the planner onnx needs onnxruntime: pip install"):
-        OnnxPolicy(OnnxConfig(path=file), ROBOT)
+        OnnxPolicy(load_settings("planner/onnx", path=file), ROBOT)

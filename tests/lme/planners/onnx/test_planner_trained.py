@@ -83,7 +83,7 @@ def test_it_drives_as_in_the_environment(policy, file, robot, place):
     maps = load_map_set("barn", WORLDS)
     world = list(maps.numbers)[place]
     navigator = lme.load_system("simple", robot, planner="onnx", **{"planner.path": str(file), **LOOK})
-    simulator = lme.FastSimulator(lme.FastSimulator.Config(), robot)
+    simulator = lme.FastSimulator(lme.load_settings("sim/fast"), robot)
     episode = lme.run_episode(maps.task(world), navigator, simulator, np.random.default_rng(0))
     poses, outcome = driven_in_the_environment(policy, robot, world)
     assert episode.outcome == outcome

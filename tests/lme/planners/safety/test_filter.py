@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.safety.filter import SafetyFilter, SafetyFilterConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.safety.filter import SafetyFilter
+from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import observation, shipped, stage, task
@@ -35,7 +36,7 @@ class Wants:
 
 
 def filtered(command, robot, **config):
-    made = SafetyFilter(SafetyFilterConfig(**config), Wants(command, robot), robot)
+    made = SafetyFilter(load_settings("filter/stopping", **config), Wants(command, robot), robot)
     made.reset(np.random.default_rng(0))
     return made
 
@@ -95,7 +96,7 @@ def test_it_is_the_colliding_outline_that_is_kept_free():
 
 def test_points_in_the_blind_arc_are_remembered():
     robot = stage(fov=math.pi, num_beams=271)
-    simulator = FastSimulator(FastConfig(), robot)
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     post = World(circles=np.array([[0.0, 0.5, 0.1]]))
     seen = simulator.reset(
         task(post, start=Pose(0.0, 0.0, math.pi / 2), goal=(9, 9)), np.random.default_rng(0)
@@ -116,7 +117,7 @@ def test_a_planner_that_commands_no_numbers_is_named():
 @pytest.mark.parametrize("key", ["margin", "latency", "lag"])
 def test_a_wrong_value_is_refused(key):
     with pytest.raises(InputError, match=rf"filter\.{key} is -1"):
-        SafetyFilterConfig(**{key: -1.0})
+        load_settings("filter/stopping", **{key: -1.0})
 
 
 @settings(max_examples=25)
@@ -130,7 +131,7 @@ def test_whatever_the_planner_wants_nothing_seen_is_hit_in_the_simulator(name, d
     robot = shipped(name)
     angles, distances = rng.uniform(-math.pi, math.pi, 12), rng.uniform(0.6, 1.5, 12)
     posts = np.column_stack([distances * np.cos(angles), distances * np.sin(angles), np.full(12, 1e-6)])
-    simulator = FastSimulator(FastConfig(latency=latency, lag=lag), robot)
+    simulator = FastSimulator(load_settings("sim/fast", latency=latency, lag=lag), robot)
     seen = simulator.reset(task(World(circles=posts), goal=(9, 9)), rng)
     made = filtered(None, robot, latency=latency, lag=lag)
     for _ in range(25):
@@ -142,7 +143,7 @@ def test_whatever_the_planner_wants_nothing_seen_is_hit_in_the_simulator(name, d
 
 
 def random_filter(robot, latency, lag):
-    made = SafetyFilter(SafetyFilterConfig(latency=latency, lag=lag), Wants(None, robot), robot)
+    made = SafetyFilter(load_settings("filter/stopping", latency=latency, lag=lag), Wants(None, robot), robot)
     made.reset(np.random.default_rng(0))
     return made
 

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.geometry.frames import to_robot
 from lme.planners.safety.kernels import StoppingMotion, stopping_clearances
 from lme.ramp import reachable
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from tests import oracles
 from tests.builders import stage, task
@@ -86,7 +87,7 @@ def test_the_motion_is_that_of_the_simulator(seed, delays):
     """A robot that gets two commands and then brakes has the clearance that the kernel foresees from its start."""
     rng, (latency, lag) = np.random.default_rng(seed), delays
     robot = stage(control_rate=10.0, footprint=random_robot(rng).footprint)
-    simulator = FastSimulator(FastConfig(latency=latency, lag=lag, max_step=0.005), robot)
+    simulator = FastSimulator(load_settings("sim/fast", latency=latency, lag=lag, max_step=0.005), robot)
     first, second = random_twist(rng, robot), random_twist(rng, robot)
     simulator.reset(task(goal=(99, 99)), rng)
     poses = [(0.0, 0.0, 0.0)]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.planners.teb.band import TimedBand, Way
-from lme.planners.teb.config import TebConfig
 from lme.types import Limits, Pose, Twist
 
 BOX = (0.21, 0.155, 0.0)
@@ -22,7 +22,7 @@ REST = Twist(0.0, 0.0)
 
 
 def optimized(given, points=NOTHING, twist=REST, turn=0.0, **changes):
-    band = TimedBand(TebConfig(**changes), BOX)
+    band = TimedBand(load_settings("planner/teb", **changes), BOX)
     band.follow(given, START, LIMITS)
     total = band.optimize(given.via, points, twist, LIMITS, turn)
     return band, total
@@ -81,7 +81,7 @@ def test_a_goal_that_jumps_gives_a_new_band(length, yaw):
 
 
 def test_the_command_is_the_first_motion():
-    band = TimedBand(TebConfig(), BOX)
+    band = TimedBand(load_settings("planner/teb"), BOX)
     band.poses = np.array([[0.0, 0.0, np.pi / 2], [0.0, -0.1, np.pi / 2 + 0.05], [0.0, -0.2, np.pi / 2]])
     band.times = np.array([0.2, 0.2])
     assert band.command() == pytest.approx((-0.5, 0.25))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lme.planners.teb.config import TebConfig
+from lme.config.presets import load_settings
 from lme.planners.teb.recovery import Horizon, Oscillation
 from lme.types import Twist
 
@@ -10,7 +10,7 @@ DT = 0.1
 
 
 def test_a_failure_halves_the_horizon_for_ten_seconds():
-    horizon = Horizon(TebConfig(), DT)
+    horizon = Horizon(load_settings("planner/teb"), DT)
     assert horizon.share == 1.0
     horizon.record(failed=True)
     for _ in range(100):
@@ -20,7 +20,7 @@ def test_a_failure_halves_the_horizon_for_ten_seconds():
 
 
 def test_ten_failures_in_a_row_leave_a_quarter():
-    horizon = Horizon(TebConfig(), DT)
+    horizon = Horizon(load_settings("planner/teb"), DT)
     for _ in range(9):
         horizon.record(failed=True)
     assert horizon.share == 0.5
@@ -33,7 +33,7 @@ def test_ten_failures_in_a_row_leave_a_quarter():
 
 
 def told(*commands, omega=0.5):
-    oscillation = Oscillation(TebConfig(), DT, 0.8, 1.57)
+    oscillation = Oscillation(load_settings("planner/teb"), DT, 0.8, 1.57)
     for command in commands:
         oscillation.record(Twist(*command), omega)
     return oscillation

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.simulation.crowd import Crowd
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
+from lme.simulation.fast import FastSimulator
+from lme.simulation.physics import PhysicsSimulator
+from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Pose, Twist
 from lme.worlds.movers import ORCA, SOCIAL_FORCE, Mover
 from lme.worlds.world import World
@@ -121,9 +122,9 @@ def test_a_scene_turned_by_a_right_angle_goes_the_same_way():
 @pytest.mark.parametrize(
     "simulator",
     [
-        FastSimulator(FastConfig(), stage()),
-        PhysicsSimulator(PhysicsConfig(), stage()),
-        SkidSimulator(SkidConfig(), shipped("jackal_gazebo")),
+        FastSimulator(load_settings("sim/fast"), stage()),
+        PhysicsSimulator(load_settings("sim/physics"), stage()),
+        SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")),
     ],
     ids=lambda simulator: type(simulator).__name__,
 )
@@ -154,7 +155,10 @@ def test_who_is_recorded_is_there_only_between_the_first_and_the_last_time():
 
 def test_the_robot_drives_through_where_a_recorded_person_was():
     track = Mover(path=np.array([[2.0, 0.0], [2.0, 0.1]]), radius=0.4, times=np.array([0.0, 0.5]))
-    for simulator in (FastSimulator(FastConfig(), stage()), PhysicsSimulator(PhysicsConfig(), stage())):
+    for simulator in (
+        FastSimulator(load_settings("sim/fast"), stage()),
+        PhysicsSimulator(load_settings("sim/physics"), stage()),
+    ):
         simulator.reset(task(World(movers=(track,)), goal=(4.0, 0.0)), np.random.default_rng(0))
         while not (simulator.state.contact or simulator.state.arrived):
             simulator.step(Twist(0.5, 0.0))

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.worlds.barn.files import find_worlds, read_path, read_world
 from lme.worlds.barn.importing import import_worlds
 from lme.worlds.barn.layouts import official_layout
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 
 MODEL = """<model name='{name}'><static>1</static><pose frame=''>{x:.6f} {y:.6f} 0 0 0 0</pose>
 <link name='link'>
@@ -43,7 +44,7 @@ def write_world(folder, number, cylinders=None, path=True, extra=""):
 
 
 def barn(folder, **keys):
-    return Barn(BarnConfig(**{"source": str(folder), "subset": "all", **keys}))
+    return Barn(load_settings("map/barn", **{"source": str(folder), "subset": "all", **keys}))
 
 
 @pytest.mark.parametrize("layout", [".", "BARN", "worlds/BARN", "jackal_helper/worlds/BARN"])
@@ -59,7 +60,7 @@ def test_worlds_are_found_in_every_layout(tmp_path, layout):
 @pytest.mark.parametrize("path", [True, False])
 def test_a_published_world_is_the_official_one(tmp_path, path):
     write_world(tmp_path, 42, path=path)
-    ours, theirs = Barn(BarnConfig(subset="all")), barn(tmp_path)
+    ours, theirs = Barn(load_settings("map/barn", subset="all")), barn(tmp_path)
     one, other = ours.task(42), theirs.task(42)
     np.testing.assert_array_equal(one.world.circles, other.world.circles)
     assert (one.optimal_time, one.measures) == (other.optimal_time, other.measures)

@@ -1,19 +1,17 @@
 """The map set: subsets, bad input, tasks, and its YAML."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-import yaml
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.inputs.resources import resource_dir
 from lme.worlds.barn.map_set import Barn, BarnConfig
 
 
 def barn(**keys):
-    return Barn(BarnConfig(**keys))
+    return Barn(load_settings("map/barn", **keys))
 
 
 def test_a_subset_has_its_worlds():
@@ -26,19 +24,10 @@ def test_a_subset_has_its_worlds():
     assert barn(subset="fresh", worlds=[1500]).numbers == (1500,)
 
 
-def test_yaml_has_every_key_with_its_default_and_a_comment():
-    text = (resource_dir("conf") / "map" / "barn.yaml").read_text(encoding="utf-8")
-    values = yaml.safe_load(text)
-    assert values.pop("_target_") == "lme.worlds.barn.Barn"
-    assert BarnConfig(**values) == BarnConfig()
-    assert set(values) == {field.name for field in dataclasses.fields(BarnConfig)}
-    assert all("  # " in line for line in text.splitlines() if line.split(":")[0] in values)
-
-
 def test_schema_composes_with_omegaconf():
     omegaconf = pytest.importorskip("omegaconf")
     config = omegaconf.OmegaConf.merge(omegaconf.OmegaConf.structured(BarnConfig), {"worlds": [1, 2]})
-    assert omegaconf.OmegaConf.to_object(config) == BarnConfig(worlds=[1, 2])
+    assert omegaconf.OmegaConf.to_object(config) == load_settings("map/barn", worlds=[1, 2])
 
 
 @pytest.mark.parametrize(
@@ -62,9 +51,9 @@ def test_schema_composes_with_omegaconf():
         ({"worlds": []}, r"map\.worlds is \[\]"),
         ({"worlds": [1, 1]}, r"map\.worlds is \[1, 1\]"),
         ({"worlds": [7, -1]}, r"map\.worlds is \[7, -1\]: must be different numbers from 0 on"),
-        ({"worlds": [300, 7, 301]}, r"map\.worlds asks for 300, 301: must be 0 to 299"),
-        ({"worlds": [5], "subset": "fresh"}, r"map\.worlds asks for 5: must be from 1000 on"),
-        ({"source": "/nowhere"}, r"map\.source /nowhere does not exist"),
+        ({"worlds": [300, 7, 301]}, r"worlds asks for 300, 301: must be 0 to 299"),
+        ({"worlds": [5], "subset": "fresh"}, r"worlds asks for 5: must be from 1000 on"),
+        ({"source": "/nowhere"}, r"source /nowhere does not exist"),
         ({"source": "1" * 300}, r"map\.source 1+: cannot be read \(File name too long\)"),
     ],
 )

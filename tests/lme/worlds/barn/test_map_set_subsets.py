@@ -6,10 +6,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.worlds.barn.generator import official_recipes
 from lme.worlds.barn.hard import HARDEST, MEASURES, hard_layout, most_alike
 from lme.worlds.barn.layouts import fresh_layout, official_layout
-from lme.worlds.barn.map_set import Barn, BarnConfig, lab100
+from lme.worlds.barn.map_set import Barn, lab100
 from tests.places import SHARED
 
 FACTS = SHARED / "facts" / "lab100.csv"
@@ -20,7 +21,11 @@ def test_the_labs_hundred():
     numbers = lab100()
     assert Counter(number // 100 for number in numbers) == {0: 25, 1: 37, 2: 38}
     assert list(numbers) == sorted(set(numbers))
-    assert Barn(BarnConfig()).numbers == Barn(BarnConfig(subset="lab100")).numbers == numbers
+    assert (
+        Barn(load_settings("map/barn")).numbers
+        == Barn(load_settings("map/barn", subset="lab100")).numbers
+        == numbers
+    )
 
 
 @pytest.mark.skipif(not FACTS.is_file(), reason="the list of the lab's worlds is not next to the checkout")

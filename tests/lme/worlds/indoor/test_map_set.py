@@ -4,26 +4,24 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
-from lme.inputs.resources import resource_dir
+from lme.guides.tangent_bug.guide import TangentBug
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.simple import Simple, SimpleConfig
-from lme.simulation.fast import FastConfig, FastSimulator
+from lme.planners.simple import Simple
+from lme.simulation.fast import FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
-from lme.worlds.indoor import Indoor, IndoorConfig
+from lme.worlds.indoor import Indoor
 from lme.worlds.indoor.map_set import KINDS
-from runners.config.instantiate import build
 from tests.builders import SHIPPED, shipped, stage
 from tests.tolerances import KERNEL
 
 
 def indoor(**keys):
-    return Indoor(IndoorConfig(**keys))
+    return Indoor(load_settings("map/indoor", **keys))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -59,14 +57,13 @@ def test_a_number_means_the_same_whatever_else_is_chosen(kind):
 def test_tangent_bug_arrives(kind):
     robot = stage()
     task = indoor(kind=kind, radius=robot.footprint.r_max).task(1)
-    bug = Navigator(TangentBug(TangentBugConfig(), robot), Simple(SimpleConfig(), robot))
-    episode = run_episode(task, bug, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    bug = Navigator(
+        TangentBug(load_settings("guide/tangent_bug"), robot), Simple(load_settings("planner/simple"), robot)
+    )
+    episode = run_episode(
+        task, bug, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
+    )
     assert episode.outcome is Outcome.SUCCESS
-
-
-def test_the_yaml_builds_what_ships():
-    written = yaml.safe_load((resource_dir("conf") / "map" / "indoor.yaml").read_text("utf-8"))
-    assert build(written, "map").config == IndoorConfig()
 
 
 @pytest.mark.parametrize(
@@ -88,7 +85,7 @@ def test_the_yaml_builds_what_ships():
 )
 def test_a_mistake_is_one_line(keys, right):
     with pytest.raises(InputError) as error:
-        IndoorConfig(**keys)
+        load_settings("map/indoor", **keys)
     assert right in str(error.value)
     assert "\n" not in str(error.value)
 

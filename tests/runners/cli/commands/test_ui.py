@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.cli.commands import ui
-from runners.tracking.mlflow import MlflowConfig, MlflowTracking
+from runners.tracking.mlflow import MlflowTracking
 from runners.tracking.store import open_client
 from tests.hearing import hear_signals
 from tests.places import ROOT
@@ -79,7 +80,7 @@ def test_ui_serves_on_loopback_until_it_is_ended(tmp_path, port, ending):
 @pytest.mark.slow
 def test_the_printed_address_shows_a_table_of_runs_with_their_metrics(tmp_path, port, browser):
     uri = f"sqlite:///{tmp_path}/mlflow.db"
-    tracking = MlflowTracking(MlflowConfig(uri=uri))
+    tracking = MlflowTracking(load_settings("tracking/mlflow", uri=uri))
     tags = {"system": "Walker", "map": "hall", "command": "eval"}
     tracking.start({"seed": 0}, tmp_path / "sweep" / "0", tags, tmp_path / "sweep")
     tracking.finish({"success": 0.875, "barn_metric": 0.4375}, [])

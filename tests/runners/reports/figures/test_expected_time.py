@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.lme.maintenance import Choice
 from runners.cli.main import main
-from runners.reports.figures.driven_runs import StepConfig, read_runs
+from runners.reports.figures.driven_runs import read_runs
 from runners.reports.figures.expected_time import ExpectedTime, expected_time_figure, sights, telling_step
 from runners.reports.figures.style import BLUE, VERMILION
 from tests.runners.reports.figures.conftest import shot_of
@@ -97,8 +98,8 @@ def test_the_command_draws_it(plus_run, tmp_path):
 
 
 def test_mistakes_are_named(lme_run, tmp_path):
-    kind = ExpectedTime(StepConfig())
+    kind = ExpectedTime(load_settings("figure/method"))
     with pytest.raises(InputError, match=r"expected_time draws how LME\+ scores .* choose guide=lme_plus"):
         kind.draw(read_runs([lme_run]), [], tmp_path / "expected_time", ["png"])
     with pytest.raises(InputError, match=r"figure\.step is -1"):
-        StepConfig(step=-1)
+        load_settings("figure/method", step=-1)

@@ -8,11 +8,12 @@ import pytest
 from matplotlib.collections import PathCollection
 from matplotlib.text import Text
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.records.launch_record import read_launch
 from runners.reports.figures.driven_runs import DrivenRun, read_runs
-from runners.reports.figures.features import FeaturesConfig, chosen_criteria, clipped_range, features_figure
+from runners.reports.figures.features import chosen_criteria, clipped_range, features_figure
 from runners.reports.figures.robot_view import upwards
 from tests.runners.reports.figures.conftest import shot_of, with_criteria
 
@@ -37,7 +38,7 @@ def coloured(axes, shot):
 
 
 def test_a_panel_for_each_criterion_and_the_score_at_the_end(shot):
-    titles = list(panels(features_figure(shot, FeaturesConfig())))
+    titles = list(panels(features_figure(shot, load_settings("figure/features"))))
     assert len(titles) == 7
     assert [title.split("$")[1] for title in titles] == [
         r"a_{\mathrm{close}}",
@@ -53,13 +54,15 @@ def test_a_panel_for_each_criterion_and_the_score_at_the_end(shot):
 
 def test_only_the_criteria_asked_for_in_their_order_and_the_score_last(shot):
     assert chosen_criteria(shot.why, ["S", "a_mount", "c_o"]) == ["a_mount", "c_o"]
-    titles = list(panels(features_figure(shot, FeaturesConfig(criteria=["a_mount", "c_o"]))))
+    titles = list(
+        panels(features_figure(shot, load_settings("figure/features", criteria=["a_mount", "c_o"])))
+    )
     assert ["mount" in title for title in titles] == [True, False, False]
     assert titles[-1].startswith("$S$")
 
 
 def test_colours_are_the_values_clipped_at_the_percentiles(shot):
-    *_, axes = panels(features_figure(shot, FeaturesConfig(percentiles=[10, 80]))).values()
+    *_, axes = panels(features_figure(shot, load_settings("figure/features", percentiles=[10, 80]))).values()
     values, ends = coloured(axes, shot)
     np.testing.assert_array_equal(values, shot.why.scores)
     assert ends == pytest.approx(np.percentile(shot.why.scores, [10, 80]))
@@ -71,7 +74,7 @@ def test_colours_reach_to_the_extremes_where_the_percentiles_are_one_value():
 
 @pytest.mark.parametrize(("percentiles", "extended"), [([0, 100], 0), ([0, 90], 1), ([5, 95], 2)])
 def test_arrows_on_a_bar_tell_that_values_are_clipped(shot, percentiles, extended):
-    figure = features_figure(shot, FeaturesConfig(criteria=[], percentiles=percentiles))
+    figure = features_figure(shot, load_settings("figure/features", criteria=[], percentiles=percentiles))
     *_, bar = figure.axes
     assert (
         len(bar.child_axes) + len([patch for patch in bar.patches if patch.get_path().vertices.size])
@@ -80,7 +83,7 @@ def test_arrows_on_a_bar_tell_that_values_are_clipped(shot, percentiles, extende
 
 
 def test_two_values_get_two_names_with_how_many_there_are(shot):
-    figure = features_figure(shot, FeaturesConfig(criteria=["c_t"]))
+    figure = features_figure(shot, load_settings("figure/features", criteria=["c_t"]))
     written = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     free = int(shot.why.features[shot.why.names.index("c_t")].sum())
     count = len(shot.why.candidates)
@@ -91,7 +94,7 @@ def test_two_values_get_two_names_with_how_many_there_are(shot):
 
 def test_weighted_terms_add_up_to_the_score(shot):
     # Two values are drawn as no and yes, so they count with the weight that the key gives the yes.
-    drawn = panels(features_figure(shot, FeaturesConfig(values="weighted")))
+    drawn = panels(features_figure(shot, load_settings("figure/features", values="weighted")))
     *terms, score = (coloured(axes, shot)[0] for axes in drawn.values())
     factors = [
         weight if name.startswith("c_") else 1.0
@@ -104,7 +107,7 @@ def test_weighted_terms_add_up_to_the_score(shot):
 
 def test_a_criterion_of_ones_own_has_its_panel_and_a_constant_one_says_so(shot):
     more = with_criteria(shot, my_c=np.full(len(shot.why.candidates), -2.5))
-    figure = features_figure(more, FeaturesConfig(criteria=["my_c"]))
+    figure = features_figure(more, load_settings("figure/features", criteria=["my_c"]))
     assert next(iter(panels(figure))) == "my_c ($w$ = 1)"
     assert any("-2.5 for all candidates" in text.get_text() for text in figure.texts)
 
@@ -113,7 +116,9 @@ def test_a_criterion_of_ones_own_has_its_panel_and_a_constant_one_says_so(shot):
 def test_nothing_overlaps_or_leaves_the_page_and_all_can_be_read(shot, count):
     values = np.linspace(-1234.5, 1234.5, len(shot.why.candidates))
     more = with_criteria(shot, clearance=values)
-    figure = features_figure(more, FeaturesConfig(criteria=list(more.why.names[: count - 1])))
+    figure = features_figure(
+        more, load_settings("figure/features", criteria=list(more.why.names[: count - 1]))
+    )
     figure.draw_without_rendering()
     assert figure.get_figwidth() == 7
     assert figure.get_figheight() < 9.5
@@ -142,7 +147,9 @@ def _boxes(figure):
 def test_a_decision_without_a_sector_in_the_way_can_be_drawn(trace):
     shot = shot_of(trace, 0)
     open_view = shot.why.view._replace(blockage=None)
-    figure = features_figure(shot._replace(why=shot.why._replace(view=open_view)), FeaturesConfig())
+    figure = features_figure(
+        shot._replace(why=shot.why._replace(view=open_view)), load_settings("figure/features")
+    )
     assert any("No sector blocks" in text.get_text() for text in figure.texts)
     written = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert "old subgoal, given up" not in written  # the first decision has none
@@ -182,7 +189,7 @@ def test_mistakes_say_what_would_be_right(lme_run, tmp_path, capsys, words, mess
 def features():
     from runners.reports.figures.features import Features
 
-    return Features(FeaturesConfig(criteria=[]))
+    return Features(load_settings("figure/features", criteria=[]))
 
 
 def test_a_run_without_lme_cannot_be_drawn(target_run, features, tmp_path):

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.worlds.check import point_clearance
 from runners.config.catalogue import shipped
 from runners.config.map_sets import choose, known_path
 from runners.reports.figures.layout import extent
-from runners.reports.figures.map_pictures import COLUMNS, PANELS, Maps, MapsConfig, panels_of, sheet
+from runners.reports.figures.map_pictures import COLUMNS, PANELS, Maps, panels_of, sheet
 
 OWN = ("building", "file", "tracks")  # map sets of a user's own files
 
@@ -116,7 +117,7 @@ def drawn_names(monkeypatch, tmp_path, worlds=(), **settings):
     monkeypatch.setattr(
         module, "sheet", lambda panels, columns: seen.extend(panels) or sheet(panels, columns)
     )
-    (path,) = Maps(MapsConfig(**settings)).draw([], worlds, tmp_path / "maps", ["svg"])
+    (path,) = Maps(load_settings("figure/maps", **settings)).draw([], worlds, tmp_path / "maps", ["svg"])
     assert path.read_text(encoding="utf-8").startswith("<?xml")
     return seen
 
@@ -151,7 +152,7 @@ def test_null_is_every_set_but_that_of_a_users_own_file(monkeypatch, tmp_path):
 )
 def test_mistakes_are_reported_before_anything_is_drawn(settings, said):
     with pytest.raises(InputError, match=said):
-        Maps(MapsConfig(**settings))
+        Maps(load_settings("figure/maps", **settings))
 
 
 def test_more_worlds_than_can_be_read_are_refused(every_panel):

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.robots import Footprint
 from runners.config.instantiate import build
@@ -16,7 +17,7 @@ from runners.reports.figures import trajectories
 from runners.reports.figures.driven_runs import DrivenRun
 from runners.reports.figures.panels import Panel, ends_before, subgoals_of
 from runners.reports.figures.stage import places
-from runners.reports.figures.trajectories import Trajectories, TrajectoriesFigureConfig, moment
+from runners.reports.figures.trajectories import Trajectories, moment
 from tests.runners.reports.plots.test_paths import drawn, task
 
 __all__ = ["drawn"]  # a fixture
@@ -51,7 +52,9 @@ def job(system, outcomes, map_name="corridor"):
 
 
 def draw(jobs, worlds, folder, **settings):
-    return Trajectories(TrajectoriesFigureConfig(**settings)).draw(jobs, worlds, folder / "figure", ["png"])
+    return Trajectories(load_settings("figure/trajectories", **settings)).draw(
+        jobs, worlds, folder / "figure", ["png"]
+    )
 
 
 def rows_of(figure):
@@ -192,7 +195,7 @@ def test_a_moment_must_be_a_step_or_a_time(value):
     with pytest.raises(
         InputError, match=r"figure\.moment is .*: must be null, the number of a step, or a time"
     ):
-        TrajectoriesFigureConfig(moment=value)
+        load_settings("figure/trajectories", moment=value)
 
 
 @pytest.mark.parametrize(("value", "end"), [(20, "at 19"), ("2 s", r"at 1\.9 s")])

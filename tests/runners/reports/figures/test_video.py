@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from runners.cli.main import main
@@ -17,7 +18,7 @@ from runners.reports.figures.driven_runs import read_runs
 from runners.reports.figures.scene import outline
 from runners.reports.figures.stage import TRAIL_S, Stage, draw_mover_trails, index_at, seen
 from runners.reports.figures.style import new_figure
-from runners.reports.figures.video import Video, VideoConfig
+from runners.reports.figures.video import Video
 
 WORDS = ["map=real1_dynamic", "robot=turtlebot2", "runs=1", "executor=serial"]
 
@@ -67,7 +68,7 @@ def test_flat_colours_are_those_of_the_figure(sweep):
 
 @pytest.mark.parametrize("speed", [2.0, 0.5])
 def test_speed_is_in_times_real_time(sweep, tmp_path, traces, speed):
-    (path,) = Video(VideoConfig(speed=speed, width=200, fps=4)).draw(
+    (path,) = Video(load_settings("figure/video", speed=speed, width=200, fps=4)).draw(
         read_runs([sweep]), [0], tmp_path / "v", []
     )
     last = max(trace.end.time for trace in traces)
@@ -76,13 +77,17 @@ def test_speed_is_in_times_real_time(sweep, tmp_path, traces, speed):
 
 def test_a_long_episode_is_shown_in_twenty_seconds_unless_asked_otherwise(sweep, tmp_path, monkeypatch):
     monkeypatch.setattr("runners.reports.figures.video.ENOUGH_S", 5.0)
-    (path,) = Video(VideoConfig(width=200, fps=4)).draw(read_runs([sweep]), [], tmp_path / "v", [])
+    (path,) = Video(load_settings("figure/video", width=200, fps=4)).draw(
+        read_runs([sweep]), [], tmp_path / "v", []
+    )
     assert sum(durations(path)) / 1000 == pytest.approx(6.0, abs=0.5)
 
 
 def test_a_film_is_the_same_twice(sweep, tmp_path):
     for name in ("one", "two"):
-        Video(VideoConfig(speed=4.0, width=200, fps=4)).draw(read_runs([sweep]), [0], tmp_path / name, [])
+        Video(load_settings("figure/video", speed=4.0, width=200, fps=4)).draw(
+            read_runs([sweep]), [0], tmp_path / name, []
+        )
     assert (tmp_path / "one.gif").read_bytes() == (tmp_path / "two.gif").read_bytes()
 
 
@@ -152,19 +157,21 @@ def test_a_still_picture_of_a_moment_comes_from_the_same_run(sweep, tmp_path, mo
 def test_more_panels_than_can_be_seen_are_refused(sweep, tmp_path):
     jobs = read_runs([sweep])
     with pytest.raises(InputError, match="8 runs make 8 panels; at most 6 fit at once"):
-        Video(VideoConfig()).draw(jobs * 4, [0], tmp_path / "v", [])
+        Video(load_settings("figure/video")).draw(jobs * 4, [0], tmp_path / "v", [])
 
 
 def test_a_world_that_was_not_driven_is_named(sweep, tmp_path):
     with pytest.raises(InputError, match=r"world is 7: .* has only 0"):
-        Video(VideoConfig()).draw(read_runs([sweep]), [7], tmp_path / "v", [])
+        Video(load_settings("figure/video")).draw(read_runs([sweep]), [7], tmp_path / "v", [])
 
 
 def test_mp4_is_smaller_than_gif(sweep, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     sizes = {}
     for kind in ("gif", "mp4"):
-        config = VideoConfig(format=kind, speed=4.0, width=301, fps=4)  # odd: the encoder needs even sides
+        config = load_settings(
+            "figure/video", format=kind, speed=4.0, width=301, fps=4
+        )  # odd: the encoder needs even sides
         (path,) = Video(config).draw(read_runs([sweep]), [0], tmp_path / "v", [])
         sizes[kind] = path.stat().st_size
         assert path.name == f"v.{kind}"
