@@ -81,7 +81,7 @@ class RecordedPeople:
         if not last / config.every <= MOST_BEGINNINGS:
             raise InputError(
                 f"{path}: lasts {last:.4g} s at frame_rate {config.frame_rate:g}: must have at most "
-                f"{MOST_BEGINNINGS} beginnings, one for each every, {config.every:g} s"
+                f"{MOST_BEGINNINGS} beginnings, one every {config.every:g} s"
             )
         # Offer only worlds at whose beginning nobody stands where the robot starts.
         self._spans = np.array([track[[0, -1], 0] for track in self._tracks])

@@ -173,7 +173,7 @@ def test_a_mover_on_its_way_back_waits_for_a_robot_on_the_other_side():
         ({"turn_rate": math.inf}, r"turn_rate is inf"),
         ({"start_after": -0.1}, r"start_after is -0\.1"),
         ({"repeat": "twice"}, r"repeat is 'twice': must be once, back_and_forth, cycle"),
-        ({"trigger": (1.0, 2.0)}, r"trigger needs mover\.starts_within"),
+        ({"trigger": (1.0, 2.0)}, r"trigger needs starts_within"),
         ({"trigger": (1.0, math.nan), "starts_within": 1.0}, r"trigger is \(1\.0, nan\)"),
         ({"path": [[0.0, math.nan]]}, r"path is .*nan"),
         ({"path": [[0.0]]}, r"path is .*2 or 3 finite numbers"),

@@ -169,6 +169,6 @@ def test_milliseconds_for_frames_are_named_with_the_rate(written):
 
 def test_a_recording_of_years_is_refused_before_its_beginnings_are_listed(written):
     with pytest.raises(
-        InputError, match=r"lasts 4e\+07 s at map\.frame_rate 25: must have at most 100000 beginnings"
+        InputError, match=r"lasts 4e\+07 s at frame_rate 25: must have at most 100000 beginnings"
     ):
         tracks(written("0 1 0 0\n25 1 1 0\n1e9 2 0 0\n1000000025 2 1 0\n"))

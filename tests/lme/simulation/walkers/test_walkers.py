@@ -168,7 +168,7 @@ def test_the_robot_drives_through_where_a_recorded_person_was():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"motion": "fly"}, "mover.motion is 'fly'"),
+        ({"motion": "fly"}, "motion is 'fly'"),
         ({"radius": None, "outline": np.eye(3, 2)}, "must be scripted for a mover with an outline"),
         ({"starts_within": 1.0}, "must be scripted for a mover with starts_within"),
         ({"motion": "scripted", "times": np.array([0.0, math.nan])}, "must be rising times"),

@@ -93,8 +93,8 @@ def test_a_mistake_is_one_line(keys, right):
 @pytest.mark.parametrize(
     ("keys", "right"),
     [
-        ({"min_distance": 40.0, "max_distance": 50.0}, "map.min_distance is 40 m: must be a distance"),
-        ({"min_distance": 0.0, "max_distance": 0.1}, "map.max_distance is 0.1 m: must be a distance"),
+        ({"min_distance": 40.0, "max_distance": 50.0}, "min_distance is 40 m: must be a distance"),
+        ({"min_distance": 0.0, "max_distance": 0.1}, "max_distance is 0.1 m: must be a distance"),
     ],
 )
 def test_distances_that_no_building_has_are_refused(keys, right):
