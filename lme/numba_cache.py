@@ -55,28 +55,28 @@ def choose(package: Path = _PACKAGE) -> None:
 
 def folder(source: Path) -> Path:
     """Return Numba's folder for the kernels of a source file: in NUMBA_CACHE_DIR, named after the file's folder."""
-    chosen = os.environ.get(_VARIABLE)
-    if not chosen:
+    cache_dir = os.environ.get(_VARIABLE)
+    if not cache_dir:
         return source.parent / "__pycache__"
-    return Path(chosen) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
+    return Path(cache_dir) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
 
 
 def _version(package: Path) -> str:
     """A name for the current sources of all kernels."""
-    known = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
         if b"njit" in source:
-            known.update(str(path.relative_to(package)).encode() + b"\0" + source)
-    return known.hexdigest()[:16]
+            digest.update(str(path.relative_to(package)).encode() + b"\0" + source)
+    return digest.hexdigest()[:16]
 
 
 def _candidates(package: Path) -> Iterator[Path]:
     """The possible places of the folder, best first. If NUMBA_CACHE_DIR is set, it is the only one."""
-    given = os.environ.get(_VARIABLE)
-    if given:
+    cache_dir = os.environ.get(_VARIABLE)
+    if cache_dir:
         # A process that has called `choose` hands its own folder to those that it starts.
-        yield Path(given).parent if Path(given).name.startswith(_PREFIX) else Path(given)
+        yield Path(cache_dir).parent if Path(cache_dir).name.startswith(_PREFIX) else Path(cache_dir)
         return
     if os.access(package, os.W_OK):
         yield package / "__pycache__"
@@ -95,8 +95,8 @@ def _private_folder() -> Path:
     folder = Path(tempfile.gettempdir()) / f"{_NAME}-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     status = folder.lstat()
-    ours = status.st_uid == os.getuid() and not status.st_mode & 0o077 and not folder.is_symlink()
-    return folder if ours else Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
+    is_private = status.st_uid == os.getuid() and not status.st_mode & 0o077 and not folder.is_symlink()
+    return folder if is_private else Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
 
 
 def _remove_old(base: Path) -> None:

@@ -39,13 +39,13 @@ def drive(
     x, y = pose[0], pose[1]
     travelled = 0.0
     for k in range(steps):
-        until = dt * (k + 1) / steps
+        end_time = dt * (k + 1) / steps
         # Midpoint rule: the distance of the step is driven along the heading at its middle.
         middle = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, dt * (k + 0.5) / steps)
-        total = _ramp_integral(twist[0], v_goal, alpha_v, until)
+        total = _ramp_integral(twist[0], v_goal, alpha_v, end_time)
         x += (total - travelled) * math.cos(middle)
         y += (total - travelled) * math.sin(middle)
-        yaw = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, until)
+        yaw = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, end_time)
         travelled = total
         poses[k, 0], poses[k, 1], poses[k, 2] = x, y, yaw
     return poses, (_ramp(twist[0], v_goal, alpha_v, dt), _ramp(twist[1], omega_goal, alpha_omega, dt))
@@ -132,7 +132,7 @@ def movers_among(points: Floats, seen: Floats, people: Floats, most: float) -> t
     radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
     """
     movers = np.empty((len(people), 5))
-    own = np.zeros(len(points), np.bool_)
+    is_mover = np.zeros(len(points), np.bool_)
     for n in range(len(people)):
         # Radius of the mover: distance from its centre to the nearest point of the scan.
         square = most * most
@@ -142,5 +142,5 @@ def movers_among(points: Floats, seen: Floats, people: Floats, most: float) -> t
         # Its own points lie at most `_SKIN` beyond that radius.
         for m in range(len(points)):
             dx, dy = points[m, 0] - people[n, 0], points[m, 1] - people[n, 1]
-            own[m] = own[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN
-    return own, movers
+            is_mover[m] = is_mover[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN
+    return is_mover, movers

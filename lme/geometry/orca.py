@@ -42,8 +42,8 @@ def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, share, l
         if length > 0.0:
             nx, ny = wx / length, wy / length
         else:  # exactly at the middle: any side
-            away = math.sqrt(square)
-            nx, ny = (-x / away, -y / away) if away > 0.0 else (1.0, 0.0)
+            distance = math.sqrt(square)
+            nx, ny = (-x / distance, -y / distance) if distance > 0.0 else (1.0, 0.0)
         dx, dy = ny, -nx
         depth = reach / horizon - length
         ux, uy = depth * nx, depth * ny
@@ -69,11 +69,11 @@ def before_point(x, y, radius, horizon, line):
     [s]. Where the point is the nearest of a convex obstacle, this keeps it off the whole obstacle. The velocity 0 is
     always permitted, also in contact.
     """
-    away = math.sqrt(x * x + y * y)
-    nx, ny = (x / away, y / away) if away > 0.0 else (1.0, 0.0)
+    distance = math.sqrt(x * x + y * y)
+    nx, ny = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
     # Greatest speed towards the point; the border is perpendicular to that direction.
-    most = max(away - radius, 0.0) / horizon
-    line[0], line[1], line[2], line[3] = most * nx, most * ny, -ny, nx
+    max_approach = max(distance - radius, 0.0) / horizon
+    line[0], line[1], line[2], line[3] = max_approach * nx, max_approach * ny, -ny, nx
 
 
 @njit(cache=True, error_model="numpy")

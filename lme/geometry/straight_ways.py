@@ -25,12 +25,12 @@ def straight_ways(
     """
     # Straight ways, then the turns before them: only points within the turning outline matter there.
     blocked = _blocked_ahead(places, points, box, margin)
-    near, _ = _split(points, math.hypot(box[0], box[1]) + box[2] + turn_margin, np.inf)
-    if box[0] > 0.0 and len(near):
+    near_points, _ = _split(points, math.hypot(box[0], box[1]) + box[2] + turn_margin, np.inf)
+    if box[0] > 0.0 and len(near_points):
         turns = np.array([[0.0, 1.0], [0.0, -1.0]])
-        margins, zeros, full = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
+        margins, zeros, full_circles = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
         # At 1 rad/s the times until contact are the greatest free turns [rad].
-        left, right = first_contacts(turns, near, box, margins, zeros, full, KEPT)
+        left, right = first_contacts(turns, near_points, box, margins, zeros, full_circles, KEPT)
         for n in range(len(places)):
             bearing = math.atan2(places[n, 1], places[n, 0])
             blocked[n] = blocked[n] or bearing > left or -bearing > right
@@ -51,15 +51,15 @@ def reachable(
 
     If no way is free, both margins are multiplied by `tight`, and the places that are then free have ½.
     """
-    ways, value = straight_ways(places, points, box, margin, turn_margin), 1.0
+    is_free, value = straight_ways(places, points, box, margin, turn_margin), 1.0
     # No way is free: try narrower margins.
-    if not ways.any():
-        ways, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
-    out = np.zeros(len(ways))
-    for n in range(len(ways)):
-        if ways[n]:
-            out[n] = value
-    return out
+    if not is_free.any():
+        is_free, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
+    ratings = np.zeros(len(is_free))
+    for n in range(len(is_free)):
+        if is_free[n]:
+            ratings[n] = value
+    return ratings
 
 
 @njit(cache=True, error_model="numpy")
@@ -71,15 +71,15 @@ def _blocked_ahead(places, points, box, margin):
     farthest = 0.0
     # Lengthen each way by what the front reaches beyond the disc at its end.
     for n in range(len(places)):
-        away = math.sqrt(places[n, 0] * places[n, 0] + places[n, 1] * places[n, 1])
-        stretch = 1.0 + ahead / max(away, 1e-3)
+        distance = math.sqrt(places[n, 0] * places[n, 0] + places[n, 1] * places[n, 1])
+        stretch = 1.0 + ahead / max(distance, 1e-3)
         ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
-        farthest = max(farthest, stretch * away)
-    beside, before = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
-    blocked = fan_blocked(origin, ends, before, width)
+        farthest = max(farthest, stretch * distance)
+    inner, outer = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
+    blocked = fan_blocked(origin, ends, outer, width)
     # Points that are within the width already: none may come nearer than the nearest of them is, but for KEPT.
-    if len(beside):
-        blocked |= fan_blocked(origin, ends, beside, KEPT * math.sqrt((beside**2).sum(axis=1).min()))
+    if len(inner):
+        blocked |= fan_blocked(origin, ends, inner, KEPT * math.sqrt((inner**2).sum(axis=1).min()))
     return blocked
 
 
@@ -90,10 +90,10 @@ def _split(points, near, far):
     i, j = 0, 0
     for n in range(len(points)):
         x, y = points[n, 0], points[n, 1]
-        away = math.sqrt(x * x + y * y)
+        distance = math.sqrt(x * x + y * y)
         # Write each point to both arrays, and advance only where it belongs: no branches.
         inner[i, 0], inner[i, 1] = x, y
         outer[j, 0], outer[j, 1] = x, y
-        i += away < near
-        j += near <= away <= far
+        i += distance < near
+        j += near <= distance <= far
     return inner[:i], outer[:j]

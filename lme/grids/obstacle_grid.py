@@ -130,8 +130,8 @@ def draw_discs(hits: Hits, grid: Grid, discs: Floats) -> None:
         for i in range(lattice(x - reach), lattice(x + reach) + 1):
             for j in range(lattice(y - reach), lattice(y + reach) + 1):
                 # Distance from the centre to the nearest point of the cell.
-                away = math.hypot(max(abs(i - x) - 0.5, 0.0), max(abs(j - y) - 0.5, 0.0))
-                if away <= reach:
+                distance = math.hypot(max(abs(i - x) - 0.5, 0.0), max(abs(j - y) - 0.5, 0.0))
+                if distance <= reach:
                     _occupy(hits, grid, i, j)
 
 
@@ -154,13 +154,13 @@ def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
 
     A line of cells changes sides where it crosses an edge.
     """
-    cell, rows, last = grid[2], hits.shape[0], len(polygon) - 1
+    cell, rows, last_corner = grid[2], hits.shape[0], len(polygon) - 1
     low = max(lattice(polygon[:, 1].min() / cell) - grid[1], 0)
     high = min(lattice(polygon[:, 1].max() / cell) - grid[1], hits.shape[1] - 1)
     # [i, j]: whether line j of cells crosses an edge between its cells i − 1 and i
     changes = np.zeros((rows + 1, max(high - low + 1, 0)), np.bool_)
     for k in range(len(polygon)):
-        (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last else 0]
+        (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last_corner else 0]
         first = max(lattice(min(y0, y1) / cell) - grid[1], low)
         for j in range(first, min(lattice(max(y0, y1) / cell) - grid[1], high) + 1):
             y = (j + grid[1]) * cell

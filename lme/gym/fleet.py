@@ -124,9 +124,9 @@ class Fleet:
         timing = (self.robot.dt, float(config.max_step), config.even_ramp)
         advance(states, self._bodies, self._places, commands, *timing)
         self._steps += 1
-        before, self._distances = self._distances, distances(self._places.goals, states.poses)
+        previous, self._distances = self._distances, distances(self._places.goals, states.poses)
         outcomes = states.outcomes.copy()
-        rewards = self._reward.of(before, self._distances, outcomes)
+        rewards = self._reward.of(previous, self._distances, outcomes)
         views, (ended,) = self._views(np.arange(self.num_envs)), np.nonzero(outcomes)
         last_views, results = views.of(ended), [self._result(int(i)) for i in ended]
         if len(ended):

@@ -84,10 +84,10 @@ class NavigationEnv(gym.Env[Any, Any]):
         if self._simulator is None:
             raise InputError("the robot has no episode yet: call reset before step")
         v, omega = commands(action, np.array(self._robot.limits.bounds)).tolist()
-        before = self._simulator.state
+        previous = self._simulator.state
         observation = self._simulator.step(Twist(v, omega))
         state = self._simulator.state
-        self._progress.moved(before, state)
+        self._progress.moved(previous, state)
         self._steps += 1
         self._trail.append(state.pose)
         outcome = self._progress.outcome(state)
@@ -104,17 +104,17 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     def _seen(self, observation: Observation) -> Arrays:
         self._scan = scan = observation.scan
-        seen = arrays(
+        entries = arrays(
             scan.ranges, observation.target, observation.twist, observation.limits.bounds, scan.range_max
         )
         if self._shows_people:
-            told = self._people.seen(observation, None) if self._people else observation
-            seen["people"] = people_rows(told.pedestrians)
-        return seen
+            tracked = self._people.seen(observation, None) if self._people else observation
+            entries["people"] = people_rows(tracked.pedestrians)
+        return entries
 
     def _reward(self, outcome: Outcome | None) -> float:
-        before, self._distance = self._distance, self._distance_left()
-        return float(self._choices.reward.of(before, self._distance, np.array([CODES[outcome]]))[0])
+        previous, self._distance = self._distance, self._distance_left()
+        return float(self._choices.reward.of(previous, self._distance, np.array([CODES[outcome]]))[0])
 
     def _distance_left(self) -> Floats:
         """Distance from robot to goal: (1,) [m]."""

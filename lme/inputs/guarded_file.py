@@ -166,14 +166,14 @@ class _UniqueKeys(SafeLoader):  # type: ignore[misc]
     """Loader that refuses a repeated key. PyYAML silently keeps the last one, which would lose part of a drawing."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
+        keys = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
+                if key.value in keys:
                     raise yaml.MarkedYAMLError(
                         problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
                     )
-                seen.add(key.value)
+                keys.add(key.value)
         mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return mapping
 

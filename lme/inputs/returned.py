@@ -27,8 +27,8 @@ class ReturnedError(InputError):
 
 def dotted_name(thing: Any) -> str:
     """The dotted path of a function, or of the class of an object."""
-    named = thing if hasattr(thing, "__qualname__") else type(thing)
-    return f"{named.__module__}.{named.__qualname__}"
+    definition = thing if hasattr(thing, "__qualname__") else type(thing)
+    return f"{definition.__module__}.{definition.__qualname__}"
 
 
 def checked_command(command: object, planner: object) -> Twist:
@@ -73,8 +73,8 @@ def checked_people(observation: object, source: object) -> Observation:
     try:
         if not isinstance(observation, Observation):
             raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
-        wanted = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
-        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", wanted)
+        requirement = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
+        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", requirement)
     except ReturnedError as error:
         raise ReturnedError(f"{dotted_name(source)}.seen returned {error}") from None
     return observation if people is observation.pedestrians else observation._replace(pedestrians=people)
@@ -87,8 +87,8 @@ def checked_observation(observation: object, state: Any, simulator: object) -> O
     observation and the state is finite.
     """
     try:
-        where = (*state.pose, state.time)
-        checked_array(where, (4,), "a state", "a pose (x [m], y [m], yaw [rad]) and a time [s]")
+        pose_and_time = (*state.pose, state.time)
+        checked_array(pose_and_time, (4,), "a state", "a pose (x [m], y [m], yaw [rad]) and a time [s]")
         return _observation(observation)
     except ReturnedError as error:
         raise ReturnedError(f"{dotted_name(simulator)} returned {error}") from None
@@ -103,19 +103,20 @@ def checked_array(value: object, shape: tuple[int | None, ...], what: str, wante
         array: Floats = value
     else:
         array = _as_floats(value, shape, what, wanted)
-    given = array.shape
-    if given != shape and (
-        len(given) != len(shape) or any(n not in (None, m) for n, m in zip(shape, given, strict=True))
+    array_shape = array.shape
+    if array_shape != shape and (
+        len(array_shape) != len(shape)
+        or any(n not in (None, m) for n, m in zip(shape, array_shape, strict=True))
     ):
-        raise ReturnedError(f"{what} of shape {given}: must be {wanted}, of shape {_shape(shape)}")
-    if given == (2,):
+        raise ReturnedError(f"{what} of shape {array_shape}: must be {wanted}, of shape {_shape(shape)}")
+    if array_shape == (2,):
         x, y = array.tolist()  # quicker than NumPy for two numbers
         finite = math.isfinite(x) and math.isfinite(y)
     else:
         finite = bool(np.isfinite(array).all())
     if not finite:
-        bad = int(np.count_nonzero(~np.isfinite(array)))
-        numbers = f"{bad} of {array.size} numbers are not finite"
+        num_bad = int(np.count_nonzero(~np.isfinite(array)))
+        numbers = f"{num_bad} of {array.size} numbers are not finite"
         raise ReturnedError(f"{what} of which {numbers}: must be {wanted}, all finite")
     return array
 
@@ -131,10 +132,10 @@ def _guidance(guidance: object) -> Guidance:
     checked = checked_array(subgoal, (2,), "a subgoal", "(x, y) in the robot's frame [m]")
     if checked is not subgoal:
         guidance = guidance._replace(subgoal=checked)
-    for name, places in (("path", path), ("points", points), ("way", way)):
-        if places is not None:
-            checked = checked_array(places, (None, 2), f"the {name}", _PLACES)
-            if checked is not places:
+    for name, points_array in (("path", path), ("points", points), ("way", way)):
+        if points_array is not None:
+            checked = checked_array(points_array, (None, 2), f"the {name}", _PLACES)
+            if checked is not points_array:
                 guidance = guidance._replace(**{name: checked})  # type: ignore[arg-type]
     if guidance.path is not None and not len(guidance.path):
         raise ReturnedError("a path without points: must have one, or be None")

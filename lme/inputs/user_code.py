@@ -34,10 +34,10 @@ def user_error(error: BaseException) -> str:
     inner = [i for i, frame in enumerate(frames) if _is_users(frame.filename)]
     if not inner:
         return ""
-    last = frames[inner[-1]]
-    after = [frame for frame in frames[inner[-1] :] if _is_ours(frame.filename)]
-    raised = f" (raised in {_short(after[-1].filename)}:{after[-1].lineno})" if after else ""
-    return f"{_short(last.filename)}:{last.lineno}: {text}{raised}"
+    user_frame = frames[inner[-1]]
+    tail = [frame for frame in frames[inner[-1] :] if _is_ours(frame.filename)]
+    raised = f" (raised in {_short(tail[-1].filename)}:{tail[-1].lineno})" if tail else ""
+    return f"{_short(user_frame.filename)}:{user_frame.lineno}: {text}{raised}"
 
 
 def explained(error: BaseException) -> str:

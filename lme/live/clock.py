@@ -28,8 +28,8 @@ class Clock:
         if latest is None or -_JITTER <= now - latest <= self._time_jump:
             self._latest = now if latest is None else max(now, latest)
             return ""
-        way = "forwards" if now > latest else "backwards"
-        return f"the clock jumped {way} by {abs(now - latest) / SECOND:.3g} s"
+        direction = "forwards" if now > latest else "backwards"
+        return f"the clock jumped {direction} by {abs(now - latest) / SECOND:.3g} s"
 
     @property
     def stalled_for(self) -> int:

@@ -160,8 +160,8 @@ class LiveDriver:
             self._last = self._standing_step(now, str(error), error.state)
         except Exception as error:
             show_traceback(error)
-            why = user_error(error) or f"{type(error).__name__}: {error}"
-            self._last = self._standing_step(now, why)
+            reason = user_error(error) or f"{type(error).__name__}: {error}"
+            self._last = self._standing_step(now, reason)
         return self._last
 
     def stop(self, reason: str) -> LiveStep:
@@ -224,8 +224,8 @@ class LiveDriver:
             return None
         if self._pilot is not None:
             source = self._pilot.source
-            known = not source.exceeded_by(scan) and source.carrier is sensors.carrier
-            if known and (mount is None or not source.mounted_by.startswith("robot=")):
+            is_known_lidar = not source.exceeded_by(scan) and source.carrier is sensors.carrier
+            if is_known_lidar and (mount is None or not source.mounted_by.startswith("robot=")):
                 return None
         return _First(scan, mount, sensors.carrier, sensors.posture)
 
@@ -252,10 +252,10 @@ class LiveDriver:
         # The goal is a target at the stamp of the scan; at the latest pose, it tells whether the robot has arrived.
         sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
         goal.place(frames, tree, sensors.track, _ANY_TIME)
-        target, left = (goal.target(at, frames, tree) for at in (sight.motion, sight.newest))
-        if target is None or left is None:
+        target, remaining = (goal.target(motion, frames, tree) for motion in (sight.motion, sight.newest))
+        if target is None or remaining is None:
             raise NotReadyError(f"tf does not connect the frame of the goal, {goal.frame}, to {frames.odom}")
-        if math.hypot(*left) <= self.config.goal_tolerance:
+        if math.hypot(*remaining) <= self.config.goal_tolerance:
             self._end_goal(LiveState.ARRIVED, "arrived")
             raise NotReadyError(*self._idle_reason)
         return _Ready(sight, target, self._number)
@@ -265,14 +265,14 @@ class LiveDriver:
 
     def _decide(self, ready: _Ready, now: int) -> LiveStep:
         """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
-        pilot, last = self._pilot, self._last.command
+        pilot, last_command = self._pilot, self._last.command
         assert pilot is not None
-        step = pilot.decide(ready.sight, ready.target, ready.number, last, now)
+        step = pilot.decide(ready.sight, ready.target, ready.number, last_command, now)
         with self._lock:
             self._check_goal(ready.number)
         if step.decision_us > self.config.stale * 1e6:
             return _halt(step, f"the decision took {step.decision_us / 1e6:.2f} s")
-        if self.config.soft_stop and pilot.leads_into_contact(step, last):
+        if self.config.soft_stop and pilot.leads_into_contact(step, last_command):
             self.soft_stops += 1
             return _halt(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
         return step

@@ -36,8 +36,8 @@ class Goal:
             self._placed = self._point
         elif self.frame != frames.base and (matrix := tree.lookup(frames.odom, self.frame)) is not None:
             # A goal in a frame above the odometry frame moves with it, so it is not placed once and for all.
-            place = to_world(self._point, planar_matrix(matrix)[0])
-            self._placed = None if self._is_above_odometry(frames, tree) else place
+            position = to_world(self._point, planar_matrix(matrix)[0])
+            self._placed = None if self._is_above_odometry(frames, tree) else position
             return True
         elif (matrix := tree.lookup(frames.base, self.frame)) is not None:
             # A goal in a frame of the robot: the pose at its stamp fixes it.
@@ -51,8 +51,8 @@ class Goal:
 
         None if tf does not connect its frame, or puts it absurdly far away.
         """
-        found = self._in_robot_frame(motion, frames, tree)
-        return found if found is not None and (np.abs(found) <= FARTHEST).all() else None
+        target = self._in_robot_frame(motion, frames, tree)
+        return target if target is not None and (np.abs(target) <= FARTHEST).all() else None
 
     def _in_robot_frame(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
         if self.frame == frames.base and self._stamp == motion.stamp:

@@ -110,15 +110,15 @@ class LiveSensors:
 
     def take_transforms(self, message: Any, now: int, static: bool) -> None:
         """Add a TFMessage."""
-        for one in message.transforms:
-            if not np.isfinite(matrix_of(one.transform.translation, one.transform.rotation)).all():
-                self.note_problem("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
+        for stamped in message.transforms:
+            if not np.isfinite(matrix_of(stamped.transform.translation, stamped.transform.rotation)).all():
+                self.note_problem("tf", f"the transform of {frame(stamped.child_frame_id)} is not finite")
                 return
         self._problems.pop("tf", None)
         self.tree.update(message)
         if not static:
-            for one in message.transforms:
-                child, stamp = frame(one.child_frame_id), self._header_stamp(one.header) or now
+            for stamped in message.transforms:
+                child, stamp = frame(stamped.child_frame_id), self._header_stamp(stamped.header) or now
                 self._moved[child] = max(min(stamp, now), self._moved.get(child, 0))
             self._moving |= {*self._moved}
         if self._pose_message is None:
@@ -226,11 +226,11 @@ class LiveSensors:
         problem = self._problems.get(what)
         if what == "pose" and self._pose_message is None:
             problem = problem or self._problems.get("tf")
-        because = f" ({problem})" if problem else ""
+        reason = f" ({problem})" if problem else ""
         if what not in self._seen:
-            raise NotReadyError(f"no {_NAMES[what]}{because}")
+            raise NotReadyError(f"no {_NAMES[what]}{reason}")
         if now - self._seen[what] > self._stale:
-            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{because}")
+            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{reason}")
 
 
 def _seconds(time: int) -> str:

@@ -37,30 +37,30 @@ class TwistCheck:
 
     def add(self, stamp: int, pose: Pose, twist: Twist) -> None:
         """Compare one more motion. stamp: [ns]. pose: in the odometry frame. twist: as the message has it."""
-        before, self._before = self._before, (stamp, pose, twist)
+        previous, self._before = self._before, (stamp, pose, twist)
         self._all_zero = self._all_zero and twist == (0.0, 0.0)
-        seconds = (stamp - before[0]) / SECOND if before else 0.0
+        seconds = (stamp - previous[0]) / SECOND if previous else 0.0
         # After a gap, or a stamp that is not later, both windows begin anew.
-        if before is None or not 0.0 < seconds <= _LONGEST_GAP_S:
+        if previous is None or not 0.0 < seconds <= _LONGEST_GAP_S:
             self._sums[:] = self._moved[:] = 0.0
             self._velocities.clear()
             return
         # The velocity of the poses alone shows whether twists that are always zero are wrong.
-        moved = relative(pose, before[1])
-        self._moved += (seconds, moved.x, moved.yaw)
+        motion = relative(pose, previous[1])
+        self._moved += (seconds, motion.x, motion.yaw)
         if self._moved[0] >= _MOVING_S:
             self._velocities.append(self._moved[1:] / self._moved[0])
             self._moved[:] = 0.0
         # Sum the motion by the poses, and by the twists (trapezoidal rule), until the window is full.
-        means = [(one + other) / 2 for one, other in zip(before[2], twist, strict=True)]
-        self._sums += np.array((seconds, moved.x, moved.yaw, *(seconds * mean for mean in means)))
+        means = [(earlier + later) / 2 for earlier, later in zip(previous[2], twist, strict=True)]
+        self._sums += np.array((seconds, motion.x, motion.yaw, *(seconds * mean for mean in means)))
         if self._sums[0] < _WINDOW_S:
             return
-        v, omega, said_v, said_omega = (float(number) for number in self._sums[1:] / self._sums[0])
+        v, omega, twist_v, twist_omega = (float(number) for number in self._sums[1:] / self._sums[0])
         self._sums[:] = 0.0
-        if not max(abs(v), abs(said_v)) < _SLOWEST[0] or not max(abs(omega), abs(said_omega)) < _SLOWEST[1]:
-            right = _is_near(v, said_v, _NEAR[0]) and _is_near(omega, said_omega, _NEAR[1])
-            self._windows.append((not right, (v, omega, said_v, said_omega)))
+        if not max(abs(v), abs(twist_v)) < _SLOWEST[0] or not max(abs(omega), abs(twist_omega)) < _SLOWEST[1]:
+            right = _is_near(v, twist_v, _NEAR[0]) and _is_near(omega, twist_omega, _NEAR[1])
+            self._windows.append((not right, (v, omega, twist_v, twist_omega)))
 
     @property
     def full(self) -> bool:
@@ -73,10 +73,10 @@ class TwistCheck:
         at_end: nothing more comes, so fewer windows decide, if all are wrong.
         """
         if self._all_zero and len(self._velocities) == 2:
-            one, other = self._velocities
-            onward = one * other > 0.0  # not out and back, as one wrong pose
-            if (onward & (np.minimum(np.abs(one), np.abs(other)) >= _SLOWEST)).any():
-                v, omega = (one + other) / 2.0
+            earlier, later = self._velocities
+            same_direction = earlier * later > 0.0  # not out and back, as one wrong pose
+            if (same_direction & (np.minimum(np.abs(earlier), np.abs(later)) >= _SLOWEST)).any():
+                v, omega = (earlier + later) / 2.0
                 return (
                     f"its twist is always zero, but its poses move ({v:.2f} m/s, {omega:.2f} rad/s), so velocities are "
                     "taken from the poses; topics.twist=poses does so from the start"
@@ -84,9 +84,9 @@ class TwistCheck:
         wrong = [numbers for is_wrong, numbers in self._windows if is_wrong]
         if len(wrong) < _WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
             return None
-        v, omega, said_v, said_omega = np.mean(wrong, axis=0)
+        v, omega, twist_v, twist_omega = np.mean(wrong, axis=0)
         return (
-            f"its twists contradict its poses (on average {said_v:.2f} m/s and {said_omega:.2f} rad/s in the twists, "
+            f"its twists contradict its poses (on average {twist_v:.2f} m/s and {twist_omega:.2f} rad/s in the twists, "
             f"{v:.2f} m/s and {omega:.2f} rad/s in the poses), so velocities are taken from the poses; a twist must be "
             "in the frame of the robot (child_frame_id), in m/s and rad/s"
         )

@@ -85,8 +85,8 @@ class Costmap:
         self._grid, size = _layout(config, places)
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
-        own = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
-        self._around = config.obstacle_range + float(own) + config.cell_size  # [m] that a scan changes
+        reach = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
+        self._around = config.obstacle_range + float(reach) + config.cell_size  # [m] that a scan changes
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
         self._low = self._high = np.array(self.cell(np.zeros(2)))  # of the box around all obstacles so far
@@ -199,10 +199,10 @@ def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int
     cells = size[0] * size[1]
     if cells > _MOST_CELLS:
         # A side has up to three cells more than its length has: the ends are rounded outwards.
-        least = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
+        finest = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
         raise InputError(
             f"guide.costmap.cell_size is {config.cell_size:g}: the global map with a margin of {config.margin:g} m "
-            f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {least:g} m, or a smaller "
+            f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {finest:g} m, or a smaller "
             "guide.costmap.margin"
         )
     return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])

@@ -50,17 +50,17 @@ class MapClock:
 
         The first observation is taken as it is, since a robot at rest has a map.
         """
-        before, self._before = self._before, observation
+        previous, self._before = self._before, observation
         if self._rate is None:
             return MapInput(observation.scan, observation.odometry, observation.odometry)
-        if before is None:
+        if previous is None:
             return _input(observation, observation.odometry)
-        began, self._time = self._time, self._time + self._dt
+        begin, self._time = self._time, self._time + self._dt
         # The last tick in the period that has ended, and the pose at it.
-        last = self._phase + math.floor((self._time - self._phase) * self._rate) / self._rate
-        if last <= began:
+        tick = self._phase + math.floor((self._time - self._phase) * self._rate) / self._rate
+        if tick <= begin:
             return None
-        return _input(before, between(before.odometry, observation.odometry, (last - began) / self._dt))
+        return _input(previous, between(previous.odometry, observation.odometry, (tick - begin) / self._dt))
 
 
 def _input(observation: Observation, pose: Pose) -> MapInput:

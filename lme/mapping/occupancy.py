@@ -32,14 +32,14 @@ def trace_beams(hits, misses, ranges, angles, limits, clears_far, pose, resoluti
     A beam that ends beyond limits[1] passes everything up to there; one without a return does so if `clears_far`.
     """
     x0, y0 = pose[0], pose[1]
-    nearest, farthest, none = limits[0], limits[1], limits[2]
+    nearest, farthest, no_return = limits[0], limits[1], limits[2]
     for i in range(len(ranges)):
         length = float(ranges[i])
         if not (length > 0.0 and length >= nearest):  # also for nan
             continue
-        if length >= none and not clears_far:
+        if length >= no_return and not clears_far:
             continue
-        is_hit = length <= farthest and length < none
+        is_hit = length <= farthest and length < no_return
         # End of the beam, or of the part of it that counts.
         length = min(length, farthest) / resolution
         bearing = pose[2] + angles[0] + i * angles[1]
@@ -120,12 +120,12 @@ def densified(way: Floats, step: float, jump: float) -> Floats:
     # The points of each line, after the last point of the one before.
     points = np.empty((count, 2))
     points[0] = way[0]
-    at = 1
+    index = 1
     for k in range(1, len(way)):
         pieces = _pieces(way, k, step, jump)
         for i in range(1, pieces + 1):
-            points[at] = way[k - 1] + (way[k] - way[k - 1]) * (i / pieces)
-            at += 1
+            points[index] = way[k - 1] + (way[k] - way[k - 1]) * (i / pieces)
+            index += 1
     return points
 
 
@@ -176,13 +176,13 @@ class OccupancyGrid:
         """
         self._cover(np.array([lidar.x, lidar.y]))
         column, row = np.array([lidar.x, lidar.y]) / self._resolution - self._corner
-        none = float(np.float32(scan.range_max))
+        no_return = float(np.float32(scan.range_max))
         trace_beams(
             self._hits,
             self._misses,
             np.ascontiguousarray(scan.ranges, dtype=np.float32),
             (float(scan.angle_min), float(scan.angle_increment)),
-            (float(scan.range_min), min(self._max_range, none), none),
+            (float(scan.range_min), min(self._max_range, no_return), no_return),
             clears_far,
             (float(column), float(row), float(lidar.yaw)),
             self._resolution,
@@ -219,17 +219,17 @@ class OccupancyGrid:
         """Grow the grid, if needed, to hold all cells within max_range of a place (2,) [m]."""
         low = np.floor((place - self._max_range) / self._resolution).astype(np.int64) - 1
         high = np.ceil((place + self._max_range) / self._resolution).astype(np.int64) + 1
-        first, last = self._corner, self._corner + self._hits.shape[::-1]
+        first_cell, last_cell = self._corner, self._corner + self._hits.shape[::-1]
         if not self._hits.size:
-            self._corner = first = last = low
-        elif (low >= first).all() and (high <= last).all():
+            self._corner = first_cell = last_cell = low
+        elif (low >= first_cell).all() and (high <= last_cell).all():
             return
-        more = math.ceil(_GROWTH_M / self._resolution)
-        before = np.where(low < first, np.maximum(first - low, more), 0)
-        after = np.where(high > last, np.maximum(high - last, more), 0)
-        self._check_size(last + after - (first - before))
-        widths = ((before[1], after[1]), (before[0], after[0]))
-        self._corner = first - before
+        growth = math.ceil(_GROWTH_M / self._resolution)
+        pad_before = np.where(low < first_cell, np.maximum(first_cell - low, growth), 0)
+        pad_after = np.where(high > last_cell, np.maximum(high - last_cell, growth), 0)
+        self._check_size(last_cell + pad_after - (first_cell - pad_before))
+        widths = ((pad_before[1], pad_after[1]), (pad_before[0], pad_after[0]))
+        self._corner = first_cell - pad_before
         self._hits, self._misses = np.pad(self._hits, widths), np.pad(self._misses, widths)
 
     def _check_size(self, size: Ints) -> None:
@@ -248,9 +248,9 @@ class OccupancyGrid:
 
     def _seen_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
         """Rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
-        seen = (self._hits > 0) | (self._misses > 0)
-        seen[rows, columns] = True
-        along = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        observed = (self._hits > 0) | (self._misses > 0)
+        observed[rows, columns] = True
+        along = np.flatnonzero(observed.any(axis=1)), np.flatnonzero(observed.any(axis=0))
         low, high = (
             (max(int(line[0]) - margin, 0) for line in along),
             (int(line[-1]) + margin + 1 for line in along),
@@ -267,6 +267,6 @@ class OccupancyGrid:
         padded = np.pad(cells, rim, constant_values=UNKNOWN)
         rows, columns = np.nonzero(padded == FREE)
         row, column = int(rows.min()) - rim, int(columns.min()) - rim
-        kept = padded[row : rows.max() + rim + 1, column : columns.max() + rim + 1]
+        cropped = padded[row : rows.max() + rim + 1, column : columns.max() + rim + 1]
         x, y = (corner + np.array([column - rim, row - rim])) * self._resolution
-        return GridMap(kept, self._resolution, (round(float(x), 9), round(float(y), 9)))
+        return GridMap(cropped, self._resolution, (round(float(x), 9), round(float(y), 9)))

@@ -48,14 +48,14 @@ class CommandFeedback:
         if observation.last_command is None:
             observation = observation._replace(last_command=self._last)
         move = None if self._dt is None else self._reckoning.move(observation)
-        held = False
+        is_held = False
         if move is not None:
             velocity = self._reckoning.velocity(move)
             if move.reports_no_speed:
                 observation = observation._replace(twist=velocity)
                 self._tell(move)
-            held = self._is_held(observation.last_command or _STILL, velocity)
-        return observation._replace(closed_loop=True) if held or self._closed else observation
+            is_held = self._is_held(observation.last_command or _STILL, velocity)
+        return observation._replace(closed_loop=True) if is_held or self._closed else observation
 
     def limited(self, command: Twist, observation: Observation) -> Twist:
         """Return the command, or the nearest one within the limits, and remember it as the last command."""
@@ -72,8 +72,8 @@ class CommandFeedback:
         if len(self._periods) < (self._periods.maxlen or 0):
             return False
         sums = (self._dt * sum(column) for column in zip(*self._periods, strict=True))
-        asked_m, asked_rad, moved_m, moved_rad = sums
-        return _behind(asked_m, moved_m, _ASKED_M) or _behind(asked_rad, moved_rad, _ASKED_RAD)
+        commanded_m, commanded_rad, moved_m, moved_rad = sums
+        return _behind(commanded_m, moved_m, _ASKED_M) or _behind(commanded_rad, moved_rad, _ASKED_RAD)
 
     def _tell(self, move: Move) -> None:
         assert move.pose is not None

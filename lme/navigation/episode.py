@@ -121,9 +121,9 @@ class RunningEpisode:
 
     def decide(self) -> Twist:
         """Return the navigator's command for the newest observation."""
-        before = perf_counter_ns()
+        start_ns = perf_counter_ns()
         command = self.navigator.act(self.observation)
-        self.decision_us = (perf_counter_ns() - before) / 1000.0
+        self.decision_us = (perf_counter_ns() - start_ns) / 1000.0
         assert self.navigator.guidance is not None
         self._log.decided(self.navigator.guidance, self.decision_us)
         return command

@@ -41,11 +41,11 @@ class Explanations:
 
     def new(self) -> Explanation | None:
         """Return the explanation if LME made a decision since the last call."""
-        why = self._navigator.explanation()
-        if why is None or why.decision is self._given:
+        explanation = self._navigator.explanation()
+        if explanation is None or explanation.decision is self._given:
             return None
-        self._given = why.decision
-        return why
+        self._given = explanation.decision
+        return explanation
 
 
 class Navigator:

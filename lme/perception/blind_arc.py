@@ -36,8 +36,8 @@ class BlindArc:
         if is_full_circle(observation.scan):
             return points
         if len(self._seen) > 0:
-            before = to_robot(self._seen, observation.odometry)
-            points = np.concatenate((points, before[self._unseen(before, observation.scan)]))
+            remembered = to_robot(self._seen, observation.odometry)
+            points = np.concatenate((points, remembered[self._unseen(remembered, observation.scan)]))
         self._seen = to_world(active_cells(points, self._cell, self._reach), observation.odometry)
         return points
 
@@ -47,5 +47,5 @@ class BlindArc:
         half_fov = 0.5 * len(scan.ranges) * abs(scan.angle_increment)
         middle = scan.angle_min + 0.5 * (len(scan.ranges) - 1) * scan.angle_increment
         bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - middle
-        unseen: Bools = np.cos(bearings) < math.cos(half_fov)
-        return unseen
+        is_hidden: Bools = np.cos(bearings) < math.cos(half_fov)
+        return is_hidden

@@ -47,16 +47,16 @@ class DeadReckoning:
 
     def move(self, observation: Observation) -> Move | None:
         """Return the motion since the last observation; None at the first one."""
-        now, odometry = observation.twist, observation.odometry
+        twist, odometry = observation.twist, observation.odometry
         if self._before is None:
-            self._before = now, odometry
+            self._before = twist, odometry
             return None
-        (before, former), self._before = self._before, (now, odometry)
-        if odometry == former and any(now):
-            return Move(before, now, None)
+        (previous, former), self._before = self._before, (twist, odometry)
+        if odometry == former and any(twist):
+            return Move(previous, twist, None)
         pose = relative(odometry, former)
-        self.by_poses = self.by_poses or not self._explained(pose, before, now, observation.limits)
-        return Move(before, now, pose if self.by_poses else None)
+        self.by_poses = self.by_poses or not self._explained(pose, previous, twist, observation.limits)
+        return Move(previous, twist, pose if self.by_poses else None)
 
     def velocity(self, move: Move) -> Twist:
         """Mean velocity of a motion."""
@@ -79,6 +79,6 @@ def _ramps(moved: float, before: float, now: float, alpha: float, dt: float) -> 
     """Return whether a ramp from `before` to `now`, at `alpha` or slower, can move the robot by `moved` in `dt`."""
     change = abs(now - before)
     # Difference from `now` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
-    behind = math.copysign(1.0, now - before) * (now * dt - moved)
+    shortfall = math.copysign(1.0, now - before) * (now * dt - moved)
     slack = _SHARE * abs(moved) + _SLACK
-    return change**2 / (2 * alpha) - slack <= behind <= change * dt / 2 + slack
+    return change**2 / (2 * alpha) - slack <= shortfall <= change * dt / 2 + slack

@@ -88,14 +88,14 @@ def _angle_faults(scan: LaserScan, angle_max: float | None) -> list[ScanFault]:
     turns = count * increment / math.tau
     if turns > _MOST_TURNS:
         return [ScanFault("turns", f"{beams}, {turns:.3g} turns: only the first turn is read", True)]
-    last = scan.angle_min + (count - 1) * scan.angle_increment
-    if angle_max is not None and math.isfinite(angle_max - last):
-        off = math.remainder(angle_max - last, math.tau)
-        if abs(off) > _OFF_BEAMS * increment:
-            ends = f"ends at {math.degrees(last):.4g}°, but angle_max is {math.degrees(angle_max):.4g}°"
+    last_angle = scan.angle_min + (count - 1) * scan.angle_increment
+    if angle_max is not None and math.isfinite(angle_max - last_angle):
+        difference = math.remainder(angle_max - last_angle, math.tau)
+        if abs(difference) > _OFF_BEAMS * increment:
+            ends = f"ends at {math.degrees(last_angle):.4g}°, but angle_max is {math.degrees(angle_max):.4g}°"
             text = f"{beams}, so it {ends}: the increment is used, and one of them is wrong"
             return [
-                ScanFault("angle_max", text, abs(off) > _OFF and angle_max != 0.0)
+                ScanFault("angle_max", text, abs(difference) > _OFF and angle_max != 0.0)
             ]  # 0: the driver left it unset
     if (count - 1) * increment > math.tau + 0.5 * increment:
         text = f"{beams}, {count * math.degrees(increment):.4g}°: beams beyond one turn are left out"
@@ -123,21 +123,22 @@ def _reading_faults(told: LaserScan, used: LaserScan, outline: float) -> list[Sc
         return []
     with np.errstate(invalid="ignore"):
         if not ((ranges > 0.0) & ~(ranges < np.float32(used.range_min))).any():
-            what = f"all {len(ranges)} are NaN, 0 or below range_min {used.range_min:g} m"
-            return [ScanFault("empty", f"no beam of a scan measures anything: {what}", True)]
-        lost = (ranges > outline) & (ranges < np.float32(used.range_min))
-        beyond = np.isfinite(ranges) & (ranges >= np.float32(used.range_max))
+            reason = f"all {len(ranges)} are NaN, 0 or below range_min {used.range_min:g} m"
+            return [ScanFault("empty", f"no beam of a scan measures anything: {reason}", True)]
+        is_too_near = (ranges > outline) & (ranges < np.float32(used.range_min))
+        is_too_far = np.isfinite(ranges) & (ranges >= np.float32(used.range_max))
     returns = ranges[_returns(used)]
     faults: list[ScanFault] = []
     if len(returns) and np.median(returns) > FAR:
         faults.append(_unit_fault(returns, "between range_min and range_max"))
-    elif np.count_nonzero(beyond) > len(returns) and _in_another_unit(ranges[beyond], told):
-        faults.append(_unit_fault(ranges[beyond], f"beyond range_max {used.range_max:g} m"))
-    number = np.count_nonzero(lost)
-    if number >= max(3, _LOST * len(ranges)) and len(np.unique(ranges[lost])) > 2:
+    elif np.count_nonzero(is_too_far) > len(returns) and _in_another_unit(ranges[is_too_far], told):
+        faults.append(_unit_fault(ranges[is_too_far], f"beyond range_max {used.range_max:g} m"))
+    number = np.count_nonzero(is_too_near)
+    if number >= max(3, _LOST * len(ranges)) and len(np.unique(ranges[is_too_near])) > 2:
         text = (
-            f"{number} of {len(ranges)} beams of a scan read {ranges[lost].min():.3g} to {ranges[lost].max():.3g} m, "
-            f"below range_min {used.range_min:g} m, and are dropped; if they are right, set scan.range_min"
+            f"{number} of {len(ranges)} beams of a scan read {ranges[is_too_near].min():.3g} to "
+            f"{ranges[is_too_near].max():.3g} m, below range_min {used.range_min:g} m, and are dropped; "
+            "if they are right, set scan.range_min"
         )
         faults.append(ScanFault("below range_min", text, bool(number > len(returns))))
     if len(returns) == len(ranges) >= _SAME and (returns == returns[0]).all():
@@ -148,8 +149,8 @@ def _reading_faults(told: LaserScan, used: LaserScan, outline: float) -> list[Sc
 
 def _in_another_unit(beyond: np.ndarray, told: LaserScan) -> bool:
     """Return whether readings beyond range_max are distances in another unit, not codes for "no return"."""
-    said = told.range_max if 0.0 < told.range_max < math.inf else FAR / _TIMES_TOO_FAR
-    return bool(np.median(beyond) > _TIMES_TOO_FAR * said) and len(np.unique(beyond)) > _CODES
+    range_max = told.range_max if 0.0 < told.range_max < math.inf else FAR / _TIMES_TOO_FAR
+    return bool(np.median(beyond) > _TIMES_TOO_FAR * range_max) and len(np.unique(beyond)) > _CODES
 
 
 def _unit_fault(readings: np.ndarray, where: str) -> ScanFault:
@@ -163,5 +164,5 @@ def _returns(scan: LaserScan) -> np.ndarray:
     """Return whether each beam has a return within the limits: (num_beams,)."""
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     with np.errstate(invalid="ignore"):
-        within = (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
-        return np.asarray(within & (ranges > 0.0))
+        in_limits = (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
+        return np.asarray(in_limits & (ranges > 0.0))

@@ -41,12 +41,12 @@ class StoppingGuard:
         if len(points) == 0:
             return command
         circles = np.column_stack((points, np.zeros(len(points))))
-        here = np.array([_HERE])
-        least = min(self._margin, sweep(here, self._box, circles, _NO_EDGES)[0] - 1e-6)
-        room = min(self._room, sweep(here, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
+        pose = np.array([_HERE])
+        min_clearance = min(self._margin, sweep(pose, self._box, circles, _NO_EDGES)[0] - 1e-6)
+        room = min(self._room, sweep(pose, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
         for v, omega in _slower(wanted):
             command = limited(v, omega, observation, self._dt)
-            if self._clear(command, observation, circles, least, room):
+            if self._clear(command, observation, circles, min_clearance, room):
                 return command
         return limited(0.0, 0.0, observation, self._dt)
 
@@ -54,8 +54,8 @@ class StoppingGuard:
         self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
     ) -> bool:
         """Return whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
-        for now in observation.twists:
-            poses = until_rest(command, now, observation.limits, self._robot)
+        for twist in observation.twists:
+            poses = until_rest(command, twist, observation.limits, self._robot)
             clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
             if contact >= 0 or clearance < least:
                 return False
@@ -70,13 +70,13 @@ def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_ste
     No point of the outline moves farther than `max_step` [m] between two poses.
     """
     reach = robot.footprint.r_max
-    way, twist = drive(_HERE, now, command, limits.bounds, robot.dt, max_step, reach)
+    travel, twist = drive(_HERE, now, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
-    stop, _ = drive(Pose(*way[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
-    return np.vstack((way, stop))
+    stop, _ = drive(Pose(*travel[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
+    return np.vstack((travel, stop))
 
 
 def _slower(wanted: Twist) -> list[tuple[float, float]]:
     """List the command, slower ones on the same arc, then turns in place."""
-    on_arc = [(share * wanted.v, share * wanted.omega) for share in _SHARES]
+    on_arc = [(factor * wanted.v, factor * wanted.omega) for factor in _SHARES]
     return [*on_arc, (0.0, wanted.omega), (0.0, 0.3 * wanted.omega)]

@@ -107,8 +107,8 @@ class VfhPlus:
         target = yaw + math.atan2(y, x)
         # Masked histogram and choice of a direction.
         direction, stop = self._direction(cells, target, observation)
-        wanted = self._drive(direction, stop, density, distance, observation)
-        return self._guard.guard(wanted, observation, points)
+        desired = self._drive(direction, stop, density, distance, observation)
+        return self._guard.guard(desired, observation, points)
 
     def _binary(self, density: Floats) -> Bools:
         """Binary polar histogram with hysteresis (second stage)."""
@@ -123,9 +123,9 @@ class VfhPlus:
         for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
             candidates = candidate_directions(blocked, target / self._alpha, self._wide)
             if len(candidates) > 0:
-                chosen = self._cheapest(candidates, target, yaw)
-                self._previous = chosen
-                return self._turn(chosen, target, yaw), stop
+                best = self._cheapest(candidates, target, yaw)
+                self._previous = best
+                return self._turn(best, target, yaw), stop
         self._previous = None
         return None, True
 
@@ -133,8 +133,8 @@ class VfhPlus:
         """Candidate of the least cost, in sectors; without a previous choice, the heading takes its place."""
         heading = yaw / self._alpha
         previous = heading if self._previous is None else self._previous
-        towards = (target / self._alpha, heading, previous)
-        return float(candidates[cheapest(candidates, self._costs, towards, self._num_sectors)])
+        references = (target / self._alpha, heading, previous)
+        return float(candidates[cheapest(candidates, self._costs, references, self._num_sectors)])
 
     def _turn(self, chosen: float, target: float, yaw: float) -> float:
         """Chosen direction relative to the heading [rad]; straight behind, the turn passes the target."""
@@ -149,9 +149,9 @@ class VfhPlus:
         """Turn towards the direction, with a speed limited by density and turn."""
         if direction is None:
             return Twist(0.0, 0.0)
-        limits, now, config = observation.limits, observation.ramp_start, self._config
+        limits, twist, config = observation.limits, observation.ramp_start, self._config
         # Turn rate: proportional to the direction, and slow enough to stop at it.
-        fastest = approach(direction, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
+        fastest = approach(direction, twist.omega, limits.omega_max, limits.alpha_omega, self._dt)
         gentle = config.turn_gain * direction
         omega = min(fastest, gentle) if direction > 0.0 else max(fastest, gentle)
         if stop:
@@ -160,4 +160,4 @@ class VfhPlus:
         ahead = density[round(observation.odometry.yaw / self._alpha) % self._num_sectors]
         calm = 1.0 - min(ahead / config.density_stop, 1.0)
         v_max = limits.v_max * calm * max(1.0 - abs(gentle) / limits.omega_max, 0.0)
-        return Twist(approach(distance, now.v, v_max, limits.alpha_v, self._dt), omega)
+        return Twist(approach(distance, twist.v, v_max, limits.alpha_v, self._dt), omega)

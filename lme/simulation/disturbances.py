@@ -108,11 +108,11 @@ class PastMotion:
         self._motions.append((time, motion))
         while len(self._motions) > 1 and self._motions[1][0] <= time - self._age:
             self._motions.popleft()
-        (began, a), (ended, b) = self._motions[0], self._motions[min(1, len(self._motions) - 1)]
-        share = max(time - self._age - began, 0.0) / (ended - began) if ended > began else 0.0
-        v, omega = (x + share * (y - x) for x, y in zip(a.twist, b.twist, strict=True))
+        (start, a), (end, b) = self._motions[0], self._motions[min(1, len(self._motions) - 1)]
+        fraction = max(time - self._age - start, 0.0) / (end - start) if end > start else 0.0
+        v, omega = (x + fraction * (y - x) for x, y in zip(a.twist, b.twist, strict=True))
         return Measured(
-            between(a.pose, b.pose, share), Twist(v, omega), between(a.odometry, b.odometry, share)
+            between(a.pose, b.pose, fraction), Twist(v, omega), between(a.odometry, b.odometry, fraction)
         )
 
 

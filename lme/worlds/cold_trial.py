@@ -157,8 +157,8 @@ class TrialRanges:
     scan_noise: list[float] = field(default_factory=lambda: [0.0, 0.02])  # [m] standard deviation
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            self._check(each.name, getattr(self, each.name))
+        for entry in fields(self):
+            self._check(entry.name, getattr(self, entry.name))
         require("map.ranges.num_beams[0]", self.num_beams[0], above=1)
         require("map.ranges.blind_arc[1]", self.blind_arc[1], at_most=1.9 * math.pi)
         require("map.ranges.range_max[0]", self.range_max[0], above=self.range_min[1])
@@ -263,10 +263,10 @@ class ColdTrialConfig:
         require("map.start_margin", self.start_margin, at_least=0.0)
         require("map.time_factor", self.time_factor, at_least=1.0)
         require("map.least_time", self.least_time, above=0.0)
-        chosen = self.worlds
-        if chosen is not None and not (chosen and set(chosen) <= set(range(self.count))):
+        worlds = self.worlds
+        if worlds is not None and not (worlds and set(worlds) <= set(range(self.count))):
             raise InputError(
-                f"map.worlds is {list(chosen)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
+                f"map.worlds is {list(worlds)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
             )
         if self.paths is not None:
             check_paths(self.paths)
@@ -320,7 +320,7 @@ class ColdTrial:
             try:
                 task = self._task(number, family, seed, choice, robot)
             except InputError as error:
-                narrow = error
+                refusal = error
                 continue
             columns = {
                 "family": family,
@@ -329,7 +329,7 @@ class ColdTrial:
             }
             return DrawnTask(task, robot, disturbances, columns)
         raise InputError(
-            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of map.ranges fits ({narrow})"
+            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of map.ranges fits ({refusal})"
         )
 
     def _task(self, number: int, family: str, seed: int, choice: int, robot: Robot) -> Task:

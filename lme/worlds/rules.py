@@ -36,10 +36,10 @@ class TaskRules:
             require("map.time_limit", self.time_limit, above=0.0)
             plausibility.check("map.time_limit", self.time_limit)
         require("map.clock_distance", self.clock_distance, at_least=0.0)
-        chosen = self.worlds
-        if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
+        worlds = self.worlds
+        if worlds is not None and (not worlds or len(set(worlds)) < len(worlds) or min(worlds) < 0):
             raise InputError(
-                f"map.worlds is {list(chosen)}: must be different numbers from 0 on, at least one, or null"
+                f"map.worlds is {list(worlds)}: must be different numbers from 0 on, at least one, or null"
             )
 
     def numbers(self, offered: Iterable[int]) -> tuple[int, ...]:
@@ -147,8 +147,8 @@ def fair_limit(fastest: float, factor: float = TIME_FACTOR, least: float = LEAST
 
 def with_robot(values: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
     """Return the values of a map set's keys, with those of the robot for a `radius` and a `v_max` of null."""
-    own = {"radius": robot.hull.r_max, "v_max": robot.v_max}
-    return {**values, **{key: own[key] for key in own if key in values and values[key] is None}}
+    defaults = {"radius": robot.hull.r_max, "v_max": robot.v_max}
+    return {**values, **{key: defaults[key] for key in defaults if key in values and values[key] is None}}
 
 
 def path_measures(length: float, straight: float) -> dict[str, float]:

@@ -120,8 +120,8 @@ class FreeSpace:
         points = shortest_way(self._passable, self._step, self._cell(start), self._cell(goal))
         if not len(points):
             return np.empty((0, 2))
-        between = np.column_stack([self._x[points[1:-1, 1]], self._y[points[1:-1, 0]]])
-        return np.vstack([start, between, goal])
+        turns = np.column_stack([self._x[points[1:-1, 1]], self._y[points[1:-1, 0]]])
+        return np.vstack([start, turns, goal])
 
     def area(self, place: Floats | Sequence[float]) -> float:
         """Area of the free points that can be reached from a free place x, y [m²]."""
@@ -157,14 +157,14 @@ class FreeSpace:
         if self._passable[row, column]:
             return cell
         # The nearest point is not free. If the place itself is, take the nearest of the free points around.
-        around = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
-        here = np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)
-        clearance = clearance_field(self._plan, *here, self._radius)
-        if clearance.item() < self._radius or not len(around):
+        candidates = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
+        coordinates = np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)
+        clearance = clearance_field(self._plan, *coordinates, self._radius)
+        if clearance.item() < self._radius or not len(candidates):
             return cell
-        around += np.maximum(cell - 1, 0)
-        away = np.hypot(self._x[around[:, 1]] - x, self._y[around[:, 0]] - y)
-        return np.asarray(around[away.argmin()])
+        candidates += np.maximum(cell - 1, 0)
+        distances = np.hypot(self._x[candidates[:, 1]] - x, self._y[candidates[:, 0]] - y)
+        return np.asarray(candidates[distances.argmin()])
 
 
 def _points_along(low: list[float], high: list[float], step: float) -> tuple[int, int]:
@@ -184,17 +184,17 @@ def _reachable(
     roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
 ) -> Points:
     """Return the points of `roomy` in the region of [row, column], except itself, at least `least` [m] away."""
-    found, count = np.empty_like(roomy), 0
-    sure = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
+    reachable, count = np.empty_like(roomy), 0
+    sure_square = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
     for point in roomy:
         # A point can be reached if it lies in the same region of free neighbours.
-        there, across = point // regions.shape[1], point % regions.shape[1]
-        if regions[there, across] != regions[row, column]:
+        row_index, column_index = point // regions.shape[1], point % regions.shape[1]
+        if regions[row_index, column_index] != regions[row, column]:
             continue
         # Far enough if √(Δrow² + Δcolumn²) step ≥ least; most points surely are, by the square.
-        up, side = there - row, across - column
-        square = up * up + side * side
-        if square > 0 and (square > sure or math.hypot(up, side) * step >= least):
-            found[count] = point
+        rows, columns = row_index - row, column_index - column
+        square = rows * rows + columns * columns
+        if square > 0 and (square > sure_square or math.hypot(rows, columns) * step >= least):
+            reachable[count] = point
             count += 1
-    return found[:count]
+    return reachable[:count]

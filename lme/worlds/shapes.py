@@ -62,14 +62,14 @@ def floor_plan(place: str, drawing: object) -> FloorPlan:
     # Collect the solids, the circles and the walls, which are lines if thin and polygons if thick.
     outline = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     solids = [
-        _within(outline, where, make(where, item))
-        for key, make in _SOLIDS.items()
-        for where, item in entry.entries(key)
+        _within(outline, entry_name, maker(entry_name, item))
+        for key, maker in _SOLIDS.items()
+        for entry_name, item in entry.entries(key)
     ]
     circles = [_circle(outline, *item) for item in entry.entries("circles")]
     thin, thick = [np.empty((0, 4))], []
-    for where, item in entry.entries("walls"):
-        legs, thickness = _wall(outline, where, item)
+    for entry_name, item in entry.entries("walls"):
+        legs, thickness = _wall(outline, entry_name, item)
         if thickness is None:
             thin.append(legs)
         else:
@@ -87,10 +87,10 @@ def floor_plan(place: str, drawing: object) -> FloorPlan:
 
 def _place(entry: Entry, key: str, counts: tuple[int, ...]) -> tuple[float, ...] | None:
     """The start or the goal, if the file has it, else None."""
-    given = entry.value(key)
-    if given is None:
+    value = entry.value(key)
+    if value is None:
         return None
-    count = len(given) if isinstance(given, list) and len(given) in counts else counts[0]
+    count = len(value) if isinstance(value, list) and len(value) in counts else counts[0]
     return tuple(entry.numbers(key, "x, y] or [x, y, yaw" if len(counts) > 1 else "x, y", count))
 
 
@@ -160,8 +160,8 @@ def _bar(leg: Floats, thickness: float) -> Floats:
     """(4, 2) corners of one leg of a wall, half a thickness longer at both ends so that its corners close."""
     along = (leg[2:] - leg[:2]) * (thickness / 2 / math.hypot(*(leg[2:] - leg[:2])))
     across = np.array([-along[1], along[0]])
-    first, last = leg[:2] - along, leg[2:] + along
-    return np.array([first - across, last - across, last + across, first + across])
+    start, end = leg[:2] - along, leg[2:] + along
+    return np.array([start - across, end - across, end + across, start + across])
 
 
 def _within(outline: Floats, where: str, points: Floats) -> Floats:
@@ -188,25 +188,25 @@ def _crosses_itself(start: Floats, end: Floats) -> bool:
         np.searchsorted(low[order, axis], high[order, axis], side="right")
         for axis, order in enumerate(orders)
     ]
-    order, last = min(zip(orders, ranks, strict=True), key=lambda choice: choice[1].sum())
-    first = np.arange(1, len(order) + 1)
-    ends = np.cumsum(last - first)  # of the pairs of each side with later ones
+    order, stops = min(zip(orders, ranks, strict=True), key=lambda choice: choice[1].sum())
+    starts = np.arange(1, len(order) + 1)
+    ends = np.cumsum(stops - starts)  # of the pairs of each side with later ones
     if ends[-1] > _MOST_PAIRS:
         raise ValueError(f"{ends[-1]} pairs of sides overlap")
     # Compare the pairs in batches, since all of them may not fit into memory.
     begin = 0
     while begin < len(order):
         stop = max(int(np.searchsorted(ends, ends[begin] + _PAIRS_AT_ONCE)), begin + 1)
-        counts = (last - first)[begin:stop]
-        one = np.repeat(np.arange(begin, stop), counts)
-        other = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[one]
-        i, j = order[one], order[other]
+        counts = (stops - starts)[begin:stop]
+        side = np.repeat(np.arange(begin, stop), counts)
+        later_side = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + starts[side]
+        i, j = order[side], order[later_side]
         # Sides whose boxes meet cross if the ends of each lie on different sides of the other.
-        near = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
-        i, j = i[near], j[near]
-        own = _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j])
-        theirs = _side(start[j], end[j], start[i]) * _side(start[j], end[j], end[i])
-        if ((own < 0) & (theirs < 0)).any():
+        may_meet = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
+        i, j = i[may_meet], j[may_meet]
+        sides_of_j = _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j])
+        sides_of_i = _side(start[j], end[j], start[i]) * _side(start[j], end[j], end[i])
+        if ((sides_of_j < 0) & (sides_of_i < 0)).any():
             return True
         begin = stop
     return False

@@ -85,8 +85,8 @@ class Starts:
 def drawn_start(start: Floats, goal: Floats, config: StartsConfig, number: int) -> Pose:
     """Draw start `number`: `start` (2,) moved sideways off its line to `goal` (2,) [m], heading near the goal."""
     rng = np.random.default_rng(np.random.SeedSequence([config.start_seed, number]))
-    aside, turned = rng.uniform(-1.0, 1.0, 2).tolist()
+    offset, turn = rng.uniform(-1.0, 1.0, 2).tolist()
     ahead = math.atan2(goal[1] - start[1], goal[0] - start[0])
-    step = aside * config.lateral
+    step = offset * config.lateral
     x, y = start[0] - step * math.sin(ahead), start[1] + step * math.cos(ahead)
-    return Pose(float(x), float(y), ahead + turned * config.turn)
+    return Pose(float(x), float(y), ahead + turn * config.turn)

@@ -52,16 +52,16 @@ def _ahead(xi, yi, xj, yj):
 @njit(cache=True, error_model="numpy")
 def _span_neighbours(points, gap_square, full_circle, spanned):
     """Mark the gaps between neighbours that are near each other on the shorter arc."""
-    last = len(points) - 1
-    for i in range(last):
+    last_point = len(points) - 1
+    for i in range(last_point):
         xi, yi, xj, yj = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
         dx, dy = xj - xi, yj - yi
         spanned[i] = dx * dx + dy * dy < gap_square and _ahead(xi, yi, xj, yj)
     # The gap from the last point to the first is spanned across ±π.
-    if full_circle and last > 0:
-        xi, yi, xj, yj = points[0, 0], points[0, 1], points[last, 0], points[last, 1]
+    if full_circle and last_point > 0:
+        xi, yi, xj, yj = points[0, 0], points[0, 1], points[last_point, 0], points[last_point, 1]
         dx, dy = xj - xi, yj - yi
-        spanned[last] = dx * dx + dy * dy < gap_square and not _ahead(xi, yi, xj, yj)
+        spanned[last_point] = dx * dx + dy * dy < gap_square and not _ahead(xi, yi, xj, yj)
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,23 +95,23 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
     Block numbers continue into the next turn: b ≥ K is block b − K, reached across ±π.
     """
     num_blocks = len(nearest)
-    joined = 0  # every gap from the current block up to this one is spanned
+    chain_end = 0  # every gap from the current block up to this one is spanned
     for a in range(num_blocks):
-        joined = max(joined, a)
+        chain_end = max(chain_end, a)
         end = a + num_blocks if full_circle else num_blocks - 1
         # Skip the blocks that follow without an open gap.
-        while joined < end and spanned[start[joined % num_blocks + 1] - 1]:
-            joined += 1
-        if joined == end:
+        while chain_end < end and spanned[start[chain_end % num_blocks + 1] - 1]:
+            chain_end += 1
+        if chain_end == end:
             if full_circle:
                 return
             continue
         # The farthest block that is linked to this one spans all gaps before it.
-        farthest = _last_in_view(points, gap, start, nearest[a], a, joined, end)
-        linked = _farthest_linked(points, gap * gap, start, boxes, a, joined, farthest)
-        for b in range(joined, linked):
+        farthest = _last_in_view(points, gap, start, nearest[a], a, chain_end, end)
+        linked = _farthest_linked(points, gap * gap, start, boxes, a, chain_end, farthest)
+        for b in range(chain_end, linked):
             spanned[start[b % num_blocks + 1] - 1] = True
-        joined = linked
+        chain_end = linked
 
 
 @njit(cache=True, error_model="numpy")

@@ -51,8 +51,8 @@ def reason(now: Explanation, before: Explanation | None = None) -> str:
         }[choice](now)
     if not now.decision.blocked:
         return sentence
-    taken = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
-    return f"{sentence}. No candidate is reachable: {taken}"
+    outcome = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
+    return f"{sentence}. No candidate is reachable: {outcome}"
 
 
 def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
@@ -60,14 +60,14 @@ def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
 
     Consecutive decisions that kept the subgoal, or that replaced a reached one, share one sentence.
     """
-    found = []
-    for _, group in groupby(enumerate(steps), lambda one: _group_key(*one)):
-        first, *others = [step for step, _ in group]
-        last = others[-1] if others else first
-        before = steps[first - 1] if first else None
-        text = _shared_sentence(steps[first : last + 1]) if others else reason(steps[first], before)
-        found.append((first, last, text))
-    return found
+    spans = []
+    for _, group in groupby(enumerate(steps), lambda item: _group_key(*item)):
+        begin, *later = [step for step, _ in group]
+        end = later[-1] if later else begin
+        previous = steps[begin - 1] if begin else None
+        text = _shared_sentence(steps[begin : end + 1]) if later else reason(steps[begin], previous)
+        spans.append((begin, end, text))
+    return spans
 
 
 def difference_terms(now: Explanation) -> list[Term]:
@@ -82,10 +82,10 @@ def difference_terms(now: Explanation) -> list[Term]:
 
 
 def main_terms(terms: Sequence[Term]) -> list[Term]:
-    """Fewest leading terms such that Σ|rest| is at most LEFT_OUT of the sum of all terms."""
-    most = LEFT_OUT * abs(sum(term.value for term in terms))
-    rests = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
-    return [term for term, rest in zip(terms, rests, strict=True) if rest > most]
+    """Fewest leading terms such that Σ|remainder| is at most LEFT_OUT of the sum of all terms."""
+    tolerance = LEFT_OUT * abs(sum(term.value for term in terms))
+    remainders = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
+    return [term for term, remainder in zip(terms, remainders, strict=True) if remainder > tolerance]
 
 
 def _group_key(step: int, now: Explanation) -> Choice | int:
@@ -97,17 +97,17 @@ def _group_key(step: int, now: Explanation) -> Choice | int:
 def _shared_sentence(steps: Sequence[Explanation]) -> str:
     """One sentence for two or more decisions that are all KEPT or all REACHED."""
     blocked = sum(step.decision.blocked for step in steps)
-    aside = f". No candidate was reachable at {blocked} of them" if blocked else ""
+    note = f". No candidate was reachable at {blocked} of them" if blocked else ""
     if steps[0].decision.choice is Choice.KEPT:
         closest = max(steps, key=_gain)
         return (
-            f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}{aside}"
+            f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}{note}"
         )
     d1 = steps[0].parameters.d1
     if math.isinf(d1):
-        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{aside}"
-    away = _fewest_digits(max(_old_distance(step) for step in steps), d1)
-    return f"switched at {len(steps)} steps: the old one was reached, at most {away} m away (d1 {d1:.6g} m){aside}"
+        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{note}"
+    distance = _fewest_digits(max(_old_distance(step) for step in steps), d1)
+    return f"switched at {len(steps)} steps: the old one was reached, at most {distance} m away (d1 {d1:.6g} m){note}"
 
 
 def _explain_first(now: Explanation) -> str:
@@ -117,24 +117,24 @@ def _explain_first(now: Explanation) -> str:
         return "first subgoal: the only candidate"
     if lead <= 0.0:
         return f"first subgoal: no better than the rest of {count} candidates"
-    named = _named(main_terms(terms))
-    return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {named}"
+    terms_text = _named(main_terms(terms))
+    return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {terms_text}"
 
 
 def _explain_reached(now: Explanation) -> str:
     d1, gain = now.parameters.d1, _gain(now)
-    takes = f"the best new one, which scores {_difference(gain)}, takes its place"
+    replacement = f"the best new one, which scores {_difference(gain)}, takes its place"
     if math.isinf(d1):
-        return f"switched: d1 is infinite, so no subgoal is maintained; {takes}"
-    away = _fewest_digits(_old_distance(now), d1)
-    return f"switched: the old one is reached, {away} m away (d1 {d1:.6g} m); {takes}"
+        return f"switched: d1 is infinite, so no subgoal is maintained; {replacement}"
+    distance = _fewest_digits(_old_distance(now), d1)
+    return f"switched: the old one is reached, {distance} m away (d1 {d1:.6g} m); {replacement}"
 
 
 def _explain_better(now: Explanation, before: Explanation | None) -> str:
-    named = main_terms(difference_terms(now))
-    change = _describe_changes(now, before, named)
+    leading_terms = main_terms(difference_terms(now))
+    change = _describe_changes(now, before, leading_terms)
     scores = f"new subgoal scores {_fewest_digits(_gain(now), now.parameters.d2)} higher (d2 {now.parameters.d2:.6g})"
-    return f"switched: {scores}, {_named(named)}{f'; the old one {change}' if change else ''}"
+    return f"switched: {scores}, {_named(leading_terms)}{f'; the old one {change}' if change else ''}"
 
 
 def _explain_kept(now: Explanation) -> str:
@@ -166,13 +166,15 @@ def _describe_changes(now: Explanation, before: Explanation | None, named: Seque
     """Describe how the old subgoal's features fell since the last step, for criteria that favour the new one."""
     if before is None or now.old_features is None:
         return ""
-    then = _features_of_chosen(before)
+    previous_features = _features_of_chosen(before)
     words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[now.view.surmount]}
     falls = []
     for term in named:
         row = now.names.index(term.name)
         falls.append(
-            _describe_fall(term, then[row], now.old_features[row], now.parameters.weights[row], words)
+            _describe_fall(
+                term, previous_features[row], now.old_features[row], now.parameters.weights[row], words
+            )
         )
     if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
@@ -188,12 +190,12 @@ def _features_of_chosen(step: Explanation) -> Floats:
 
 def _describe_fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
     """Describe how the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
-    lost = weight * (then - now)
-    if term.value <= 0.0 or lost < term.value / 2:
+    loss = weight * (then - now)
+    if term.value <= 0.0 or loss < term.value / 2:
         return ""
     if term.name == "c_o":
         return _NARROWED if now > 0.0 else words["c_o"]
-    return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
+    return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(loss)} in {term.name}"
 
 
 def _join(parts: Sequence[str]) -> str:

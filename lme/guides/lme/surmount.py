@@ -45,9 +45,9 @@ def find_blockage(
     sector, closed = _sector_of(points, owner, 2.0 * radius, full_circle)
     if closed:
         return None
-    seen = sector_points(points, sector)
-    first_is_nearer, B = _past_the_end(seen, target, radius)
-    return Blockage(seen, seen[0], seen[-1], seen[0] if first_is_nearer else seen[-1], B)
+    blocking = sector_points(points, sector)
+    first_is_nearer, B = _past_the_end(blocking, target, radius)
+    return Blockage(blocking, blocking[0], blocking[-1], blocking[0] if first_is_nearer else blocking[-1], B)
 
 
 @njit(cache=True)

@@ -99,14 +99,14 @@ class LocalMinimumEscaperPlus:
         [m].
         """
         self._memory.see(observation)
-        self.sight, way = self._look(observation)
-        self._last = step = self._step(observation, self.sight, way)
+        self.sight, route = self._look(observation)
+        self._last = step = self._step(observation, self.sight, route)
         waits = (
             step.decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
         )
-        if waits and len(way) and self._config.parts.stuck:
-            self._stuck.wait(to_world(way[0], self.sight.pose))
-        return step.decision, self.sight.points, way
+        if waits and len(route) and self._config.parts.stuck:
+            self._stuck.wait(to_world(route[0], self.sight.pose))
+        return step.decision, self.sight.points, route
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
@@ -144,10 +144,10 @@ class LocalMinimumEscaperPlus:
         """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
         config, robot, pose = self._config, self._robot, self._memory.pose
         field = self._times(to_world(observation.target, pose), pose)
-        way, ahead = field.descent(pose, self._reach(observation))
+        route, ahead = field.descent(pose, self._reach(observation))
         self._tried += robot.dt if ahead < _BEFORE else 0.0
         margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
-        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), way
+        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), route
 
     def _reach(self, observation: Observation) -> float:
         """Greatest distance of a candidate [m]."""
@@ -159,20 +159,20 @@ class LocalMinimumEscaperPlus:
         self._age += 1
         old = self._age >= _EVERY or len(memory.people) > 0
         if field is None or old or apart(target, field.target) > _SAME_TARGET:
-            learned, here = self._learned_of(target), np.array(pose[:2])
-            narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
-            given = memory.points, target, here, memory.people, learned, narrow, self._stuck.rows
-            self._field = field = self._travel.field(*given)
+            learned, position = self._learned_of(target), np.array(pose[:2])
+            narrow_factor = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
+            inputs = memory.points, target, position, memory.people, learned, narrow_factor, self._stuck.rows
+            self._field = field = self._travel.field(*inputs)
             self._age = 0
         return field
 
     def _learned_of(self, target: Floats) -> LearnedTimes:
         """Return the times learned for ways to a target; all is forgotten if this is another one."""
-        other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
-        if other:
+        is_new_target = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
+        if is_new_target:
             self._tried = 0.0
             self._stuck.forget()
-        if other or not (self._config.parts.memory and self._config.parts.learned):
+        if is_new_target or not (self._config.parts.memory and self._config.parts.learned):
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned
 

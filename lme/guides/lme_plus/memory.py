@@ -62,7 +62,7 @@ def remember(
     """
     half = _half(reach, square)
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
-    kept = np.empty((len(points) + len(memory), 2))
+    merged = np.empty((len(points) + len(memory), 2))
     count = 0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     # Points of the scan in the carried frame, the first one in each square.
@@ -74,7 +74,7 @@ def remember(
         i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
         if not taken[i, j]:
             taken[i, j] = True
-            kept[count, 0], kept[count, 1] = x, y
+            merged[count, 0], merged[count, 1] = x, y
             count += 1
     # Remembered points in the squares that are left, unless the scan sees their place.
     lidar = pose[0] + cos * mount[0] - sin * mount[1], pose[1] + sin * mount[0] + cos * mount[1]
@@ -87,16 +87,16 @@ def remember(
         if taken[i, j] or _in_sight(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack, range_max):
             continue
         taken[i, j] = True
-        kept[count, 0], kept[count, 1] = x, y
+        merged[count, 0], merged[count, 1] = x, y
         count += 1
     # Leave `taken` as it was, and transform the kept points to the robot frame.
-    kept, around = kept[:count], np.empty((count, 2))
+    merged, robot_points = merged[:count], np.empty((count, 2))
     for n in range(count):
-        i, j = math.floor(kept[n, 0] / square) - first_i, math.floor(kept[n, 1] / square) - first_j
+        i, j = math.floor(merged[n, 0] / square) - first_i, math.floor(merged[n, 1] / square) - first_j
         taken[i, j] = False
-        x, y = kept[n, 0] - pose[0], kept[n, 1] - pose[1]
-        around[n, 0], around[n, 1] = cos * x + sin * y, cos * y - sin * x
-    return kept, around
+        x, y = merged[n, 0] - pose[0], merged[n, 1] - pose[1]
+        robot_points[n, 0], robot_points[n, 1] = cos * x + sin * y, cos * y - sin * x
+    return merged, robot_points
 
 
 @njit(cache=True, error_model="numpy")
@@ -112,9 +112,9 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
     distance = math.sqrt(dx * dx + dy * dy)
     if distance + slack > range_max:
         return False
-    away = distance - slack
+    min_range = distance - slack
     for beam in range(max(middle - 1, 0), min(middle + 2, len(ranges))):  # noqa: SIM110 (slow when compiled)
-        if not ranges[beam] > away:
+        if not ranges[beam] > min_range:
             return False
     return True
 
@@ -122,10 +122,10 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
 @njit(cache=True, error_model="numpy")
 def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
     """Split points (N, 2) into those within `reach` of a place [m] and the others, each in their order."""
-    near = np.empty(len(points), np.bool_)
+    is_near = np.empty(len(points), np.bool_)
     for n in range(len(points)):
-        near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
-    return points[near], points[~near]
+        is_near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
+    return points[is_near], points[~is_near]
 
 
 class Memory:
@@ -166,13 +166,13 @@ class Memory:
         if move is not None:
             self.pose = _moved(self.pose, move, self._dt, observation.limits)
         self.seen = obstacle_points(scan, self._mount)
-        still, theirs = self._without_people(observation.pedestrians)
+        static_points, people_points = self._without_people(observation.pedestrians)
         if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
             self._sort()
         self.points, self.known = remember(
             self._taken,
             self.points if self._keeps else self.points[:0],
-            still,
+            static_points,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (*self._mount,),
@@ -182,8 +182,8 @@ class Memory:
             _SLACK,
             scan.range_max,
         )
-        if len(theirs):
-            self.known = np.concatenate((self.known, theirs))
+        if len(people_points):
+            self.known = np.concatenate((self.known, people_points))
 
     def _sort(self) -> None:
         """Move the points that have come into reach to the near ones, and those that have left it to the far ones."""
@@ -194,24 +194,24 @@ class Memory:
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """Split the scan's points into those of no person and those of people, (M, 2) each; note where people are."""
-        before, self.people = self.people, _NOBODY
+        previous, self.people = self.people, _NOBODY
         if not (self._tells_people and len(pedestrians)):
             return self.seen, self.seen[:0]
-        own, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
+        is_person, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
         people[:, :2] = to_world(people[:, :2], self.pose)
         people[:, 2:4] = to_world(people[:, 2:4], Pose(0.0, 0.0, self.pose.yaw))
-        self.people = np.column_stack((people, self._standing(people, before)))
-        return self.seen[~own], self.seen[own]
+        self.people = np.column_stack((people, self._standing(people, previous)))
+        return self.seen[~is_person], self.seen[is_person]
 
     def _standing(self, people: Floats, before: Floats) -> Floats:
         """Time for which each of the people (P, 5) has stood [s]: (P,), by those of the last period (Q, 6)."""
-        still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
-        if not (still.any() and len(before)):
+        is_still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
+        if not (is_still.any() and len(before)):
             return np.zeros(len(people))
-        away = np.hypot(*(people[:, None, :2] - before[:, :2]).transpose(2, 0, 1))
-        same = away.argmin(axis=1)
-        known = still & (away.min(axis=1) < _SAME)
-        return np.where(known, before[same, 5] + self._dt, 0.0)
+        distances = np.hypot(*(people[:, None, :2] - before[:, :2]).transpose(2, 0, 1))
+        nearest = distances.argmin(axis=1)
+        is_known = is_still & (distances.min(axis=1) < _SAME)
+        return np.where(is_known, before[nearest, 5] + self._dt, 0.0)
 
 
 def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
@@ -219,9 +219,9 @@ def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
     if move.pose is not None:
         x, y, yaw = compose(pose, move.pose)
         return Pose(x, y, yaw)
-    before, now = move.before, move.now
-    distance = _way(before.v, now.v, limits.alpha_v, dt)
-    turn = _way(before.omega, now.omega, limits.alpha_omega, dt)
+    previous, current = move.before, move.now
+    distance = _way(previous.v, current.v, limits.alpha_v, dt)
+    turn = _way(previous.omega, current.omega, limits.alpha_omega, dt)
     middle = pose.yaw + turn / 2
     return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)
 

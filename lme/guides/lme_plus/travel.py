@@ -65,8 +65,8 @@ class Field(NamedTuple):
         """
         frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
         ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
-        found: Floats = rest_at(self.times, places, frame, grid, *ends)
-        return found
+        costs: Floats = rest_at(self.times, places, frame, grid, *ends)
+        return costs
 
     def kept(self) -> Field:
         """Return a copy with times of its own, which stay when the next field is computed."""
@@ -78,8 +78,8 @@ class Field(NamedTuple):
         Also returns how far ahead the way becomes narrow [m], inf if nowhere.
         """
         grid = (*self.grid,)
-        found: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _EVERY)
-        return found
+        descent: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _EVERY)
+        return descent
 
 
 class Travel:
@@ -118,19 +118,19 @@ class Travel:
         `StuckPlaces.rows`. Where people and such places overlap, the longest time counts.
         """
         # A grid of whole cells around the robot; people and stuck places form one crowd.
-        x, y = (math.floor((at - self._reach) / _CELL) * _CELL for at in here.tolist())
+        x, y = (math.floor((coordinate - self._reach) / _CELL) * _CELL for coordinate in here.tolist())
         grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
         pace = (*self._pace._replace(narrow=narrow),)
         crowd = self._crowd(people)
         crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
         scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
-        given = (*self._workspace,), *scene, BEYOND
+        inputs = (*self._workspace,), *scene, BEYOND
         # Search, and again with ways that leave the grid if it has no good one to a target in it.
-        work, places = self._workspace, (grid, here, target, self._pace.v_max)
-        field = Field(work.times, work.narrow, travel_times(*given, False), *places)
+        work, ends = self._workspace, (grid, here, target, self._pace.v_max)
+        field = Field(work.times, work.narrow, travel_times(*inputs, False), *ends)
         if self._is_no_good(field):  # perhaps there is a better way around outside the grid
-            field = Field(work.times, work.narrow, travel_times(*given, True), *places)
+            field = Field(work.times, work.narrow, travel_times(*inputs, True), *ends)
         time = field.robot_time
         if math.isfinite(time) and not len(people):
             learned.learn(field.times, grid, here, target, time + BEYOND, field.v_max)
@@ -150,10 +150,10 @@ class Travel:
             return _NOBODY
         reach = people[:, 4] + self._berth
         speed = np.hypot(people[:, 2], people[:, 3])
-        leaves = np.maximum(
+        leave_time = np.maximum(
             people[:, 5], self._patience
         )  # people are expected to stand for as long again as they have stood
-        wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leaves)
+        wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leave_time)
         return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))
 
 

@@ -51,19 +51,19 @@ def unpacked(ranges, directions, limits, missing, guard_beams):
     points, hits, reach = np.empty((count, 2)), np.zeros(count, np.bool_), np.empty(count)
     # Hits and points, and how far each beam alone is free.
     for i in range(count):
-        seen = float(ranges[i])
-        hits[i] = limits[0] <= seen < limits[1]
-        reach[i] = seen if hits[i] else 0.0 if math.isnan(seen) else missing
+        measured = float(ranges[i])
+        hits[i] = limits[0] <= measured < limits[1]
+        reach[i] = measured if hits[i] else 0.0 if math.isnan(measured) else missing
         points[i, 0], points[i, 1] = reach[i] * directions[i, 0], reach[i] * directions[i, 1]
-    sure, free = np.empty(count), np.empty(count)
+    sure_ranges, free_ranges = np.empty(count), np.empty(count)
     for i in range(count):
         # The least of the neighbours, which is sure if all of them have a return.
-        least, all_hit = reach[i], True
+        min_range, all_hit = reach[i], True
         for j in range(max(i - guard_beams, 0), min(i + guard_beams + 1, count)):
-            least, all_hit = min(least, reach[j]), all_hit and hits[j]
-        free[i] = least
-        sure[i] = least if all_hit else 0.0
-    return points, hits, sure, free
+            min_range, all_hit = min(min_range, reach[j]), all_hit and hits[j]
+        free_ranges[i] = min_range
+        sure_ranges[i] = min_range if all_hit else 0.0
+    return points, hits, sure_ranges, free_ranges
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -88,28 +88,28 @@ def passed_through(places, view, margin):
     view: the scan's pose in the frame of the places, its free ranges (B,) and (B,), see `unpacked`, and the beams'
     first angle and step [rad]. Yes: the beam ends `margin` [m] behind the place. No: it ends near it.
     """
-    lidar, sure, free, angles = view
-    said = np.zeros(len(places), np.int8)
+    lidar, sure_ranges, free_ranges, angles = view
+    verdicts = np.zeros(len(places), np.int8)
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
     for i in range(len(places)):
         # Where the beam towards the place ends, compared with the place.
         x, y = into(places[i, 0], places[i, 1], lidar, cos, sin)
-        beam = beam_towards(x, y, angles, len(free))
+        beam = beam_towards(x, y, angles, len(free_ranges))
         if beam < 0:
             continue
-        away = math.sqrt(x * x + y * y)
-        if sure[beam] > away + margin:
-            said[i] = 1
-        elif abs(free[beam] - away) <= 2.0 * margin:
-            said[i] = -1
-    return said
+        distance = math.sqrt(x * x + y * y)
+        if sure_ranges[beam] > distance + margin:
+            verdicts[i] = 1
+        elif abs(free_ranges[beam] - distance) <= 2.0 * margin:
+            verdicts[i] = -1
+    return verdicts
 
 
 @njit(cache=True, error_model="numpy")
 def normals(points, hits):
     """Unit normals (B, 2) of the surfaces that a scan shows; NaN where there is no surface."""
     count = len(points)
-    out = np.full((count, 2), np.nan)
+    unit_normals = np.full((count, 2), np.nan)
     for i in range(count):
         if not hits[i]:
             continue
@@ -127,8 +127,8 @@ def normals(points, hits):
                 break
         # The normal is at a right angle to the chord.
         if chord >= _LEAST_CHORD and low < i < high:
-            out[i, 0], out[i, 1] = -dy / chord, dx / chord
-    return out
+            unit_normals[i, 0], unit_normals[i, 1] = -dy / chord, dx / chord
+    return unit_normals
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -148,8 +148,8 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
     x, y = guess[0], guess[1]
     yaw = start = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
     # Gauss-Newton: n · (R p + t − q) = 0 for every point p near the line through q with normal n.
-    for most in _MATCHED:
-        scale = max(2.0 * noise, 0.01, 0.5 * (most - 0.1))
+    for max_residual in _MATCHED:
+        scale = max(2.0 * noise, 0.01, 0.5 * (max_residual - 0.1))
         a, b = np.zeros((3, 3)), np.zeros(3)
         cos, sin = math.cos(yaw), math.sin(yaw)
         matched, total = 0, 0.0
@@ -165,14 +165,14 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
             # Distance from the line, and its derivative by the yaw.
             nx, ny = facing[beam, 0], facing[beam, 1]
             ex, ey = px - reference[beam, 0], py - reference[beam, 1]
-            off = nx * ex + ny * ey
-            if abs(off) > most or ex * ex + ey * ey > 4.0 * most * most:
+            residual = nx * ex + ny * ey
+            if abs(residual) > max_residual or ex * ex + ey * ey > 4.0 * max_residual * max_residual:
                 continue
             lever = ny * turned_x - nx * turned_y
-            weight = 1.0 / (1.0 + (off / scale) ** 2)
-            _add(a, b, (nx, ny, lever), off, weight)
+            weight = 1.0 / (1.0 + (residual / scale) ** 2)
+            _add(a, b, (nx, ny, lever), residual, weight)
             matched += 1
-            total += abs(off)
+            total += abs(residual)
         if matched < 20:
             return guess[0], guess[1], start, math.nan
         error = total / matched
@@ -191,11 +191,11 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
 def _coarse_turn(points, used, reference, angles, guess, spread, step):
     """Turn beyond the guess, in whole beams, at which the ranges agree best [rad]."""
     count = len(reference)
-    most = min(int(_TRIED * spread / angles[1]), count // 8)
-    if most < 1:
+    max_shift = min(int(_TRIED * spread / angles[1]), count // 8)
+    if max_shift < 1:
         return 0.0
     # Cost of each turn: its squared ratio to the odometry's error, plus the differences of the ranges.
-    costs = _AMISS * (np.arange(-most, most + 1) * angles[1] / spread) ** 2
+    costs = _AMISS * (np.arange(-max_shift, max_shift + 1) * angles[1] / spread) ** 2
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
     for i in range(0, len(points), step):
@@ -204,16 +204,16 @@ def _coarse_turn(points, used, reference, angles, guess, spread, step):
         px = cos * points[i, 0] - sin * points[i, 1] + guess[0]
         py = sin * points[i, 0] + cos * points[i, 1] + guess[1]
         beam = beam_towards(px, py, angles, count)
-        if beam < most or beam >= count - most:
+        if beam < max_shift or beam >= count - max_shift:
             continue
-        away = math.sqrt(px * px + py * py)
-        for k in range(2 * most + 1):
-            costs[k] += min(abs(ranges[beam + k - most] - away), _AMISS)
+        distance = math.sqrt(px * px + py * py)
+        for k in range(2 * max_shift + 1):
+            costs[k] += min(abs(ranges[beam + k - max_shift] - distance), _AMISS)
     # The turn with the least cost; none if that is as good.
-    best = most
-    for k in range(2 * most + 1):
+    best = max_shift
+    for k in range(2 * max_shift + 1):
         best = k if costs[k] < costs[best] else best
-    return (best - most) * angles[1]
+    return (best - max_shift) * angles[1]
 
 
 @njit(cache=True, error_model="numpy", inline="always")

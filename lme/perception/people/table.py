@@ -60,11 +60,11 @@ def correct(row, found):
     row[PV] *= 1.0 - gain
     row[PP] *= 1.0 - gain
     # The radius has a filter of its own.
-    share = row[RR] / (row[RR] + spread)
-    row[R] += share * (radius - row[R])
-    row[RR] = max((1.0 - share) * row[RR], 1e-4)
+    radius_gain = row[RR] / (row[RR] + spread)
+    row[R] += radius_gain * (radius - row[R])
+    row[RR] = max((1.0 - radius_gain) * row[RR], 1e-4)
     # Running share of the scans in which it looked like legs.
-    looks = 1.0 if spread >= UNKNOWN and row[R] < LEGS_RADIUS else 0.0
-    row[LEGS] += _NEWEST * (looks - row[LEGS])
+    is_legs = 1.0 if spread >= UNKNOWN and row[R] < LEGS_RADIUS else 0.0
+    row[LEGS] += _NEWEST * (is_legs - row[LEGS])
     row[HIDDEN] = 0.0
     row[SEEN] += 1.0

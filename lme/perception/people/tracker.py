@@ -119,10 +119,10 @@ class PeopleTracker:
             scan.ranges, self._directions, limits, min(self._config.missing, limits[1]), self._guard
         )
         lidar = self._registered(points, hits, odometry)
-        nobody = np.full(len(hits), -1, np.int64)
-        seen = _Seen(self._time, lidar, odometry, points, _placed(points, lidar), hits, sure, free, nobody)
-        self._advance(seen, dt)
-        self._remember(seen)
+        owner = np.full(len(hits), -1, np.int64)
+        record = _Seen(self._time, lidar, odometry, points, _placed(points, lidar), hits, sure, free, owner)
+        self._advance(record, dt)
+        self._remember(record)
         return self._tracks(dt)
 
     def _prepare(self, scan: LaserScan) -> None:
@@ -137,12 +137,12 @@ class PeopleTracker:
         self._trusted = True
         if self._key is None:
             return self._mount
-        last, (key, facing) = self._seen[-1], self._key
-        moved = relative(compose(odometry, self._mount), compose(last.base, self._mount))
-        guess = relative(compose(last.lidar, moved), key.lidar)
-        way, turn = math.hypot(moved.x, moved.y), abs(moved.yaw)
-        along = _STILL_ERROR[0] + _TRAVEL_ERROR * way
-        spread = (along, along, _STILL_ERROR[1] + _YAW_ERROR * way + _TURN_ERROR * turn)
+        previous, (key, facing) = self._seen[-1], self._key
+        travel = relative(compose(odometry, self._mount), compose(previous.base, self._mount))
+        guess = relative(compose(previous.lidar, travel), key.lidar)
+        distance, turn = math.hypot(travel.x, travel.y), abs(travel.yaw)
+        along = _STILL_ERROR[0] + _TRAVEL_ERROR * distance
+        spread = (along, along, _STILL_ERROR[1] + _YAW_ERROR * distance + _TURN_ERROR * turn)
         *motion, error = register(
             points, hits, key.points, facing, self._angles, (*guess,), spread, self._noise
         )
@@ -164,21 +164,21 @@ class PeopleTracker:
         sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
         # Move the tracks on, then correct, begin and end them.
         predict(self._table, self._count, dt, self._config.acceleration)
-        when = (self._noise, margin, self._trusted, max(dt, 1e-3))
+        timing = (self._noise, margin, self._trusted, max(dt, 1e-3))
         tracks = self._table, self._anchors, self._count, self._names
-        self._count, self._names = advance(*tracks, sight, self._view(seen), when, self._settings)
+        self._count, self._names = advance(*tracks, sight, self._view(seen), timing, self._settings)
 
     def _view(self, seen: _Seen) -> _View:
         return (*seen.lidar,), seen.sure, seen.free, self._angles
 
     def _compared(self) -> list[_Seen]:
         """Earlier scans of about the ages `_LAGS`, each once."""
-        chosen = {seen.time: seen for seen in map(self._nearest, _LAGS)} if self._seen else {}
-        return list(chosen.values())
+        by_time = {record.time: record for record in map(self._nearest, _LAGS)} if self._seen else {}
+        return list(by_time.values())
 
     def _nearest(self, lag: float) -> _Seen:
         """Earlier scan whose age is nearest to `lag` [s]."""
-        return min(self._seen, key=lambda seen: abs(self._time - seen.time - lag))
+        return min(self._seen, key=lambda record: abs(self._time - record.time - lag))
 
     def _remember(self, seen: _Seen) -> None:
         """Remember the scan, and note what stood in those in which it is known by now which tracks move."""
@@ -197,10 +197,10 @@ class PeopleTracker:
 
     def _tracks(self, dt: float) -> Tracks:
         rows = self._table[: self._count]
-        shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _SHOWN * dt)
+        is_shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _SHOWN * dt)
         # Of the confirmed tracks, those seen lately that nothing hides.
         newest = self._seen[-1]
-        rows = rows[shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
+        rows = rows[is_shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
         # From the tracker's frame to the base frame of the newest scan.
         base = compose(self._seen[-1].lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
         turn = Pose(0.0, 0.0, base.yaw)

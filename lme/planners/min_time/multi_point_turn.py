@@ -83,11 +83,11 @@ class MultiPointTurn:
 
     def _count(self, now: Twist, limits: Limits) -> None:
         """Subtract the motion of the last period; begin the next stroke once the robot has come to rest."""
-        before, self._before = self._before, now
+        previous, self._before = self._before, now
         if not self._strokes:
             return
         ahead, turn = self._strokes[0]
-        driven = ahead * (before.v + now.v) + turn * (before.omega + now.omega)
+        driven = ahead * (previous.v + now.v) + turn * (previous.omega + now.omega)
         self._left[0] -= 0.5 * driven * self._dt
         self._time_left -= self._dt
         if self._left[0] < _DONE and self._stands(now):
@@ -111,19 +111,19 @@ class MultiPointTurn:
 
     def _is_free(self, points: Floats) -> bool:
         """Return whether the rest of the stroke is free."""
-        (ahead, turn), left = self._strokes[0], max(self._left[0], 0.0)
-        return bool(keeps_on_stroke(points, self._box, self._close, ahead * left, turn * left))
+        (ahead, turn), remaining = self._strokes[0], max(self._left[0], 0.0)
+        return bool(keeps_on_stroke(points, self._box, self._close, ahead * remaining, turn * remaining))
 
     def _find(self, points: Floats, way: Floats, limits: Limits) -> None:
         """Look for strokes from where the robot stands."""
         self.reset()
-        place = way[min(_PLACE, len(way) - 1)] if len(way) else _NOWHERE
+        goal = way[min(_PLACE, len(way) - 1)] if len(way) else _NOWHERE
         backwards = limits.lowest <= -_LEAST_BACK
-        steps, room = way_out(points, self._box, self._close, self._room, place, backwards)
+        steps, room = way_out(points, self._box, self._close, self._room, goal, backwards)
         # Join equal steps to strokes.
-        for (ahead, turn), same in itertools.groupby(map(tuple, steps.tolist())):
+        for (ahead, turn), run in itertools.groupby(map(tuple, steps.tolist())):
             self._strokes.append((ahead, turn))
-            self._left.append(len(list(same)) * (STROKE if ahead else TURN))
+            self._left.append(len(list(run)) * (STROKE if ahead else TURN))
         self._goes_on = len(steps) > 0 and not room
         # Where there is room at the end, turn to the fastest way as a last stroke.
         if len(steps) and room and len(way):
@@ -135,9 +135,9 @@ class MultiPointTurn:
     def _on_stroke(self, now: Twist, limits: Limits) -> Twist:
         """Return the command on the stroke, so that the robot is at rest at its end."""
         (ahead, turn), (speed, rate) = self._strokes[0], _rates(limits)
-        left = self._left[0] if self._left[0] > _DONE else 0.0  # an overshoot is not driven back
-        v = approach(ahead * left, now.v, speed, limits.alpha_v, self._dt)
-        return Twist(v, approach(turn * left, now.omega, rate, limits.alpha_omega, self._dt))
+        remaining = self._left[0] if self._left[0] > _DONE else 0.0  # an overshoot is not driven back
+        v = approach(ahead * remaining, now.v, speed, limits.alpha_v, self._dt)
+        return Twist(v, approach(turn * remaining, now.omega, rate, limits.alpha_omega, self._dt))
 
 
 @functools.cache

@@ -46,8 +46,8 @@ class Surroundings:
         self._poses.append(odometry)
         self._ranges.append(seen)
         self._hits.append(to_world(points, odometry))
-        for kept in (self._poses, self._ranges, self._hits):
-            del kept[: -self._capacity]
+        for memory in (self._poses, self._ranges, self._hits):
+            del memory[: -self._capacity]
 
     def hidden_hits(self, reach: float) -> Floats:
         """Return earlier points within `reach` of the base that are out of view now, in its frame: (K, 2) [m]."""

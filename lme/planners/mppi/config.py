@@ -132,8 +132,8 @@ class MppiConfig:
         require("planner.iteration_count", self.iteration_count, at_least=1)
         for critic in _CRITICS:
             require(f"planner.{critic}.cost_weight", getattr(self, critic).cost_weight, at_least=0.0)
-        for critic, (key, least) in _COUNTS.items():
-            require(f"planner.{critic}.{key}", getattr(getattr(self, critic), key), at_least=least)
+        for critic, (key, minimum) in _COUNTS.items():
+            require(f"planner.{critic}.{key}", getattr(getattr(self, critic), key), at_least=minimum)
 
 
 _SHORTEST = 10  # [steps] the filter looks at nine of them

@@ -42,7 +42,7 @@ class Critics:
         the velocity (v_min, v_max) [m/s].
         """
         config, map_, dt = self._config, self._costmap, self._config.model_dt
-        left = math.hypot(*observation.target)
+        target_distance = math.hypot(*observation.target)
         costs = np.zeros(len(poses))
         # Critics of velocity and obstacles, for every distance to the target.
         critics.constraint(costs, speeds, bounds, dt, config.constraint.cost_weight)
@@ -56,14 +56,14 @@ class Critics:
             map_.outline,
             self._possible,
             (cost.collision_cost, cost.critical_cost, cost.cost_weight),
-            left < cost.near_goal_distance,
+            target_distance < cost.near_goal_distance,
         )
         # Critics that count only near the target, or only away from it.
-        if left < config.goal.threshold_to_consider:
+        if target_distance < config.goal.threshold_to_consider:
             x, y = to_world(observation.target, observation.odometry)
             critics.goal(costs, poses, (float(x), float(y)), config.goal.cost_weight)
-        self._along_path(costs, observation, path, poses, left)
-        if left >= config.prefer_forward.threshold_to_consider:
+        self._along_path(costs, observation, path, poses, target_distance)
+        if target_distance >= config.prefer_forward.threshold_to_consider:
             critics.prefer_forward(costs, speeds, dt, config.prefer_forward.cost_weight)
         return costs, not collide
 
@@ -93,9 +93,9 @@ class Critics:
                 costs, poses, path, free, furthest, follow.offset_from_furthest, follow.cost_weight
             )
         if left >= angle.threshold_to_consider:
-            at = min(furthest + angle.offset_from_furthest, len(path) - 1)
-            most, weight = angle.max_angle_to_furthest, angle.cost_weight
-            critics.path_angle(costs, poses, path, observation.odometry, at, most, weight)
+            index = min(furthest + angle.offset_from_furthest, len(path) - 1)
+            max_angle, weight = angle.max_angle_to_furthest, angle.cost_weight
+            critics.path_angle(costs, poses, path, observation.odometry, index, max_angle, weight)
 
 
 def _cost_at_corner(config: MppiConfig, outline: Floats, inscribed: float) -> float:

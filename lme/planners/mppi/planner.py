@@ -119,9 +119,9 @@ class Mppi:
 
     def _command(self, limits: VelocityLimits) -> tuple[float, float]:
         """Return the mean of the filtered controls until the next command, and advance the sequence to it."""
-        sequence, held = smooth(self.sequence, self._before), self._held
-        given = sequence[1 : held + 1] if held else sequence[:1]  # element 0 is the present control
-        self._before = np.vstack([self._before, given])[-_REMEMBERED:]
-        self.sequence = np.vstack([sequence[held:], np.repeat(sequence[-1:], held, axis=0)])
-        v, omega = given.mean(axis=0).tolist()
+        sequence, hold = smooth(self.sequence, self._before), self._held
+        controls = sequence[1 : hold + 1] if hold else sequence[:1]  # element 0 is the present control
+        self._before = np.vstack([self._before, controls])[-_REMEMBERED:]
+        self.sequence = np.vstack([sequence[hold:], np.repeat(sequence[-1:], hold, axis=0)])
+        v, omega = controls.mean(axis=0).tolist()
         return min(max(v, limits[0]), limits[1]), min(max(omega, -limits[2]), limits[2])

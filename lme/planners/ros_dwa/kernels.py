@@ -35,8 +35,8 @@ def way_cells(
     for k in range(len(path)):
         i, j = lattice(path[k, 0] / grid[2]) - grid[0], lattice(path[k, 1] / grid[2]) - grid[1]
         # Skip points until one is near `centre` and on the map; then stop at the first that is not.
-        near = math.hypot(path[k, 0] - centre[0], path[k, 1] - centre[1]) <= reach
-        if near and 0 <= i < shape[0] and 0 <= j < shape[1]:
+        in_reach = math.hypot(path[k, 0] - centre[0], path[k, 1] - centre[1]) <= reach
+        if in_reach and 0 <= i < shape[0] and 0 <= j < shape[1]:
             cells[count, 0], cells[count, 1] = i, j
             count += 1
         elif count > 0:
@@ -69,20 +69,20 @@ def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int,
                 steps[cell], missing = _WANTED, missing + 1
     # Breadth-first search across the sides of cells, from all of `cells` at once.
     queue = np.empty(rows * columns, np.int32)
-    done, size = 0, 0
+    head, size = 0, 0
     for k in range(len(cells)):
         cell = (cells[k, 0] + 1) * width + cells[k, 1] + 1
         missing -= steps[cell] == _WANTED
         if steps[cell] != 0:
             steps[cell], queue[size], size = 0, cell, size + 1
-    while done < size and missing > 0:
-        cell = queue[done]
-        done += 1
-        for way in (-1, 1, -width, width):
-            beside = cell + way
-            if steps[beside] <= _OPEN:
-                missing -= steps[beside] == _WANTED
-                steps[beside], queue[size], size = steps[cell] + 1, beside, size + 1
+    while head < size and missing > 0:
+        cell = queue[head]
+        head += 1
+        for offset in (-1, 1, -width, width):
+            neighbour = cell + offset
+            if steps[neighbour] <= _OPEN:
+                missing -= steps[neighbour] == _WANTED
+                steps[neighbour], queue[size], size = steps[cell] + 1, neighbour, size + 1
     return steps.reshape(rows + 2, width)[1:-1, 1:-1].copy()
 
 
@@ -132,8 +132,8 @@ def _simulate(wanted, pose, twist, alphas, simulation):
     counts = np.empty(len(wanted), np.int64)
     for n in range(len(wanted)):
         # As many poses as the way or the turn needs, whichever is more.
-        way, turn = abs(wanted[n, 0]) * simulation[0] / simulation[1], abs(wanted[n, 1]) / simulation[2]
-        counts[n] = max(int(max(way, turn) + 0.5), 1)
+        distance, turn = abs(wanted[n, 0]) * simulation[0] / simulation[1], abs(wanted[n, 1]) / simulation[2]
+        counts[n] = max(int(max(distance, turn) + 0.5), 1)
     poses = np.empty((len(wanted), counts.max() if len(counts) else 0, 3))
     for n in range(len(wanted)):
         x, y, yaw = pose

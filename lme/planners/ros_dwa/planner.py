@@ -157,11 +157,11 @@ class _Turn:
         past = abs(wrap_angle(pose.yaw - self._begin))
         if self._half_done and past <= config.yaw_goal_tolerance:
             return None
-        left = past if self._half_done else 2.0 * math.pi - past
+        remaining = past if self._half_done else 2.0 * math.pi - past
         self._half_done = self._half_done or math.pi - past < config.yaw_goal_tolerance
-        if any(costmap.outline_cost(pose._replace(yaw=yaw)) < 0 for yaw in _headings(pose.yaw, left)):
+        if any(costmap.outline_cost(pose._replace(yaw=yaw)) < 0 for yaw in _headings(pose.yaw, remaining)):
             return None
-        fastest = math.sqrt(2.0 * config.acc_lim_theta * left)
+        fastest = math.sqrt(2.0 * config.acc_lim_theta * remaining)
         return min(max(fastest, config.min_in_place_vel_theta), config.max_vel_theta)
 
 

@@ -129,13 +129,13 @@ class S3Fisvfh:
 
     def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
         """Return the heading of the search [rad]; without one, the goal's bearing limited to the field of view."""
-        before, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
-        heading, found = search(points, self._unseen, goal, before, spacing, self._rules, self._costs)
-        if found:
+        previous, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
+        heading, success = search(points, self._unseen, goal, previous, spacing, self._rules, self._costs)
+        if success:
             return heading
         half, middle = self._robot.lidar.fov / 2, self._robot.lidar.yaw
-        off = math.remainder(bearing - middle, math.tau)
-        return math.remainder(middle + min(max(off, -half), half), math.tau)
+        deviation = math.remainder(bearing - middle, math.tau)
+        return math.remainder(middle + min(max(deviation, -half), half), math.tau)
 
     def _smoothed(self, heading: float) -> float:
         """Exponential moving average of the headings, on the circle [rad]."""
@@ -172,13 +172,17 @@ class S3Fisvfh:
         """
         limits = observation.limits
         v = min(v, approach(distance, observation.ramp_start.v, limits.v_max, limits.alpha_v, self._robot.dt))
-        near, off = distance <= self._costs.step, abs(bearing)
-        if near and off >= math.pi / 2:
+        is_near, deviation = distance <= self._costs.step, abs(bearing)
+        if is_near and deviation >= math.pi / 2:
             return 0.0
-        if not self._towards(bearing) or off == 0.0 or (not near and off < self._config.clear_deviation):
+        if (
+            not self._towards(bearing)
+            or deviation == 0.0
+            or (not is_near and deviation < self._config.clear_deviation)
+        ):
             return v
         turning = max(math.copysign(omega, omega * bearing), 0.0)
-        return min(v, turning * distance / (2.0 * math.sin(min(off, math.pi / 2))))
+        return min(v, turning * distance / (2.0 * math.sin(min(deviation, math.pi / 2))))
 
     def _retreat(self, points: Floats, guard: float, heading: float, observation: Observation) -> Twist:
         """Back up over ground just driven, turning to the clearer side; else turn on the spot; else stop."""
@@ -188,8 +192,8 @@ class S3Fisvfh:
             sides = nearest_ahead(points, math.pi / 2)
         clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
         omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)
-        back = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
-        for v in (back, 0.0):
+        retreat_v = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
+        for v in (retreat_v, 0.0):
             twist = limited(v, omega, observation, dt)
             if self._is_free(twist, points, observation):
                 return twist
@@ -198,8 +202,8 @@ class S3Fisvfh:
     def _note_travel(self, pose: Pose) -> None:
         """Update the distance that the robot may back up into the lidar's blind arc [m]."""
         if self._pose is not None:
-            before = self._pose
-            ahead = (pose.x - before.x) * math.cos(before.yaw) + (pose.y - before.y) * math.sin(before.yaw)
+            origin = self._pose
+            ahead = (pose.x - origin.x) * math.cos(origin.yaw) + (pose.y - origin.y) * math.sin(origin.yaw)
             self._room = min(max(self._room + ahead, 0.0), self._config.retreat_room)
         self._pose = pose
 
@@ -208,8 +212,10 @@ class S3Fisvfh:
         limits = observation.limits
         braking = max(abs(twist.v) / limits.alpha_v, abs(twist.omega) / limits.alpha_omega) / 2.0
         time = self._robot.dt + braking
-        now, least = least_clearance(points, self._robot.footprint.box, twist.v, twist.omega, time)
-        return least >= min(self._near, now)
+        clearance, min_clearance = least_clearance(
+            points, self._robot.footprint.box, twist.v, twist.omega, time
+        )
+        return min_clearance >= min(self._near, clearance)
 
 
 def _unseen(robot: Robot, num_sectors: int) -> Bools:

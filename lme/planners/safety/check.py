@@ -56,8 +56,8 @@ class StoppingCheck:
         self._box = float(half_length), float(half_width), float(rounding)
         self._r_max = outline.r_max
         periods = math.ceil(latency / dt - _ROUNDING)
-        late = periods * dt - latency
-        self._times = dt, late if late > _ROUNDING else 0.0, lag
+        delay = periods * dt - latency
+        self._times = dt, delay if delay > _ROUNDING else 0.0, lag
         self.under_way: deque[Twist] = deque(maxlen=periods)
         self._tested = np.empty((1, 2))  # command whose clearance is computed, reused as a buffer
         self.reset()
@@ -89,18 +89,18 @@ class StoppingCheck:
         commands within reach in a period is tried.
         """
         # Candidates in the order of their difference |Δv| + r_max |Δω| from the wanted command.
-        tried = self._tried(wanted, now)
-        far = np.abs(tried - wanted) @ [1.0, self._r_max]
-        tried = tried[np.argsort(far, kind="stable")]
-        while len(tried):
+        candidates = self._tried(wanted, now)
+        differences = np.abs(candidates - wanted) @ [1.0, self._r_max]
+        candidates = candidates[np.argsort(differences, kind="stable")]
+        while len(candidates):
             # The first that is safe with the measured twist is checked with the other twists too.
-            first = np.flatnonzero(self._clearances(tried, now, now.twists[0], enough) >= enough)
+            first = np.flatnonzero(self._clearances(candidates, now, now.twists[0], enough) >= enough)
             if not len(first):
                 return None
-            command = Twist(*tried[first[0]].tolist())
+            command = Twist(*candidates[first[0]].tolist())
             if len(now.twists) == 1 or self.clearance(command, now, enough) >= enough:
                 return command
-            tried = tried[first[0] + 1 :]
+            candidates = candidates[first[0] + 1 :]
         return None
 
     def _tried(self, wanted: Twist, now: StoppingState) -> Floats:
@@ -121,8 +121,8 @@ class StoppingCheck:
 
     def _clearances(self, tried: Floats, now: StoppingState, twist: Twist, enough: float) -> Floats:
         start = now.points, _plain(twist), self._sent()
-        found: Floats = stopping_clearances(*start, tried, self._motion(now.limits), self._box, enough)
-        return found
+        clearances: Floats = stopping_clearances(*start, tried, self._motion(now.limits), self._box, enough)
+        return clearances
 
     def _sent(self) -> Floats:
         if not self.under_way:

@@ -61,22 +61,22 @@ def stopping_clearances(
     half_width, rounding) [m]. Returns (N,) distances, at most `enough` > 0 [m], and 0 for contact. Commands after the
     first one that keeps `enough` are not examined and have NaN.
     """
-    limits, period, late, lag = motion
-    named = StoppingMotion(limits, period, late, lag)
+    limits, period, delay, lag = motion
+    stopping_motion = StoppingMotion(limits, period, delay, lag)
     r_max = math.hypot(box[0], box[1]) + box[2]
     # Keep only points that the robot may reach before it stands.
-    near = _near(points, r_max + enough + _farthest(twist, under_way, tried, named))
+    nearby = _near(points, r_max + enough + _farthest(twist, under_way, tried, stopping_motion))
     # Motion until the commands under way have acted; it is the same for all candidates.
     state = _State(0.0, 0.0, 0.0, twist[0], twist[1], enough)
-    state = _follow(near, state, under_way, True, named, box, r_max)
-    found = np.full(len(tried), np.nan)
+    state = _follow(nearby, state, under_way, True, stopping_motion, box, r_max)
+    clearances = np.full(len(tried), np.nan)
     for n in range(len(tried)):
         # The candidate for one period, and then braking to rest.
-        after = _follow(near, state, tried[n : n + 1], len(under_way) == 0, named, box, r_max)
-        found[n] = _brake(near, after, (tried[n, 0], tried[n, 1]), named, box, r_max)
-        if found[n] >= enough:
+        end_state = _follow(nearby, state, tried[n : n + 1], len(under_way) == 0, stopping_motion, box, r_max)
+        clearances[n] = _brake(nearby, end_state, (tried[n, 0], tried[n, 1]), stopping_motion, box, r_max)
+        if clearances[n] >= enough:
             break
-    return found
+    return clearances
 
 
 @njit(cache=True, error_model="numpy")
@@ -93,11 +93,11 @@ def _farthest(twist, under_way, tried, motion):
 @njit(cache=True, error_model="numpy")
 def _near(points, reach):
     """Points within reach of the origin (M, 2)."""
-    near, count = np.empty(points.shape), 0
+    nearby, count = np.empty(points.shape), 0
     for i in range(len(points)):
-        near[count] = points[i]
+        nearby[count] = points[i]
         count += points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1] <= reach * reach
-    return near[:count]
+    return nearby[:count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -140,19 +140,19 @@ def _move(near, state, command, duration, motion, box, r_max):
     # With lag, short steps, in each of which the velocity keeps e^(−dt/τ) of its distance from the command.
     steps = max(math.ceil(duration / _LAG_STEP - 1e-9), 1) if motion.lag > 0.0 else 1
     dt = duration / steps
-    left = math.exp(-dt / motion.lag) if motion.lag > 0.0 else 0.0
-    pose, now, least = (state.x, state.y, state.yaw), (state.v, state.omega), state.least
+    decay = math.exp(-dt / motion.lag) if motion.lag > 0.0 else 0.0
+    pose, twist, clearance = (state.x, state.y, state.yaw), (state.v, state.omega), state.least
     v = min(max(command[0], -motion.limits[0]), motion.limits[0])
     omega = min(max(command[1], -motion.limits[1]), motion.limits[1])
     for _ in range(steps):
-        if least <= 0.0:
+        if clearance <= 0.0:
             break
         # First-order lag: y ← u + e^(−dt/τ) (y − u).
-        wanted = (v + left * (now[0] - v), omega + left * (now[1] - omega))
-        poses, now = drive(pose, now, wanted, motion.limits, dt, _STEP, r_max)
-        least = _clearance(poses, near, box, least)
+        reached = (v + decay * (twist[0] - v), omega + decay * (twist[1] - omega))
+        poses, twist = drive(pose, twist, reached, motion.limits, dt, _STEP, r_max)
+        clearance = _clearance(poses, near, box, clearance)
         pose = (poses[-1, 0], poses[-1, 1], poses[-1, 2])
-    return _State(pose[0], pose[1], pose[2], now[0], now[1], least)
+    return _State(pose[0], pose[1], pose[2], twist[0], twist[1], clearance)
 
 
 @njit(cache=True, error_model="numpy")
@@ -160,14 +160,14 @@ def _clearance(poses, near, box, least):
     """Least distance from the outline at any of the (K, 3) poses to a point, or `least` if that is less; 0: contact."""
     half_length, half_width, rounding = box
     # Compare squared distances to the box without its rounding; the root comes last.
-    before = (least + rounding) * (least + rounding)
-    square = before
+    start_square = (least + rounding) * (least + rounding)
+    square = start_square
     for k in range(len(poses)):
         x, y, cos, sin = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
         for i in range(len(near)):
             # Distance of the point beyond the sides of the box, in the robot frame.
             dx, dy = near[i, 0] - x, near[i, 1] - y
-            ahead = max(abs(cos * dx + sin * dy) - half_length, 0.0)
-            beside = max(abs(cos * dy - sin * dx) - half_width, 0.0)
-            square = min(square, ahead * ahead + beside * beside)
-    return max(math.sqrt(square) - rounding, 0.0) if square < before else least
+            along = max(abs(cos * dx + sin * dy) - half_length, 0.0)
+            across = max(abs(cos * dy - sin * dx) - half_width, 0.0)
+            square = min(square, along * along + across * across)
+    return max(math.sqrt(square) - rounding, 0.0) if square < start_square else least

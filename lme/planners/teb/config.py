@@ -107,8 +107,8 @@ class TebConfig:
         for key in _NOT_NEGATIVE + tuple(f"weight_{name}" for name in _WEIGHTS):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         if self.divergence_detection_max_chi_squared is not None:
-            most = self.divergence_detection_max_chi_squared
-            require("planner.divergence_detection_max_chi_squared", most, above=0.0)
+            max_chi_squared = self.divergence_detection_max_chi_squared
+            require("planner.divergence_detection_max_chi_squared", max_chi_squared, above=0.0)
         require("planner.min_samples", self.min_samples, at_least=2)
         require("planner.max_samples", self.max_samples, at_least=self.min_samples, at_most=10_000)
         for key in ("no_inner_iterations", "no_outer_iterations"):

@@ -74,8 +74,8 @@ class Oscillation:
         commands, config = self._commands, self._config
         if len(commands) < self._size // 2:
             return False
-        v = sum(each[0] for each in commands) / len(commands)
-        omega = sum(each[1] for each in commands) / len(commands)
-        sides = [math.copysign(1.0, each[1]) if each[1] else 0.0 for each in commands]
-        changes = sum(one != other for one, other in pairwise(sides))
+        v = sum(command[0] for command in commands) / len(commands)
+        omega = sum(command[1] for command in commands) / len(commands)
+        sides = [math.copysign(1.0, command[1]) if command[1] else 0.0 for command in commands]
+        changes = sum(side != next_side for side, next_side in pairwise(sides))
         return abs(v) < config.oscillation_v_eps and abs(omega) < config.oscillation_omega_eps and changes > 1

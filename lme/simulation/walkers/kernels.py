@@ -56,16 +56,16 @@ def next_waypoints(
     A person who makes no progress for `_PATIENCE` turns round, so that two people in a narrow passage do not block
     each other for ever.
     """
-    wanted = np.zeros_like(places)
+    preferred = np.zeros_like(places)
     for i in range(len(places)):
         path, plan = way[first[i] : first[i + 1]], plans[i]
         if time < traits[i, _STARTS]:
             continue
         # Count the time without progress, other than at the end of the path, and turn round after `_PATIENCE`.
         is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
-        last = _is_last(plan, len(path), repeats[i])
-        away = _away(places[i], path[int(plan[_LEG])])
-        plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (last and away < _REACHED) else 0.0
+        is_last = _is_last(plan, len(path), repeats[i])
+        distance = _away(places[i], path[int(plan[_LEG])])
+        plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (is_last and distance < _REACHED) else 0.0
         if plan[_STUCK] > _PATIENCE and len(path) > 1:
             plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
             _advance(plan, len(path), repeats[i])
@@ -76,14 +76,14 @@ def next_waypoints(
             _advance(plan, len(path), repeats[i])
         # Walk straight to the next waypoint, and slow down before the last one.
         target = path[int(plan[_LEG])]
-        away = _away(places[i], target)
+        distance = _away(places[i], target)
         speed = traits[i, _SPEED]
         if _is_last(plan, len(path), repeats[i]):
-            speed = min(speed, away / _ARRIVAL)
-        if away > 0.0:
-            wanted[i, 0] = speed * (target[0] - places[i, 0]) / away
-            wanted[i, 1] = speed * (target[1] - places[i, 1]) / away
-    return wanted
+            speed = min(speed, distance / _ARRIVAL)
+        if distance > 0.0:
+            preferred[i, 0] = speed * (target[0] - places[i, 0]) / distance
+            preferred[i, 1] = speed * (target[1] - places[i, 1]) / distance
+    return preferred
 
 
 @njit(cache=True, error_model="numpy")
@@ -121,33 +121,33 @@ def orca(
     dt: float,
 ) -> Floats:
     """Optimal reciprocal collision avoidance (van den Berg et al. 2011): each does half of every evasion."""
-    chosen = np.empty_like(velocities)
+    new_velocities = np.empty_like(velocities)
     people, count = len(places), len(others)
     lines = np.empty((len(circles) + len(edges) + people + count, 4))
     for i in range(people):
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
         # Walls give hard half-planes, which come first in `lines`.
         hard = _walls(places[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
-        used = hard
+        size = hard
         # People, the robot if this person sees it, and other discs give soft half-planes.
         for j in range(people):
             relative = places[j] - places[i]
             if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
                 reach = radius + traits[j, _RADIUS] + _APART
-                beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[used])
-                used += 1
+                beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[size])
+                size += 1
         for j in range(count):
             relative = others[j, :2] - places[i]
             if (j > 0 or traits[i, _SEES_ROBOT] > 0.0) and math.hypot(
                 relative[0], relative[1]
             ) <= _NEIGHBOURS:
                 reach = radius + others[j, 4] + _APART
-                beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[used])
-                used += 1
+                beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[size])
+                size += 1
         # The velocity in all half-planes that is nearest to the wanted one.
-        vx, vy = best_velocity(lines[:used], hard, fastest, (wanted[i, 0], wanted[i, 1]))
-        chosen[i, 0], chosen[i, 1] = vx, vy
-    return chosen
+        vx, vy = best_velocity(lines[:size], hard, fastest, (wanted[i, 0], wanted[i, 1]))
+        new_velocities[i, 0], new_velocities[i, 1] = vx, vy
+    return new_velocities
 
 
 @njit(cache=True, error_model="numpy")
@@ -164,7 +164,7 @@ def social_force(
     """The social force model (Helbing & Molnár 1995, DOI 10.1103/PhysRevE.51.4282), with the interaction that Moussaïd
     et al. measured (2009, DOI 10.1098/rspb.2009.0405). Walls are never entered, whatever the forces.
     """
-    chosen = np.empty_like(velocities)
+    new_velocities = np.empty_like(velocities)
     people = len(places)
     lines = np.empty((len(circles) + len(edges), 4))
     for i in range(people):
@@ -182,16 +182,16 @@ def social_force(
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
         # Repulsion by the nearest wall: a exp(−(d − r) / b), straight away from it.
         x, y = _nearest_wall(places[i], circles, edges)
-        away = math.hypot(x, y)
-        if 0.0 < away < math.inf:
-            push = _WALL_STRENGTH * math.exp(-(away - radius) / _WALL_REACH)
-            fx, fy = fx - push * x / away, fy - push * y / away
+        distance = math.hypot(x, y)
+        if 0.0 < distance < math.inf:
+            push = _WALL_STRENGTH * math.exp(-(distance - radius) / _WALL_REACH)
+            fx, fy = fx - push * x / distance, fy - push * y / distance
         # One Euler step, then the nearest velocity that enters no wall.
         hard = _walls(places[i], radius, fastest, circles, edges, dt, lines)
-        after = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
-        vx, vy = best_velocity(lines[:hard], hard, fastest, after)
-        chosen[i, 0], chosen[i, 1] = vx, vy
-    return chosen
+        preferred = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
+        vx, vy = best_velocity(lines[:hard], hard, fastest, preferred)
+        new_velocities[i, 0], new_velocities[i, 1] = vx, vy
+    return new_velocities
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,10 +212,10 @@ def _interaction(relative, velocity):
     )  # from the direction of interaction to the person
     # Deceleration along t and evasion across it: A exp(−d / B − (n B θ)²) with B = γ |D|.
     reach = _GAMMA * length
-    slow = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)
-    aside = _STRENGTH * math.exp(-distance / reach - (_N * reach * theta) ** 2)
+    slowing = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)
+    sideways = _STRENGTH * math.exp(-distance / reach - (_N * reach * theta) ** 2)
     side = 1.0 if theta >= 0.0 else -1.0  # away from the person; straight ahead, to the right
-    return -slow * tx + side * aside * ty, -slow * ty - side * aside * tx
+    return -slowing * tx + side * sideways * ty, -slowing * ty - side * sideways * tx
 
 
 @njit(cache=True, error_model="numpy")
@@ -256,8 +256,8 @@ def _to_circle(place, circle):
     """Nearest point of a disc, relative to a place outside it: (x, y) [m]."""
     dx, dy = circle[0] - place[0], circle[1] - place[1]
     distance = math.hypot(dx, dy)
-    share = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
-    return share * dx, share * dy
+    fraction = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
+    return fraction * dx, fraction * dy
 
 
 @njit(cache=True, error_model="numpy")
@@ -265,6 +265,6 @@ def _to_edge(place, edge):
     """Nearest point of a segment, relative to a place: (x, y) [m]."""
     ax, ay = edge[2] - edge[0], edge[3] - edge[1]
     square = ax * ax + ay * ay
-    part = ((place[0] - edge[0]) * ax + (place[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
-    part = min(max(part, 0.0), 1.0)
-    return edge[0] + part * ax - place[0], edge[1] + part * ay - place[1]
+    fraction = ((place[0] - edge[0]) * ax + (place[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
+    fraction = min(max(fraction, 0.0), 1.0)
+    return edge[0] + fraction * ax - place[0], edge[1] + fraction * ay - place[1]

@@ -69,16 +69,16 @@ class Walkers:
 
     def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
         """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""
-        before, self._robot = self._robot, robot
+        previous, self._robot = self._robot, robot
         if self._time - self._decided < PERIOD - 1e-9:
             return
         # Wanted velocities, from the waypoints of each person.
         elapsed = min(self._time - self._decided, self._time)
         self._decided = self._time
-        here = crowd.poses[self._chosen, :2]
-        state = (here, self._velocities)
-        wanted = next_waypoints(
-            here,
+        positions = crowd.poses[self._chosen, :2]
+        state = (positions, self._velocities)
+        preferred = next_waypoints(
+            positions,
             self._velocities,
             self._traits,
             self._way,
@@ -89,15 +89,15 @@ class Walkers:
             elapsed,
         )
         # New velocities by the model of each person; both models run only if both are in use.
-        others = self._moving(crowd, robot, before or robot, dt)
+        moving_discs = self._moving(crowd, robot, previous or robot, dt)
         edges = np.vstack([self._edges, crowd.edges]) if len(crowd.edges) else self._edges
-        given = (*state, wanted, self._traits, others, self._circles, edges, PERIOD)
+        arguments = (*state, preferred, self._traits, moving_discs, self._circles, edges, PERIOD)
         if self._by_orca.all():
-            self._velocities = orca(*given)
+            self._velocities = orca(*arguments)
         elif not self._by_orca.any():
-            self._velocities = social_force(*given)
+            self._velocities = social_force(*arguments)
         else:
-            self._velocities = np.where(self._by_orca[:, None], orca(*given), social_force(*given))
+            self._velocities = np.where(self._by_orca[:, None], orca(*arguments), social_force(*arguments))
 
     def walk(self, poses: Floats, velocities: Floats, dt: float) -> None:
         """Move the people in the poses (M, 3) of all movers by `dt` [s]; velocities (M, 2) become theirs."""
@@ -108,7 +108,7 @@ class Walkers:
     def _moving(self, crowd: Crowd, robot: Pose, before: Pose, dt: float) -> Floats:
         """Rows (1 + O, 5) of x, y, vx, vy, radius: first the robot, then the other discs that move."""
         velocity = ((robot.x - before.x) / dt, (robot.y - before.y) / dt)
-        there = crowd.present[self._others]
-        places, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
-        discs = np.column_stack([places, speeds, self._other_radii])[there]
+        is_present = crowd.present[self._others]
+        positions, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
+        discs = np.column_stack([positions, speeds, self._other_radii])[is_present]
         return np.vstack([[robot.x, robot.y, *velocity, self._robot_radius], discs])

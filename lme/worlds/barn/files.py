@@ -40,13 +40,13 @@ def find_worlds(source: str | Path) -> dict[int, Path]:
     if state:
         raise InputError(f"map.source {root} {state}: must be a folder with the BARN files world_N.world")
     for layout in _LAYOUTS:
-        found = {
+        files = {
             int(match[1]): path
             for path in _entries(root / layout)
             if (match := WORLD_FILES.fullmatch(path.name)) is not None
         }
-        if found:
-            return dict(sorted(found.items()))
+        if files:
+            return dict(sorted(files.items()))
     raise InputError(
         f"map.source {root} holds no world_N.world: must be a checkout of the BARN benchmark, "
         "its worlds/ or its BARN/ folder"

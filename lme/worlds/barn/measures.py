@@ -89,10 +89,10 @@ def _free(walls: Walls, cell: list[int], ray: tuple[int, int], most: int = 1000)
 
 
 def _wall_near(walls: Walls, cell: list[int], ray: tuple[int, int]) -> bool:
-    most = math.ceil(_DISPERSION_CELLS / max(1, *ray))
-    stop = _free(walls, cell, ray, most) + 1
+    max_cells = math.ceil(_DISPERSION_CELLS / max(1, *ray))
+    stop = _free(walls, cell, ray, max_cells) + 1
     r, c = cell[0] + stop * ray[0], cell[1] + stop * ray[1]
-    return stop <= most and _inside(walls, r, c) and walls[r][c]
+    return stop <= max_cells and _inside(walls, r, c) and walls[r][c]
 
 
 def _width(walls: Walls, cell: list[int], axis: tuple[int, int]) -> float:
@@ -104,7 +104,7 @@ def _length(ray: tuple[int, int], steps: int) -> float:
 
 
 def _alternations(around: list[bool]) -> int:
-    return sum(here != before for before, here in zip([around[-1], *around], around, strict=False))
+    return sum(current != previous for previous, current in zip([around[-1], *around], around, strict=False))
 
 
 def _inside(walls: Walls, r: int, c: int) -> bool:
