@@ -152,13 +152,13 @@ def _nearest_first(points, reach):
 
 
 @njit(cache=True, error_model="numpy")
-def _rounding(kept, rounding, margin):
+def _rounding(keep_distance, rounding, margin):
     """Rounding of the footprint grown by the margin, limited by the distance that the point must keep [m]."""
-    return rounding + min(margin, kept)
+    return rounding + min(margin, keep_distance)
 
 
 @njit(cache=True, error_model="numpy")
-def _straight(points, ranges, kept, box, margin, limits):
+def _straight(points, ranges, keep_distances, box, margin, limits):
     """Distance straight ahead until contact [m], inf if there is none.
 
     limits (sufficient, limit) [m]: the first contact below `sufficient` is returned, be it the first of the motion or
@@ -172,9 +172,9 @@ def _straight(points, ranges, kept, box, margin, limits):
         # All points from here on are too far away to be met before the best contact.
         if ranges[i] > best + r_max:
             break
-        if kept[i] <= 0.0:
+        if keep_distances[i] <= 0.0:
             return 0.0
-        r = _rounding(kept[i], rounding, margin)
+        r = _rounding(keep_distances[i], rounding, margin)
         lateral = abs(points[i, 1]) - half_width
         if points[i, 0] <= 0.0 or lateral > r:
             continue
@@ -189,7 +189,7 @@ def _straight(points, ranges, kept, box, margin, limits):
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(points, ranges, kept, box, margin, radius, limits):
+def _turn(points, ranges, keep_distances, box, margin, radius, limits):
     """Angle about the centre until contact [rad], inf if there is none within a full circle.
 
     limits: as in `_straight`, but angles [rad].
@@ -209,7 +209,7 @@ def _turn(points, ranges, kept, box, margin, radius, limits):
     for i in range(len(points)):
         if ranges[i] > min(best, 2.0) * R + r_max:  # the chord is at most 2R
             break
-        if kept[i] <= 0.0:
+        if keep_distances[i] <= 0.0:
             return 0.0
         x, y = points[i, 0], side * points[i, 1]
         square = x * x + y * y - 2.0 * R * y  # squared distance from the centre, minus R²
@@ -219,7 +219,7 @@ def _turn(points, ranges, kept, box, margin, radius, limits):
             continue
         if x < 0.0 and leaving and (y > 0.0 or x < -front):  # already behind
             continue
-        r = _rounding(kept[i], rounding, margin)
+        r = _rounding(keep_distances[i], rounding, margin)
         angle = _entry(x, y, square, R, half_length, half_width, r)
         if angle <= best:
             best, contact = angle, angle

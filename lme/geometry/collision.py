@@ -107,11 +107,11 @@ def _edge_distances(x, y, edges):
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circles(frame, half_length, half_width, circles, chosen):
+def _to_circles(frame, half_length, half_width, circles, indices):
     """Distance from the rectangle at `frame` to the nearest of the chosen circles; negative in contact."""
     x, y, cos, sin = frame
     nearest = np.inf
-    for i in chosen:
+    for i in indices:
         dx, dy = circles[i, 0] - x, circles[i, 1] - y
         outside_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
         outside_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
@@ -120,11 +120,11 @@ def _to_circles(frame, half_length, half_width, circles, chosen):
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edges(frame, half_length, half_width, edges, chosen):
+def _to_edges(frame, half_length, half_width, edges, indices):
     """Distance from the rectangle at `frame` to the nearest of the chosen edges; 0 where they meet."""
     x, y, cos, sin = frame
     min_square = np.inf
-    for i in chosen:
+    for i in indices:
         # The segment in the frame of the rectangle.
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
         segment = (cos * ax + sin * ay, cos * ay - sin * ax, cos * bx + sin * by, cos * by - sin * bx)

@@ -176,10 +176,10 @@ def _bearings(arms, axis):
 
 
 @njit(cache=True, error_model="numpy")
-def _cones(rays, axis, wide, low, scale, num_bins):
-    """First and last bin between the tangents to the disc of radius `wide` around each point: (2, M).
+def _cones(rays, axis, padded, low, scale, num_bins):
+    """First and last bin between the tangents to the disc of radius `padded` around each point: (2, M).
 
-    The tangents are the ray turned by ±asin(wide / length). If the apex is in the disc, the cone covers all bins.
+    The tangents are the ray turned by ±asin(padded / length). If the apex is in the disc, the cone covers all bins.
     If the cone contains the direction opposite to the axis, it wraps around: num_bins is added to its last bin.
     It has no branches, so the loop is vectorised.
     """
@@ -188,12 +188,12 @@ def _cones(rays, axis, wide, low, scale, num_bins):
     bins = np.empty((2, rays.shape[1]), np.int32)
     for j in range(rays.shape[1]):
         x, y = rays[0, j], rays[1, j]
-        # The ray in the frame of the axis, turned by ∓α: cos = length · cos α, wide = length · sin α.
+        # The ray in the frame of the axis, turned by ∓α: cos = length · cos α, padded = length · sin α.
         u, v = x * ax + y * ay, y * ax - x * ay
-        square = rays[2, j] - wide * wide
+        square = rays[2, j] - padded * padded
         cos = math.sqrt(max(square, 0.0))
-        first_bin = (diamond(u * cos + v * wide, v * cos - u * wide) - low) * scale
-        last_bin = (diamond(u * cos - v * wide, v * cos + u * wide) - low) * scale
+        first_bin = (diamond(u * cos + v * padded, v * cos - u * padded) - low) * scale
+        last_bin = (diamond(u * cos - v * padded, v * cos + u * padded) - low) * scale
         # Limit the cone to existing bins; one that wraps around ends in the next turn.
         wrap = top if first_bin > last_bin else 0.0
         first_bin, last_bin = min(max(first_bin, 0.0), top), min(max(last_bin, -1.0), top - 1.0) + wrap
@@ -203,7 +203,7 @@ def _cones(rays, axis, wide, low, scale, num_bins):
 
 
 @njit(cache=True, error_model="numpy")
-def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
+def _sort_into_bins(arms, bearing, low, scale, num_bins, padded):
     """Sort the ends into bins by counting.
 
     Returns the sorted indices (N,), the sorted arms (4, N), the start (num_bins + 1,) and the stop (num_bins,) of
@@ -225,7 +225,7 @@ def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
     sorted_arms = np.empty((4, len(bearing)))
     for i in range(len(bearing)):
         k = bin_of[i]
-        slot, far_square = stop[k], (math.sqrt(arms[2, i]) + wide) ** 2
+        slot, far_square = stop[k], (math.sqrt(arms[2, i]) + padded) ** 2
         ends[slot] = i
         sorted_arms[0, slot], sorted_arms[1, slot] = arms[0, i], arms[1, i]
         sorted_arms[2, slot], sorted_arms[3, slot] = arms[2, i], far_square

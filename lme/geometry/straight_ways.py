@@ -63,17 +63,17 @@ def reachable(
 
 
 @njit(cache=True, error_model="numpy")
-def _blocked_ahead(places, points, box, margin):
+def _blocked_ahead(positions, points, box, margin):
     """Return whether a point is on the straight way to each place, for a robot that faces it: (N,)."""
     width = box[1] + box[2] + margin
     ahead = max(box[0] - box[1], 0.0)  # reach of the front beyond the half disc at the end of the swept strip
-    ends, origin = np.empty(places.shape), np.zeros(2)
+    ends, origin = np.empty(positions.shape), np.zeros(2)
     farthest = 0.0
     # Lengthen each way by what the front reaches beyond the disc at its end.
-    for n in range(len(places)):
-        distance = math.sqrt(places[n, 0] * places[n, 0] + places[n, 1] * places[n, 1])
+    for n in range(len(positions)):
+        distance = math.sqrt(positions[n, 0] * positions[n, 0] + positions[n, 1] * positions[n, 1])
         stretch = 1.0 + ahead / max(distance, 1e-3)
-        ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
+        ends[n, 0], ends[n, 1] = stretch * positions[n, 0], stretch * positions[n, 1]
         farthest = max(farthest, stretch * distance)
     inner, outer = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
     blocked = fan_blocked(origin, ends, outer, width)
@@ -84,8 +84,8 @@ def _blocked_ahead(places, points, box, margin):
 
 
 @njit(cache=True, error_model="numpy")
-def _split(points, near, far):
-    """Split points into those nearer to the origin than `near` and the others up to `far` [m], in their order."""
+def _split(points, near_limit, far_limit):
+    """Split points, in their order, at `near_limit` [m] from the origin; drop those beyond `far_limit` [m]."""
     inner, outer = np.empty(points.shape), np.empty(points.shape)
     i, j = 0, 0
     for n in range(len(points)):
@@ -94,6 +94,6 @@ def _split(points, near, far):
         # Write each point to both arrays, and advance only where it belongs: no branches.
         inner[i, 0], inner[i, 1] = x, y
         outer[j, 0], outer[j, 1] = x, y
-        i += distance < near
-        j += near <= distance <= far
+        i += distance < near_limit
+        j += near_limit <= distance <= far_limit
     return inner[:i], outer[:j]

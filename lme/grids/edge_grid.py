@@ -102,9 +102,9 @@ def _columns(edges, i, row, low_x, low_y, side, columns):
 
 
 @njit(cache=True, error_model="numpy")
-def _cell(place, low, side, count):
+def _cell(coordinate, low, side, count):
     """Index of the row or column that contains a coordinate, or of the nearest one."""
-    return min(max(math.floor((place - low) / side), 0), count - 1)
+    return min(max(math.floor((coordinate - low) / side), 0), count - 1)
 
 
 @njit(cache=True, error_model="numpy")
@@ -194,10 +194,10 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
-    """Return the result of `first_hit` among edges first…last − 1. dx, dy: the beam's direction in the world."""
+def _first_of(x, y, turn, beam, dx, dy, nearest, edges, start, stop):
+    """Return the result of `first_hit` among edges start…stop − 1. dx, dy: the beam's direction in the world."""
     cos, sin = turn
-    for i in range(first, last):
+    for i in range(start, stop):
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
         # Skip edges that are surely on one side of the beam's line.
         start_side, end_side = ax * dy - ay * dx, bx * dy - by * dx
@@ -213,5 +213,5 @@ def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
             # by rounding, an edge behind may seem to be met where its line and the beam's are one
             is_behind = ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
             if distance >= 0.0 and not is_behind:
-                far = min(far, distance)
-    return far
+                nearest = min(nearest, distance)
+    return nearest

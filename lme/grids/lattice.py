@@ -125,7 +125,7 @@ def _rectangles(uprights, levels):
 
 
 @njit(cache=True, error_model="numpy")
-def _grow(quadrant, uprights, levels, out):
+def _grow(quadrant, uprights, levels, rectangles):
     """Compute a quadrant's rectangles: each is a neighbour's and one more row or column, or the cell alone.
 
     Rows and columns are counted in the direction of the quadrant, from the last to the first.
@@ -157,13 +157,13 @@ def _grow(quadrant, uprights, levels, out):
             widths[1, b], heights[1, b] = w, h
             # Edges on the two sides by which a beam enters the cell.
             entry = (uprights[row, column + left] != FREE) + 2 * (levels[row + down, column] != FREE)
-            out[row * columns + column] = w | h << SPAN_BITS | entry << 2 * SPAN_BITS
+            rectangles[row * columns + column] = w | h << SPAN_BITS | entry << 2 * SPAN_BITS
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _worth(wide, high):
+def _worth(width, height):
     """Rough measure of how far beams of all directions go in a rectangle."""
-    return wide * high / (wide + high)
+    return width * height / (width + height)
 
 
 @njit(cache=True, error_model="numpy")
@@ -198,7 +198,7 @@ def cast_lattice(
 
 
 @njit(cache=True, error_model="numpy")
-def _rates(turn, table, per):
+def _rates(turn, table, cells_per_metre):
     """Columns and rows per metre, metres per column and per row of each beam: (B, 4); and its quadrant (B,)."""
     rates, quadrants = np.empty((table.shape[1], 4)), np.empty(table.shape[1], np.uint8)
     for i in range(table.shape[1]):
@@ -206,7 +206,7 @@ def _rates(turn, table, per):
             turn[0] * table[0, i] - turn[1] * table[1, i],
             turn[1] * table[0, i] + turn[0] * table[1, i],
         )
-        columns, rows = abs(dx) * per, abs(dy) * per
+        columns, rows = abs(dx) * cells_per_metre, abs(dy) * cells_per_metre
         rates[i, 0], rates[i, 1], rates[i, 2], rates[i, 3] = columns, rows, 1.0 / columns, 1.0 / rows
         quadrants[i] = (dx < 0.0) + 2 * (dy < 0.0)
     return rates, quadrants

@@ -95,8 +95,8 @@ def _press(costs, stamp, i, j):
 
 
 @njit(cache=True, error_model="numpy")
-def _free(hits, grid, since, pose, cos, sin, length):
-    """Clear the cells that a beam passes, except those hit since scan `since`.
+def _free(hits, grid, first_scan, pose, cos, sin, length):
+    """Clear the cells that a beam passes, except those hit in scan `first_scan` or later.
 
     Source: Amanatides & Woo 1987, "A fast voxel traversal algorithm".
     """
@@ -112,7 +112,7 @@ def _free(hits, grid, since, pose, cos, sin, length):
     entered = 0.0
     # Go from cell to cell; the beam enters the current one at `entered`.
     while entered < reach:
-        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < since:
+        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < first_scan:
             hits[a, b] = 0
         entered = min(next_i, next_j)
         if next_i < next_j:

@@ -163,22 +163,22 @@ def cheapest(
 
 
 @njit(cache=True, error_model="numpy")
-def _offer(first, last, target, wide, num_sectors, out, count):
-    """Append the candidates of the valley from sector `first` to `last`; return the new number of candidates."""
+def _offer(first_sector, last_sector, target, wide_valley, num_sectors, directions, count):
+    """Append the candidates of a valley, given by its first and last sector; return the new number of candidates."""
     # A narrow valley gives its middle.
-    if last - first + 1 < wide:
-        out[count] = 0.5 * (first + last)
+    if last_sector - first_sector + 1 < wide_valley:
+        directions[count] = 0.5 * (first_sector + last_sector)
         return count + 1
     # A wide one gives a direction near either edge, and the target's between them.
-    right, left = first + 0.5 * wide, last - 0.5 * wide
+    right, left = first_sector + 0.5 * wide_valley, last_sector - 0.5 * wide_valley
     if right >= left:
-        out[count] = 0.5 * (first + last)
+        directions[count] = 0.5 * (first_sector + last_sector)
         return count + 1
-    out[count], out[count + 1] = right, left
-    middle = 0.5 * (first + last)
+    directions[count], directions[count + 1] = right, left
+    middle = 0.5 * (first_sector + last_sector)
     ahead = middle + _remainder(target - middle, float(num_sectors))
     if right < ahead < left:
-        out[count + 2] = ahead
+        directions[count + 2] = ahead
         return count + 3
     return count + 2
 

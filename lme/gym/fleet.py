@@ -168,19 +168,19 @@ class Fleet:
         places.starts[i], places.goals[i] = task.start[:2], task.goal
         places.rules[i] = task.goal_tolerance, task.time_limit, task.clock_distance
 
-    def _views(self, chosen: Ints) -> Views:
+    def _views(self, robots: Ints) -> Views:
         """Return the current observations of the chosen robots (K,), in new arrays."""
-        lidar, count = self.robot.lidar, len(chosen)
+        lidar, count = self.robot.lidar, len(robots)
         std, noise = float(lidar.noise_std), np.empty((0, 0), dtype=np.float32)
         if std > 0.0:
             noise = np.empty((count, lidar.num_beams), dtype=np.float32)
-            for row, i in zip(noise, chosen, strict=True):
+            for row, i in zip(noise, robots, strict=True):
                 self._rngs[i].standard_normal(dtype=np.float32, out=row)
         ranges, targets = np.empty((count, lidar.num_beams), dtype=np.float32), np.empty((count, 2))
-        look(chosen, self._states, self._places, self._lidar, self._table, noise, std, ranges, targets)
+        look(robots, self._states, self._places, self._lidar, self._table, noise, std, ranges, targets)
         bodies = self._bodies
         return Views(
-            ranges, targets, self._states.twists[chosen], bodies.limits[chosen], bodies.boxes[chosen]
+            ranges, targets, self._states.twists[robots], bodies.limits[robots], bodies.boxes[robots]
         )
 
     def _result(self, i: int) -> Result:

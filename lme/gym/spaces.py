@@ -115,14 +115,14 @@ def choose(
     return Choices(map_set, chosen_robot, simulator, config, terms)
 
 
-def _reward(given: Settings) -> Reward:
+def _reward(settings: Settings) -> Reward:
     names = [field.name for field in fields(Reward)]
-    for key in given:
+    for key in settings:
         if key not in names:
             raise InputError(
                 f"reward.{key} is unknown: {nearest(key, names)}must be one of {', '.join(names)}"
             )
-    return Reward(**given)
+    return Reward(**settings)
 
 
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -157,8 +157,8 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstruct
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._flat(observation, np.clip(action, -1.0, 1.0)), reward, terminated, truncated, info
 
-    def _flat(self, seen: Arrays, action: Any) -> NDArray[np.float32]:
-        return flattened(seen, np.asarray(action), self._beams, self._clip)
+    def _flat(self, observation: Arrays, action: Any) -> NDArray[np.float32]:
+        return flattened(observation, np.asarray(action), self._beams, self._clip)
 
 
 def flattened(seen: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0) -> NDArray[np.float32]:

@@ -77,13 +77,13 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         self._limits = step.views.limits
         return self._seen(step.views), step.rewards, step.terminated, step.truncated, self._infos(step)
 
-    def _infos(self, moved: Transition) -> dict[str, Any]:
+    def _infos(self, step: Transition) -> dict[str, Any]:
         """Return the ends of episodes and the starts of the next ones, as Gymnasium's infos."""
         infos: dict[str, Any] = {}
-        final = self._seen(moved.last_views)
-        for k, i in enumerate(moved.ended.tolist()):
+        final = self._seen(step.last_views)
+        for k, i in enumerate(step.ended.tolist()):
             end = {"final_obs": {name: part[k].copy() for name, part in final.items()}}
-            infos = self._add_info(infos, {**end, "final_info": moved.results[k].info()}, i)
+            infos = self._add_info(infos, {**end, "final_info": step.results[k].info()}, i)
             infos = self._add_info(infos, self._start(i), i)
         return infos
 

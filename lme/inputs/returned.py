@@ -159,7 +159,7 @@ def _observation(observation: object) -> Observation:
     return observation if target is observation.target else observation._replace(target=target)
 
 
-def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
+def _as_floats(value: object, shape: tuple[int | None, ...], subject: str, requirement: str) -> Floats:
     """Convert real numbers of any other kind to floats. Strings that spell numbers do not count as numbers."""
     try:
         array = np.asarray(value)
@@ -167,7 +167,7 @@ def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: 
         array = np.array(None)
     if array.dtype.kind not in _REAL:
         raise ReturnedError(
-            f"{what} {_shown(value)}: must be {wanted}, real numbers of shape {_shape(shape)}"
+            f"{subject} {_shown(value)}: must be {requirement}, real numbers of shape {_shape(shape)}"
         )
     return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
 

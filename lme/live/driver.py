@@ -171,25 +171,25 @@ class LiveDriver:
         self._last = self._standing_step(self._last.stamp, reason)
         return self._last
 
-    def _take(self, what: str, now: int, take: Callable[[], None]) -> None:
+    def _take(self, kind: str, now_ns: int, take: Callable[[], None]) -> None:
         """Take a message. One that cannot be read is ignored."""
         with self._lock:
-            self._read_clock(now)
+            self._read_clock(now_ns)
             try:
                 take()
             except Exception as error:
-                self._sensors.note_problem(what, f"{type(error).__name__}: {error}")
+                self._sensors.note_problem(kind, f"{type(error).__name__}: {error}")
 
-    def _read_clock(self, now: int) -> None:
-        jump = self._clock.read(now)
+    def _read_clock(self, now_ns: int) -> None:
+        jump = self._clock.read(now_ns)
         if jump:
             self._jump = jump
             self._sensors.forget()
 
-    def _step(self, now: int) -> LiveStep:
+    def _step(self, now_ns: int) -> LiveStep:
         with self._lock:
-            self._check_clock(now)
-            if self._already_decided(now):
+            self._check_clock(now_ns)
+            if self._already_decided(now_ns):
                 return self._last
             first = self._scan_to_prepare_for()
         if first is not None:
@@ -198,23 +198,23 @@ class LiveDriver:
             self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
-            ready = self._ready(now)
-        return self._decide(ready, now)
+            ready = self._ready(now_ns)
+        return self._decide(ready, now_ns)
 
-    def _check_clock(self, now: int) -> None:
+    def _check_clock(self, now_ns: int) -> None:
         """Raise NotReadyError after shutdown, after a jump of the clock, or if it stands still."""
         if self._shutdown_reason:
             raise NotReadyError(self._shutdown_reason)
-        self._read_clock(now)
+        self._read_clock(now_ns)
         jump, self._jump = self._jump, ""
         if jump:
             raise NotReadyError(jump)
         if self._clock.stalled_for > self._stale:
             raise NotReadyError("the clock stands still")
 
-    def _already_decided(self, now: int) -> bool:
+    def _already_decided(self, now_ns: int) -> bool:
         """Return whether the last step is already the decision for this time and goal."""
-        decided = self._last.observation is not None and now <= self._last.stamp
+        decided = self._last.observation is not None and now_ns <= self._last.stamp
         return decided and self._goal is not None and self._number == self._last.goal
 
     def _scan_to_prepare_for(self) -> _First | None:
@@ -239,18 +239,18 @@ class LiveDriver:
         pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
-    def _ready(self, now: int) -> _Ready:
+    def _ready(self, now_ns: int) -> _Ready:
         """Collect everything for a decision. Raises NotReadyError if the robot must stand."""
         if self._goal is None:
             raise NotReadyError(*self._idle_reason)
         # The sensor data must be fresh, and the scan plausible.
         sensors, goal = self._sensors, self._goal
-        sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
+        sight, frames, tree = sensors.look(now_ns), sensors.frames, sensors.tree
         fault = None if self._pilot is None else self._pilot.source.blinding_fault(sight.scan, sight.posture)
         if fault is not None:
             raise NotReadyError(fault)
         # The goal is a target at the stamp of the scan; at the latest pose, it tells whether the robot has arrived.
-        sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
+        sensors.check_transforms(tree.chain(goal.frame, frames.odom), now_ns)
         goal.place(frames, tree, sensors.track, _ANY_TIME)
         target, remaining = (goal.target(motion, frames, tree) for motion in (sight.motion, sight.newest))
         if target is None or remaining is None:
@@ -263,13 +263,13 @@ class LiveDriver:
     def _end_goal(self, state: LiveState, reason: str) -> None:
         self._goal, self._idle_reason = None, (reason, state)
 
-    def _decide(self, ready: _Ready, now: int) -> LiveStep:
+    def _decide(self, inputs: _Ready, now_ns: int) -> LiveStep:
         """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
         pilot, last_command = self._pilot, self._last.command
         assert pilot is not None
-        step = pilot.decide(ready.sight, ready.target, ready.number, last_command, now)
+        step = pilot.decide(inputs.sight, inputs.target, inputs.number, last_command, now_ns)
         with self._lock:
-            self._check_goal(ready.number)
+            self._check_goal(inputs.number)
         if step.decision_us > self.config.stale * 1e6:
             return _halt(step, f"the decision took {step.decision_us / 1e6:.2f} s")
         if self.config.soft_stop and pilot.leads_into_contact(step, last_command):
@@ -286,8 +286,8 @@ class LiveDriver:
         if number != self._number:
             raise NotReadyError("a new goal was set during the decision")
 
-    def _standing_step(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
-        return LiveStep(now, state, reason, STILL, self._number, motion=self.motion)
+    def _standing_step(self, now_ns: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
+        return LiveStep(now_ns, state, reason, STILL, self._number, motion=self.motion)
 
 
 def _halt(step: LiveStep, reason: str) -> LiveStep:

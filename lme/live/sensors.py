@@ -168,16 +168,16 @@ class LiveSensors:
             if now - self._moved[name] > self._stale:
                 raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
 
-    def _take_tf_pose(self, message: Any, now: int) -> None:
+    def _take_tf_pose(self, message: Any, now_ns: int) -> None:
         frames = tf_frames(self._config, self.tree)
         if frames != self._tf_frames:
             self._tf_frames, self.track = frames, Track()
         sample = None if frames is None else tf_pose(message, self.tree, frames)
         if sample is not None:
-            self._add(sample, now)
+            self._add(sample, now_ns)
 
-    def _add(self, sample: Sample, now: int) -> None:
-        stamp = self._stamp("pose", sample.header, now)
+    def _add(self, sample: Sample, now_ns: int) -> None:
+        stamp = self._stamp("pose", sample.header, now_ns)
         if stamp is None:
             return
         if not is_sound(sample.pose, sample.twist):
@@ -187,7 +187,7 @@ class LiveSensors:
             twist = sample.twist if self._believes_twists else None
             self.track.add(stamp, sample.pose, twist, sample.height, sample.tilt)
             self._check_twist(stamp, sample)
-            self._note("pose", stamp, now)
+            self._note("pose", stamp, now_ns)
 
     def _check_twist(self, stamp: int, sample: Sample) -> None:
         """Take velocities from the slope of the poses, once the twists have contradicted it."""
@@ -202,35 +202,36 @@ class LiveSensors:
                 f"odometry of {self.frames.base} in {self.frames.odom}: {contradiction}", stacklevel=2
             )
 
-    def _stamp(self, what: str, header: Any, now: int) -> int | None:
-        """The stamp of a message that arrives at `now` [ns]; None if it is too far from `now`."""
+    def _stamp(self, kind: str, header: Any, now_ns: int) -> int | None:
+        """The stamp of a message that arrives at `now_ns`; None if it is too far from that time."""
         stamp = self._header_stamp(header)
-        if stamp and abs(now - stamp) > self._stale:
-            side = "behind" if now > stamp else "ahead of"
+        if stamp and abs(now_ns - stamp) > self._stale:
+            side = "behind" if now_ns > stamp else "ahead of"
             self.note_problem(
-                what,
-                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set live.clock=received if clocks differ",
+                kind,
+                f"its stamp is {_seconds(abs(now_ns - stamp))} {side} the clock; set live.clock=received if "
+                "clocks differ",
             )
             return None
-        return stamp or now
+        return stamp or now_ns
 
     def _header_stamp(self, header: Any) -> int:
         """The stamp of a header [ns]; 0 if there is none, or if message stamps are ignored."""
         return stamp_of(header) if self._by_header else 0
 
-    def _note(self, what: str, stamp: int, now: int) -> None:
-        self._seen[what] = min(stamp, now)
-        self._problems.pop(what, None)
+    def _note(self, kind: str, stamp: int, now_ns: int) -> None:
+        self._seen[kind] = min(stamp, now_ns)
+        self._problems.pop(kind, None)
 
-    def _check(self, what: str, now: int) -> None:
-        problem = self._problems.get(what)
-        if what == "pose" and self._pose_message is None:
+    def _check(self, kind: str, now_ns: int) -> None:
+        problem = self._problems.get(kind)
+        if kind == "pose" and self._pose_message is None:
             problem = problem or self._problems.get("tf")
         reason = f" ({problem})" if problem else ""
-        if what not in self._seen:
-            raise NotReadyError(f"no {_NAMES[what]}{reason}")
-        if now - self._seen[what] > self._stale:
-            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{reason}")
+        if kind not in self._seen:
+            raise NotReadyError(f"no {_NAMES[kind]}{reason}")
+        if now_ns - self._seen[kind] > self._stale:
+            raise NotReadyError(f"the {_NAMES[kind]} is older than {_seconds(self._stale)}{reason}")
 
 
 def _seconds(time: int) -> str:

@@ -92,5 +92,5 @@ class TwistCheck:
         )
 
 
-def _is_near(number: float, said: float, near: float) -> bool:
-    return math.isfinite(said) and abs(number - said) <= max(near, _SHARE * abs(number))
+def _is_near(number: float, reported: float, tolerance: float) -> bool:
+    return math.isfinite(reported) and abs(number - reported) <= max(tolerance, _SHARE * abs(number))

@@ -189,9 +189,9 @@ def ends_of(world: World, start: Pose) -> Floats:
     return np.vstack([to_robot(world.edges.reshape(-1, 2), start), middles - radii, middles + radii])
 
 
-def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int]]:
-    """Grid around the origin and the places (N, 2), and its shape (I, J)."""
-    ends = np.vstack([np.zeros(2), places])
+def _layout(config: CostmapConfig, positions: Floats) -> tuple[Grid, tuple[int, int]]:
+    """Grid around the origin and the positions (N, 2), and its shape (I, J)."""
+    ends = np.vstack([np.zeros(2), positions])
     below, above = (
         np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))
     )

@@ -79,8 +79,8 @@ class LocalCostmap:
         if map_input is not None:
             self._rebuild(map_input)
 
-    def _rebuild(self, taken: MapInput) -> None:
-        scan, pose, config = taken.scan, taken.pose, self._config
+    def _rebuild(self, map_input: MapInput) -> None:
+        scan, pose, config = map_input.scan, map_input.pose, self._config
         self._follow(pose)
         self._scans += 1
         observe(
@@ -90,7 +90,7 @@ class LocalCostmap:
             self._stamp,
             self._scans,
             0,
-            compose(taken.scan_pose, self._lidar),
+            compose(map_input.scan_pose, self._lidar),
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),

@@ -130,8 +130,8 @@ def densified(way: Floats, step: float, jump: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _pieces(way, k, step, jump):
-    length = math.hypot(way[k, 0] - way[k - 1, 0], way[k, 1] - way[k - 1, 1])
+def _pieces(path, k, step, jump):
+    length = math.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
     return 1 if length > jump else max(math.ceil(length / step), 1)
 
 
@@ -215,10 +215,10 @@ class OccupancyGrid:
         cells = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
         return self._cropped(cells, self._corner + np.array([box[1].start, box[0].start]))
 
-    def _cover(self, place: Floats) -> None:
-        """Grow the grid, if needed, to hold all cells within max_range of a place (2,) [m]."""
-        low = np.floor((place - self._max_range) / self._resolution).astype(np.int64) - 1
-        high = np.ceil((place + self._max_range) / self._resolution).astype(np.int64) + 1
+    def _cover(self, position: Floats) -> None:
+        """Grow the grid, if needed, to hold all cells within max_range of a position (2,) [m]."""
+        low = np.floor((position - self._max_range) / self._resolution).astype(np.int64) - 1
+        high = np.ceil((position + self._max_range) / self._resolution).astype(np.int64) + 1
         first_cell, last_cell = self._corner, self._corner + self._hits.shape[::-1]
         if not self._hits.size:
             self._corner = first_cell = last_cell = low
@@ -241,9 +241,9 @@ class OccupancyGrid:
                 f"most {MAX_CELLS} cells, so at least {self._resolution * math.sqrt(cells / MAX_CELLS):.2g} m"
             )
 
-    def _way_cells(self, way: Floats) -> Ints:
-        """Columns and rows (P, 2) of the cells on the way."""
-        points = densified(np.ascontiguousarray(way, dtype=np.float64), self._resolution / 2.0, JUMP_M)
+    def _way_cells(self, path: Floats) -> Ints:
+        """Columns and rows (P, 2) of the cells on the path."""
+        points = densified(np.ascontiguousarray(path, dtype=np.float64), self._resolution / 2.0, JUMP_M)
         return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
 
     def _seen_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:

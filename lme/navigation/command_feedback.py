@@ -86,6 +86,6 @@ class CommandFeedback:
             )
 
 
-def _behind(asked: float, done: float, least: float) -> bool:
+def _behind(command: float, executed: float, threshold: float) -> bool:
     """Return whether less than a fifth of the commanded motion was executed."""
-    return abs(asked) > least and math.copysign(1.0, asked) * done < _FOLLOWED * abs(asked)
+    return abs(command) > threshold and math.copysign(1.0, command) * executed < _FOLLOWED * abs(command)

@@ -64,21 +64,21 @@ class DeadReckoning:
             return Twist((move.before.v + move.now.v) / 2, (move.before.omega + move.now.omega) / 2)
         return Twist(move.pose.x / self._dt, move.pose.yaw / self._dt)
 
-    def _explained(self, pose: Pose, before: Twist, now: Twist, limits: Limits) -> bool:
+    def _explained(self, pose: Pose, previous: Twist, twist: Twist, limits: Limits) -> bool:
         """Return whether a drive that ramps from one twist to the next, and then holds it, can move the base so."""
         # Length of the arc that leads to the pose: chord · (θ/2) / sin(θ/2).
         half_turn = pose.yaw / 2
         chord = pose.x * math.cos(half_turn) + pose.y * math.sin(half_turn)
         arc = chord if half_turn == 0.0 else chord * half_turn / math.sin(half_turn)
-        return _ramps(arc, before.v, now.v, limits.alpha_v, self._dt) and _ramps(
-            pose.yaw, before.omega, now.omega, limits.alpha_omega, self._dt
+        return _ramps(arc, previous.v, twist.v, limits.alpha_v, self._dt) and _ramps(
+            pose.yaw, previous.omega, twist.omega, limits.alpha_omega, self._dt
         )
 
 
-def _ramps(moved: float, before: float, now: float, alpha: float, dt: float) -> bool:
-    """Return whether a ramp from `before` to `now`, at `alpha` or slower, can move the robot by `moved` in `dt`."""
-    change = abs(now - before)
-    # Difference from `now` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
-    shortfall = math.copysign(1.0, now - before) * (now * dt - moved)
-    slack = _SHARE * abs(moved) + _SLACK
+def _ramps(motion: float, initial: float, final: float, alpha: float, dt: float) -> bool:
+    """Return whether a ramp from `initial` to `final`, at `alpha` or slower, can move the robot by `motion` in `dt`."""
+    change = abs(final - initial)
+    # Difference from `final` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
+    shortfall = math.copysign(1.0, final - initial) * (final * dt - motion)
+    slack = _SHARE * abs(motion) + _SLACK
     return change**2 / (2 * alpha) - slack <= shortfall <= change * dt / 2 + slack

@@ -23,5 +23,5 @@ def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike 
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
 
-def _rows(given: ArrayLike, columns: int) -> Floats:
-    return np.ascontiguousarray(given, dtype=np.float64).reshape(-1, columns)
+def _rows(values: ArrayLike, columns: int) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, columns)

@@ -109,17 +109,17 @@ def _check(scan: LaserScan) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _interpolate(ranges, source, onto):
+def _interpolate(ranges, source, target):
     """Interpolate ranges linearly in the bearing: (num_beams,) float32 [m].
 
-    source (angle_min, increment), onto (angle_min, increment, num_beams).
+    source (angle_min, increment), target (angle_min, increment, num_beams).
     """
     count, increment = len(ranges), source[1]
     is_full_circle = (count + 0.5) * increment >= 2.0 * math.pi
-    interpolated = np.full(onto[2], np.inf, np.float32)
-    for k in range(onto[2]):
+    interpolated = np.full(target[2], np.inf, np.float32)
+    for k in range(target[2]):
         # Place of the beam among those of the source.
-        position = (onto[0] + k * onto[1] - source[0] + _SAME_BEARING) % (2.0 * math.pi) / increment
+        position = (target[0] + k * target[1] - source[0] + _SAME_BEARING) % (2.0 * math.pi) / increment
         i = int(position)
         part = max(position - i - _SAME_BEARING / increment, 0.0)
         if not is_full_circle and i >= count - 1:  # in the blind arc, or at its first beam
@@ -136,12 +136,12 @@ def _interpolate(ranges, source, onto):
 
 
 @njit(cache=True, error_model="numpy")
-def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
+def _resample(ranges, source, mount, onto_mount, target, cos_grazing):
     """Give returns to the nearest beams and interpolate along surfaces: (num_beams,) float32 [m].
 
-    source (angle_min, increment), onto (angle_min, increment, num_beams).
+    source (angle_min, increment), target (angle_min, increment, num_beams).
     """
-    angle_min, increment, num_beams = onto
+    angle_min, increment, num_beams = target
     resampled = np.full(num_beams, np.inf, np.float32)
     widest = 2.0 * math.sin(source[1] / 2.0) / cos_grazing  # [-] greatest gap on one surface, per range
     is_full_circle = (len(ranges) + 0.5) * source[1] >= 2.0 * math.pi
@@ -166,35 +166,35 @@ def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
 
 
 @njit(cache=True, error_model="numpy")
-def _mark_failed(out, ranges, source, turn, onto):
-    """Make beams without data NaN where a beam of the source in their sector is NaN. turn: source from onto [rad]."""
-    half = max(0.5 * onto[1] / source[1] - 0.5, 0.0)  # of the sector, beyond the nearest beam
-    for k in range(len(out)):
-        if math.isinf(out[k]):
+def _mark_failed(resampled, ranges, source, turn, target):
+    """Make beams without data NaN where a beam of the source in their sector is NaN. turn: source from target [rad]."""
+    half = max(0.5 * target[1] / source[1] - 0.5, 0.0)  # of the sector, beyond the nearest beam
+    for k in range(len(resampled)):
+        if math.isinf(resampled[k]):
             # Beams of the source within the sector of beam k.
-            offset = (onto[0] + k * onto[1] - turn - source[0]) / source[1]
+            offset = (target[0] + k * target[1] - turn - source[0]) / source[1]
             for shift in _TURNS:
                 position = offset + shift / source[1]
                 for i in range(max(round(position - half), 0), min(round(position + half) + 1, len(ranges))):
                     if math.isnan(ranges[i]):
-                        out[k] = np.nan
+                        resampled[k] = np.nan
 
 
 @njit(cache=True, error_model="numpy")
-def _span(out, x, y, u, v, angle_min, increment):
+def _span(resampled, x, y, u, v, angle_min, increment):
     """Shorten the beams that cross the segment from (x, y) to (u, v)."""
     start = math.atan2(y, x) - angle_min
     end = start + math.atan2(x * v - y * u, x * u + y * v)
     low, high = min(start, end), max(start, end)
     for shift in _TURNS:
         first_beam = max(math.ceil((low + shift) / increment), 0)
-        last_beam = min(math.floor((high + shift) / increment), len(out) - 1)
+        last_beam = min(math.floor((high + shift) / increment), len(resampled) - 1)
         for k in range(first_beam, last_beam + 1):
             cos, sin = math.cos(angle_min + k * increment), math.sin(angle_min + k * increment)
             # Distance along the beam to the line through both ends.
             across = cos * (v - y) - sin * (u - x)
             if across != 0.0:
-                out[k] = min(out[k], np.float32((x * (v - y) - y * (u - x)) / across))
+                resampled[k] = min(resampled[k], np.float32((x * (v - y) - y * (u - x)) / across))
 
 
 @njit(cache=True, error_model="numpy")

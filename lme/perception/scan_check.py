@@ -103,41 +103,41 @@ def _angle_faults(scan: LaserScan, angle_max: float | None) -> list[ScanFault]:
     return []
 
 
-def _limit_faults(told: LaserScan, used: LaserScan) -> list[ScanFault]:
+def _limit_faults(message: LaserScan, scan: LaserScan) -> list[ScanFault]:
     faults = []
-    if used.range_min >= _NEAREST_LIMIT:
-        text = f"range_min is {used.range_min:g} m: nearer returns are lost; must be in metres, or set scan.range_min"
+    if scan.range_min >= _NEAREST_LIMIT:
+        text = f"range_min is {scan.range_min:g} m: nearer returns are lost; must be in metres, or set scan.range_min"
         faults.append(ScanFault("range_min", text, True))
-    if told.range_max != used.range_max and not told.range_min < told.range_max < math.inf:
-        text = f"range_max is {told.range_max:g}, so farther than {used.range_max:g} m counts as no return"
+    if message.range_max != scan.range_max and not message.range_min < message.range_max < math.inf:
+        text = f"range_max is {message.range_max:g}, so farther than {scan.range_max:g} m counts as no return"
         faults.append(ScanFault("range_max", f"{text}; if that is wrong, set scan.range_max", False))
-    elif used.range_max >= _FARTHEST_LIMIT:
-        text = f"range_max is {used.range_max:g} m: must be in metres, or set scan.range_max"
+    elif scan.range_max >= _FARTHEST_LIMIT:
+        text = f"range_max is {scan.range_max:g} m: must be in metres, or set scan.range_max"
         faults.append(ScanFault("range_max", text, False))
     return faults
 
 
-def _reading_faults(told: LaserScan, used: LaserScan, outline: float) -> list[ScanFault]:
-    ranges = np.asarray(told.ranges, dtype=np.float32)
+def _reading_faults(message: LaserScan, scan: LaserScan, outline: float) -> list[ScanFault]:
+    ranges = np.asarray(message.ranges, dtype=np.float32)
     if not len(ranges):
         return []
     with np.errstate(invalid="ignore"):
-        if not ((ranges > 0.0) & ~(ranges < np.float32(used.range_min))).any():
-            reason = f"all {len(ranges)} are NaN, 0 or below range_min {used.range_min:g} m"
+        if not ((ranges > 0.0) & ~(ranges < np.float32(scan.range_min))).any():
+            reason = f"all {len(ranges)} are NaN, 0 or below range_min {scan.range_min:g} m"
             return [ScanFault("empty", f"no beam of a scan measures anything: {reason}", True)]
-        is_too_near = (ranges > outline) & (ranges < np.float32(used.range_min))
-        is_too_far = np.isfinite(ranges) & (ranges >= np.float32(used.range_max))
-    returns = ranges[_returns(used)]
+        is_too_near = (ranges > outline) & (ranges < np.float32(scan.range_min))
+        is_too_far = np.isfinite(ranges) & (ranges >= np.float32(scan.range_max))
+    returns = ranges[_returns(scan)]
     faults: list[ScanFault] = []
     if len(returns) and np.median(returns) > FAR:
         faults.append(_unit_fault(returns, "between range_min and range_max"))
-    elif np.count_nonzero(is_too_far) > len(returns) and _in_another_unit(ranges[is_too_far], told):
-        faults.append(_unit_fault(ranges[is_too_far], f"beyond range_max {used.range_max:g} m"))
+    elif np.count_nonzero(is_too_far) > len(returns) and _in_another_unit(ranges[is_too_far], message):
+        faults.append(_unit_fault(ranges[is_too_far], f"beyond range_max {scan.range_max:g} m"))
     number = np.count_nonzero(is_too_near)
     if number >= max(3, _LOST * len(ranges)) and len(np.unique(ranges[is_too_near])) > 2:
         text = (
             f"{number} of {len(ranges)} beams of a scan read {ranges[is_too_near].min():.3g} to "
-            f"{ranges[is_too_near].max():.3g} m, below range_min {used.range_min:g} m, and are dropped; "
+            f"{ranges[is_too_near].max():.3g} m, below range_min {scan.range_min:g} m, and are dropped; "
             "if they are right, set scan.range_min"
         )
         faults.append(ScanFault("below range_min", text, bool(number > len(returns))))
@@ -147,14 +147,14 @@ def _reading_faults(told: LaserScan, used: LaserScan, outline: float) -> list[Sc
     return faults
 
 
-def _in_another_unit(beyond: np.ndarray, told: LaserScan) -> bool:
+def _in_another_unit(readings: np.ndarray, message: LaserScan) -> bool:
     """Return whether readings beyond range_max are distances in another unit, not codes for "no return"."""
-    range_max = told.range_max if 0.0 < told.range_max < math.inf else FAR / _TIMES_TOO_FAR
-    return bool(np.median(beyond) > _TIMES_TOO_FAR * range_max) and len(np.unique(beyond)) > _CODES
+    range_max = message.range_max if 0.0 < message.range_max < math.inf else FAR / _TIMES_TOO_FAR
+    return bool(np.median(readings) > _TIMES_TOO_FAR * range_max) and len(np.unique(readings)) > _CODES
 
 
-def _unit_fault(readings: np.ndarray, where: str) -> ScanFault:
-    text = f"{len(readings)} beams of a scan read {np.median(readings):.4g} m in the median, {where}"
+def _unit_fault(readings: np.ndarray, position: str) -> ScanFault:
+    text = f"{len(readings)} beams of a scan read {np.median(readings):.4g} m in the median, {position}"
     return ScanFault(
         "unit", f"{text}: ranges must be in metres; these look like millimetres or centimetres", True
     )

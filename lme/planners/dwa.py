@@ -118,10 +118,10 @@ class Dwa:
         contact = contact_times(twists, points, self._box, margins, stopping.ravel(), horizons)
         return _Window(v, omega, contact.reshape(stopping.shape), stopping)
 
-    def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
+    def _turn_rates(self, twist: Twist, limits: Limits) -> Floats:
         """Turn rates that are reachable in one period; the one nearest to 0 is set to 0."""
-        low = max(now.omega - limits.alpha_omega * self._dt, -limits.omega_max)
-        high = min(now.omega + limits.alpha_omega * self._dt, limits.omega_max)
+        low = max(twist.omega - limits.alpha_omega * self._dt, -limits.omega_max)
+        high = min(twist.omega + limits.alpha_omega * self._dt, limits.omega_max)
         omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
         omega[np.abs(omega) < (high - low) / (2.0 * (omega.size - 1))] = 0.0
         return omega
@@ -151,16 +151,16 @@ class Dwa:
         facing: Floats = 1.0 - np.abs((error + np.pi) % (2.0 * np.pi) - np.pi) / np.pi
         return facing
 
-    def _turn_away(self, window: _Window, points: Floats, now: Twist) -> tuple[float, float]:
+    def _turn_away(self, window: _Window, points: Floats, twist: Twist) -> tuple[float, float]:
         """Brake where no arc is free, then turn in place, as before or away from the nearest point."""
         v_low, omega = window.v[0, 0], window.omega[0]
         if v_low > 0.0:
-            return 0.0, now.omega * v_low / now.v  # stay on the current arc, on which a stop was possible
+            return 0.0, twist.omega * v_low / twist.v  # stay on the current arc, on which a stop was possible
         free = omega[(window.contact[0] >= window.stopping[0]) & (omega != 0.0)]
         if not free.size:
             return 0.0, 0.0
         nearest = points[clearances(points, self._box).argmin()]
-        side = math.copysign(1.0, now.omega if now.omega != 0.0 else -nearest[1])
+        side = math.copysign(1.0, twist.omega if twist.omega != 0.0 else -nearest[1])
         preferred = free[free * side > 0.0]
         options = preferred if preferred.size else free
         return 0.0, options[np.abs(options).argmax()]

@@ -51,13 +51,13 @@ class StoppingGuard:
         return limited(0.0, 0.0, observation, self._dt)
 
     def _clear(
-        self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
+        self, command: Twist, observation: Observation, circles: Floats, min_clearance: float, room: float
     ) -> bool:
-        """Return whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
+        """Return whether outline and centre keep `min_clearance` and `room` [m] over one period and braking."""
         for twist in observation.twists:
             poses = until_rest(command, twist, observation.limits, self._robot)
             clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
-            if contact >= 0 or clearance < least:
+            if contact >= 0 or clearance < min_clearance:
                 return False
             if command.v != 0.0 and sweep(poses, _CENTRE, circles, _NO_EDGES)[0] < room:
                 return False
@@ -76,7 +76,7 @@ def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_ste
     return np.vstack((travel, stop))
 
 
-def _slower(wanted: Twist) -> list[tuple[float, float]]:
+def _slower(desired: Twist) -> list[tuple[float, float]]:
     """List the command, slower ones on the same arc, then turns in place."""
-    on_arc = [(factor * wanted.v, factor * wanted.omega) for factor in _SHARES]
-    return [*on_arc, (0.0, wanted.omega), (0.0, 0.3 * wanted.omega)]
+    on_arc = [(factor * desired.v, factor * desired.omega) for factor in _SHARES]
+    return [*on_arc, (0.0, desired.omega), (0.0, 0.3 * desired.omega)]

@@ -136,9 +136,9 @@ class VfhPlus:
         references = (target / self._alpha, heading, previous)
         return float(candidates[cheapest(candidates, self._costs, references, self._num_sectors)])
 
-    def _turn(self, chosen: float, target: float, yaw: float) -> float:
+    def _turn(self, sector: float, target: float, yaw: float) -> float:
         """Chosen direction relative to the heading [rad]; straight behind, the turn passes the target."""
-        turn = math.remainder(chosen * self._alpha - yaw, math.tau)
+        turn = math.remainder(sector * self._alpha - yaw, math.tau)
         if abs(turn) > math.pi - 1e-9:
             return math.copysign(turn, math.remainder(target - yaw, math.tau))
         return turn

@@ -131,9 +131,9 @@ def _maps(paths: Sequence[str] | None) -> list[Path]:
     return files
 
 
-def _cell(place: Floats, low: Floats, step: float) -> tuple[int, int]:
-    """Row and column of the lattice point nearest to a place (2,) [m]."""
-    column, row = np.floor((place - low) / step).astype(int).tolist()
+def _cell(point: Floats, low: Floats, step: float) -> tuple[int, int]:
+    """Row and column of the lattice point nearest to a point (2,) [m]."""
+    column, row = np.floor((point - low) / step).astype(int).tolist()
     return row, column
 
 

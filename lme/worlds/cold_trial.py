@@ -53,57 +53,57 @@ class Place(NamedTuple):
     paths: tuple[str, ...]
 
 
-def _barn(place: Place) -> Task:
+def _barn(setting: Place) -> Task:
     """A fresh BARN world. Raises InputError if its passages, whose width is not chosen, are too narrow."""
-    number = FIRST_FRESH + place.choice
-    task = Barn(BarnConfig(subset="fresh", fresh_seed=place.seed, worlds=[number])).task(number)
-    space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, place.radius, place.margin)
+    number = FIRST_FRESH + setting.choice
+    task = Barn(BarnConfig(subset="fresh", fresh_seed=setting.seed, worlds=[number])).task(number)
+    space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, setting.radius, setting.margin)
     length = space.checked_length(f"map barn, world {number}", task.start, task.goal)
     return replace(task, shortest_path_length=length)
 
 
-def _indoor(place: Place) -> Task:
+def _indoor(setting: Place) -> Task:
     """A generated building of any kind."""
-    kind = list(KINDS)[place.choice % len(KINDS)]
-    config = IndoorConfig(kind=kind, building_seed=place.seed, radius=place.radius, margin=place.margin)
+    kind = list(KINDS)[setting.choice % len(KINDS)]
+    config = IndoorConfig(kind=kind, building_seed=setting.seed, radius=setting.radius, margin=setting.margin)
     return Indoor(config).task(0)
 
 
-def _floor_plan(place: Place) -> Task:
+def _floor_plan(setting: Place) -> Task:
     """A generated floor plan, with start and goal as far apart as in a real building."""
     config = IndoorConfig(
         kind="floor_plan",
-        building_seed=place.seed,
+        building_seed=setting.seed,
         min_distance=_APART_M,
-        radius=place.radius,
-        margin=place.margin,
+        radius=setting.radius,
+        margin=setting.margin,
     )
     return Indoor(config).task(0)
 
 
-def _building(place: Place) -> Task:
+def _building(setting: Place) -> Task:
     """One of the real buildings, with a start and a goal of its own."""
     config = BuildingsConfig(
-        paths=list(place.paths),
+        paths=list(setting.paths),
         configurations=1,
-        sample_seed=place.seed,
+        sample_seed=setting.seed,
         min_distance=_APART_M,
-        radius=place.radius,
-        margin=place.margin,
+        radius=setting.radius,
+        margin=setting.margin,
     )
     maps = Buildings(config)
-    return maps.task(place.choice % len(maps.numbers))
+    return maps.task(setting.choice % len(maps.numbers))
 
 
-def _traps(place: Place) -> Task:
+def _traps(setting: Place) -> Task:
     """A random trap."""
-    return Traps(TrapsConfig(kind="mixed", starts=1, start_seed=place.seed, radius=place.radius)).task(0)
+    return Traps(TrapsConfig(kind="mixed", starts=1, start_seed=setting.seed, radius=setting.radius)).task(0)
 
 
-def _dynabarn(place: Place) -> Task:
+def _dynabarn(setting: Place) -> Task:
     """Moving cylinders, at any difficulty; the arena is wide enough for all footprints."""
-    difficulty = list(DIFFICULTIES)[place.choice % len(DIFFICULTIES)]
-    return Dynabarn(DynabarnConfig(difficulty=difficulty, motion_seed=place.seed)).task(0)
+    difficulty = list(DIFFICULTIES)[setting.choice % len(DIFFICULTIES)]
+    return Dynabarn(DynabarnConfig(difficulty=difficulty, motion_seed=setting.seed)).task(0)
 
 
 _MAKERS: dict[str, Callable[[Place], Task]] = {

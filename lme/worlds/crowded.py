@@ -139,9 +139,9 @@ class Crowded:
                 return spots
         raise self._full(task, count)
 
-    def _partner(self, task: Task, space: FreeSpace, place: Floats, rng: np.random.Generator) -> Floats:
+    def _partner(self, task: Task, space: FreeSpace, spot: Floats, rng: np.random.Generator) -> Floats:
         try:
-            return space.draw_partner(rng, place, 0.0)
+            return space.draw_partner(rng, spot, 0.0)
         except InputError as error:
             raise self._full(task, self.config.count or 1) from error
 
@@ -152,14 +152,14 @@ class Crowded:
             f"{config.body_radius:g} m: must be a lower crowd.density, crowd.count or crowd.clear, or another map"
         )
 
-    def _round(self, rng: np.random.Generator, space: FreeSpace, place: Floats) -> Floats:
+    def _round(self, rng: np.random.Generator, space: FreeSpace, spot: Floats) -> Floats:
         """Draw a round trip (P, 2) from a place to others [m], at least `walk` apart where there is room for that."""
-        stops = [place]
+        stops = [spot]
         for _ in range(PLACES - 1):
             draws = [space.draw_partner(rng, stops[-1], 0.0) for _ in range(PLACES_TRIED // 10)]
             distant = [stop for stop in draws if math.dist(stop, stops[-1]) >= self.config.walk]
             stops.append(distant[0] if distant else max(draws, key=lambda stop: math.dist(stop, stops[-1])))
-        legs = [space.way(begin, end) for begin, end in zip(stops, [*stops[1:], place], strict=True)]
+        legs = [space.way(begin, end) for begin, end in zip(stops, [*stops[1:], spot], strict=True)]
         return np.vstack([leg[:-1] for leg in legs])
 
 

@@ -130,13 +130,13 @@ def _back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: i
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _straight(here: int, goal: int, width: int) -> float:
-    return math.hypot(here // width - goal // width, here % width - goal % width)
+def _straight(node: int, goal: int, width: int) -> float:
+    return math.hypot(node // width - goal // width, node % width - goal % width)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _all_free(free: Bools, here: int, offsets: Ints) -> bool:
+def _all_free(free: Bools, node: int, offsets: Ints) -> bool:
     for k in range(len(offsets)):  # noqa: SIM110
-        if not free[here + offsets[k]]:
+        if not free[node + offsets[k]]:
             return False
     return True

@@ -79,11 +79,11 @@ class MapFile(Room):
         return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), goal)
 
 
-def _check_single(worlds: list[int] | None, what: str) -> None:
-    """Raise InputError if worlds other than the only one that `what` leaves, number 0, are chosen."""
+def _check_single(worlds: list[int] | None, keys: str) -> None:
+    """Raise InputError if worlds other than the only one that `keys` leaves, number 0, are chosen."""
     if worlds not in (None, [0]):
         raise InputError(
-            f"map.worlds is {worlds}: must be null or [0], since {what} together leave one configuration"
+            f"map.worlds is {worlds}: must be null or [0], since {keys} together leave one configuration"
         )
 
 

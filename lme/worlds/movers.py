@@ -123,13 +123,13 @@ def _poses(path: Floats) -> Floats:
     return rows if rows.shape[1] == 3 else np.column_stack([rows, np.zeros(len(rows))])
 
 
-def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Floats:
-    """Return the values as an array. Raises InputError unless they are `least` or more rows of finite numbers."""
+def _rows(values: Floats, key: str, columns: tuple[int, ...], min_rows: int) -> Floats:
+    """Return the values as an array. Raises InputError unless they are at least `min_rows` rows of finite numbers."""
     rows = np.array(values, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < least or not np.isfinite(rows).all():
+    if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < min_rows or not np.isfinite(rows).all():
         shape = " or ".join(map(str, columns))
         raise InputError(
-            f"mover.{key} is {np.asarray(values).tolist()}: must be at least {least} rows of {shape} finite numbers"
+            f"mover.{key} is {np.asarray(values).tolist()}: must be at least {min_rows} rows of {shape} finite numbers"
         )
     return rows
 

@@ -148,9 +148,9 @@ class FreeSpace:
     def _place(self, point: Ints) -> Floats:
         return np.array([self._x[point[1]], self._y[point[0]]])
 
-    def _cell(self, place: Floats | Sequence[float]) -> Ints:
+    def _cell(self, point: Floats | Sequence[float]) -> Ints:
         """(2,) row and column of the point nearest to a place x, y [m]; of a free point if the place is free."""
-        x, y = place[0], place[1]
+        x, y = point[0], point[1]
         column = int(np.clip(round((x - self._x[0]) / self._step), 0, len(self._x) - 1))
         row = int(np.clip(round((y - self._y[0]) / self._step), 0, len(self._y) - 1))
         cell = np.array([row, column])
@@ -181,20 +181,20 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
 
 @njit(cache=True, error_model="numpy")
 def _reachable(
-    roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
+    roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, min_distance: float
 ) -> Points:
-    """Return the points of `roomy` in the region of [row, column], except itself, at least `least` [m] away."""
+    """Return the points of `roomy` in the region of [row, column], except itself, at least `min_distance` [m] away."""
     reachable, count = np.empty_like(roomy), 0
-    sure_square = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
+    sure_square = (min_distance / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
     for point in roomy:
         # A point can be reached if it lies in the same region of free neighbours.
         row_index, column_index = point // regions.shape[1], point % regions.shape[1]
         if regions[row_index, column_index] != regions[row, column]:
             continue
-        # Far enough if √(Δrow² + Δcolumn²) step ≥ least; most points surely are, by the square.
+        # Far enough if √(Δrow² + Δcolumn²) step ≥ min_distance; most points surely are, by the square.
         rows, columns = row_index - row, column_index - column
         square = rows * rows + columns * columns
-        if square > 0 and (square > sure_square or math.hypot(rows, columns) * step >= least):
+        if square > 0 and (square > sure_square or math.hypot(rows, columns) * step >= min_distance):
             reachable[count] = point
             count += 1
     return reachable[:count]

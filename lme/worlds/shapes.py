@@ -94,14 +94,14 @@ def _place(entry: Entry, key: str, counts: tuple[int, ...]) -> tuple[float, ...]
     return tuple(entry.numbers(key, "x, y] or [x, y, yaw" if len(counts) > 1 else "x, y", count))
 
 
-def _box(where: str, item: object) -> Floats:
-    entry = Entry(where, item, ["centre", "size"], ["yaw_deg"])
+def _box(name: str, item: object) -> Floats:
+    entry = Entry(name, item, ["centre", "size"], ["yaw_deg"])
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     return _placed(corners, entry)
 
 
-def _ellipse(where: str, item: object) -> Floats:
-    entry = Entry(where, item, ["centre", "size"], ["yaw_deg"])
+def _ellipse(name: str, item: object) -> Floats:
+    entry = Entry(name, item, ["centre", "size"], ["yaw_deg"])
     angles = np.arange(ELLIPSE_SIDES) * (2 * math.pi / ELLIPSE_SIDES)
     return _placed(np.column_stack([np.cos(angles), np.sin(angles)]) / 2, entry)
 
@@ -115,8 +115,8 @@ def _placed(unit: Floats, entry: Entry) -> Floats:
     return np.asarray((unit * size) @ turn + centre)
 
 
-def _polygon(where: str, item: object) -> Floats:
-    entry = Entry(where, item, ["points"])
+def _polygon(name: str, item: object) -> Floats:
+    entry = Entry(name, item, ["points"])
     points = entry.points("points", 3)
     following = np.roll(points, -1, axis=0)
     if (points[0] == points[-1]).all():
@@ -141,17 +141,17 @@ SHAPES = (*_SOLIDS, "circles", "walls")  # the keys of a shape file besides `bou
 _BESIDES = ("movers", "start", "goal")  # keys that are not shapes
 
 
-def _circle(outline: Floats, where: str, item: object) -> list[float]:
-    entry = Entry(where, item, ["centre", "radius"])
+def _circle(outline: Floats, name: str, item: object) -> list[float]:
+    entry = Entry(name, item, ["centre", "radius"])
     centre, radius = entry.numbers("centre", "x, y", 2), entry.number("radius", above=0.0)
-    _within(outline, where, np.array([np.subtract(centre, radius), np.add(centre, radius)]))
+    _within(outline, name, np.array([np.subtract(centre, radius), np.add(centre, radius)]))
     return [*centre, radius]
 
 
-def _wall(outline: Floats, where: str, item: object) -> tuple[Floats, float | None]:
+def _wall(outline: Floats, name: str, item: object) -> tuple[Floats, float | None]:
     """The legs (L, 4) of the wall's centre line, and its thickness [m]."""
-    entry = Entry(where, item, ["points"], ["thickness"])
-    points = _within(outline, where, entry.points("points", 2))
+    entry = Entry(name, item, ["points"], ["thickness"])
+    points = _within(outline, name, entry.points("points", 2))
     thick = entry.value("thickness") is not None
     return np.hstack([points[:-1], points[1:]]), entry.number("thickness", above=0.0) if thick else None
 
@@ -164,14 +164,14 @@ def _bar(leg: Floats, thickness: float) -> Floats:
     return np.array([start - across, end - across, end + across, start + across])
 
 
-def _within(outline: Floats, where: str, points: Floats) -> Floats:
+def _within(outline: Floats, name: str, points: Floats) -> Floats:
     """The points (V, 2) unchanged. Raises InputError unless all of them lie within the bounds."""
     low, high = outline[0], outline[2]
     outside = ((points < low - _SLACK) | (points > high + _SLACK)).any(axis=1)
     if outside.any():
         x, y = points[outside][0]
         bounds = ", ".join(f"{number:g}" for number in (*low, *high))
-        raise InputError(f"{where}: reaches ({x:g}, {y:g}): must lie within bounds [{bounds}]")
+        raise InputError(f"{name}: reaches ({x:g}, {y:g}): must lie within bounds [{bounds}]")
     return points
 
 

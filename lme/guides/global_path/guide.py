@@ -187,9 +187,9 @@ class GlobalPath:
         step = min(math.ceil(robot.r / _SPACING_M), len(ahead))
         return np.array(ahead[step - 1])
 
-    def _switched(self, route: _Route, before: _Route) -> bool:
+    def _switched(self, route: _Route, previous: _Route) -> bool:
         """Return whether the route departs from the old one by more than the robot's width."""
-        return departs(route.points, before.points[before.at :], 2.0 * self._robot.r)
+        return departs(route.points, previous.points[previous.at :], 2.0 * self._robot.r)
 
 
 def _follow(route: _Route, pose: Pose) -> None:

@@ -151,8 +151,8 @@ def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def _line_cost(costs, table, a, b, enough):
-    """Cost of the straight line between two cells, sampled twice per cell; stops once it exceeds `enough`."""
+def _line_cost(costs, table, a, b, max_cost):
+    """Cost of the straight line between two cells, sampled twice per cell; stops once it exceeds `max_cost`."""
     di, dj = b[0] - a[0], b[1] - a[1]
     length = math.hypot(di, dj)
     pieces = math.ceil(2.0 * length)
@@ -164,7 +164,7 @@ def _line_cost(costs, table, a, b, enough):
         cell_cost = table[costs[a[0] + i, a[1] + j]]
         total += 0.5 * (previous_cost + cell_cost) * length / pieces
         previous_cost = cell_cost
-        if total > enough:
+        if total > max_cost:
             break
     return total
 

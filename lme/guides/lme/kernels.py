@@ -115,8 +115,8 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
 
 
 @njit(cache=True, error_model="numpy")
-def _last_in_view(points, gap, start, nearest, a, joined, end):
-    """Last block after `joined`, up to `end`, that may contain a point within the gap of a point in block a.
+def _last_in_view(points, gap, start, nearest, a, chain_end, end):
+    """Last block after `chain_end`, up to `end`, that may contain a point within the gap of a point in block a.
 
     The bearings of two points within the gap differ by at most asin(gap / d), where d is the distance of one of
     them from the origin, and always by less than π.
@@ -130,7 +130,7 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):
     cosine = math.sqrt(1.0 - sine * sine) if bounded else 0.0
     limit_x, limit_y = xi * cosine - yi * sine, yi * cosine + xi * sine
     # Stop at the first block that begins beyond it, or is no longer ahead.
-    for b in range(joined + 1, end + 1):
+    for b in range(chain_end + 1, end + 1):
         j = start[b - num_blocks] if b >= num_blocks else start[b]
         xj, yj = points[j, 0], points[j, 1]
         ahead = i != j and (_ahead(xi, yi, xj, yj) if b < num_blocks else not _ahead(xj, yj, xi, yi))
@@ -140,11 +140,11 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
-    """Farthest block b, joined < b ≤ farthest, with a point linked to one in block a; else `joined`."""
+def _farthest_linked(points, gap_square, start, boxes, a, chain_end, farthest):
+    """Farthest block b, chain_end < b ≤ farthest, with a point linked to one in block a; else `chain_end`."""
     num_blocks = len(start) - 1
     left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
-    for b in range(farthest, joined, -1):
+    for b in range(farthest, chain_end, -1):
         k = b - num_blocks if b >= num_blocks else b
         # The distance between the two boxes is a lower bound for that between their points.
         dx = max(boxes[k, 0] - right, left - boxes[k, 1], 0.0)
@@ -153,12 +153,12 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
             points, gap_square, start, boxes, a, k, b >= num_blocks
         ):
             return b
-    return joined
+    return chain_end
 
 
 @njit(cache=True, error_model="numpy")
-def _linked(points, gap_square, start, boxes, a, b, turned):
-    """Return whether a point of block b is near one of block a and ahead of it; turned: b is reached across ±π."""
+def _linked(points, gap_square, start, boxes, a, b, is_wrapped):
+    """Return whether a point of block b is near one of block a and ahead of it; is_wrapped: b is reached across ±π."""
     left, right, bottom, top = boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3]
     for i in range(start[a], start[a + 1]):
         xi, yi = points[i, 0], points[i, 1]
@@ -166,12 +166,12 @@ def _linked(points, gap_square, start, boxes, a, b, turned):
         dx, dy = max(left - xi, xi - right, 0.0), max(bottom - yi, yi - top, 0.0)
         if dx * dx + dy * dy >= gap_square:
             continue
-        for j in range(start[b], min(start[b + 1], i) if turned else start[b + 1]):
+        for j in range(start[b], min(start[b + 1], i) if is_wrapped else start[b + 1]):
             xj, yj = points[j, 0], points[j, 1]
             dx, dy = xj - xi, yj - yi
             if dx * dx + dy * dy >= gap_square:
                 continue
-            if (not _ahead(xj, yj, xi, yi)) if turned else _ahead(xi, yi, xj, yj):
+            if (not _ahead(xj, yj, xi, yi)) if is_wrapped else _ahead(xi, yi, xj, yj):
                 return True
     return False
 

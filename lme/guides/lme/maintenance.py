@@ -42,9 +42,9 @@ def carried(points: Floats, move: Move, dt: float) -> Floats:
     return to_robot(points, move.pose)
 
 
-def _motion(before: Twist, now: Twist, dt: float) -> tuple[float, float]:
+def _motion(previous: Twist, current: Twist, dt: float) -> tuple[float, float]:
     """Distance [m] and turn [rad] of one control period, by the mean velocities."""
-    return (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt
+    return (previous.v + current.v) / 2 * dt, (previous.omega + current.omega) / 2 * dt
 
 
 @njit(cache=True)

@@ -88,9 +88,9 @@ def main_terms(terms: Sequence[Term]) -> list[Term]:
     return [term for term, remainder in zip(terms, remainders, strict=True) if remainder > tolerance]
 
 
-def _group_key(step: int, now: Explanation) -> Choice | int:
+def _group_key(step: int, explanation: Explanation) -> Choice | int:
     """Group key: the choice if consecutive decisions share one sentence, else the step's number."""
-    choice = now.decision.choice
+    choice = explanation.decision.choice
     return choice if choice in (Choice.KEPT, Choice.REACHED) else step
 
 
@@ -110,9 +110,9 @@ def _shared_sentence(steps: Sequence[Explanation]) -> str:
     return f"switched at {len(steps)} steps: the old one was reached, at most {distance} m away (d1 {d1:.6g} m){note}"
 
 
-def _explain_first(now: Explanation) -> str:
-    terms = difference_terms(now)
-    lead, count = sum(term.value for term in terms), len(now.candidates)
+def _explain_first(explanation: Explanation) -> str:
+    terms = difference_terms(explanation)
+    lead, count = sum(term.value for term in terms), len(explanation.candidates)
     if count == 1:
         return "first subgoal: the only candidate"
     if lead <= 0.0:
@@ -121,28 +121,29 @@ def _explain_first(now: Explanation) -> str:
     return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {terms_text}"
 
 
-def _explain_reached(now: Explanation) -> str:
-    d1, gain = now.parameters.d1, _gain(now)
+def _explain_reached(explanation: Explanation) -> str:
+    d1, gain = explanation.parameters.d1, _gain(explanation)
     replacement = f"the best new one, which scores {_difference(gain)}, takes its place"
     if math.isinf(d1):
         return f"switched: d1 is infinite, so no subgoal is maintained; {replacement}"
-    distance = _fewest_digits(_old_distance(now), d1)
+    distance = _fewest_digits(_old_distance(explanation), d1)
     return f"switched: the old one is reached, {distance} m away (d1 {d1:.6g} m); {replacement}"
 
 
-def _explain_better(now: Explanation, before: Explanation | None) -> str:
-    leading_terms = main_terms(difference_terms(now))
-    change = _describe_changes(now, before, leading_terms)
-    scores = f"new subgoal scores {_fewest_digits(_gain(now), now.parameters.d2)} higher (d2 {now.parameters.d2:.6g})"
+def _explain_better(current: Explanation, previous: Explanation | None) -> str:
+    leading_terms = main_terms(difference_terms(current))
+    change = _describe_changes(current, previous, leading_terms)
+    d2 = current.parameters.d2
+    scores = f"new subgoal scores {_fewest_digits(_gain(current), d2)} higher (d2 {d2:.6g})"
     return f"switched: {scores}, {_named(leading_terms)}{f'; the old one {change}' if change else ''}"
 
 
-def _explain_kept(now: Explanation) -> str:
-    return f"kept: the best new one scores {_against_d2(now)}"
+def _explain_kept(explanation: Explanation) -> str:
+    return f"kept: the best new one scores {_against_d2(explanation)}"
 
 
-def _against_d2(now: Explanation, at_most: str = "") -> str:
-    gain, d2 = _gain(now), now.parameters.d2
+def _against_d2(explanation: Explanation, at_most: str = "") -> str:
+    gain, d2 = _gain(explanation), explanation.parameters.d2
     if gain <= 0.0:
         return f"{at_most.replace('most', 'least') if gain else at_most}{_difference(gain)}"
     if math.isinf(d2):
@@ -150,30 +151,32 @@ def _against_d2(now: Explanation, at_most: str = "") -> str:
     return f"{at_most}{_fewest_digits(gain, d2)} higher, {_shown(d2 - gain)} short of d2 ({d2:.6g})"
 
 
-def _old_distance(now: Explanation) -> float:
+def _old_distance(explanation: Explanation) -> float:
     """Distance from the robot to the old subgoal [m]."""
-    assert now.old is not None
-    return math.hypot(now.old[0], now.old[1])
+    assert explanation.old is not None
+    return math.hypot(explanation.old[0], explanation.old[1])
 
 
-def _gain(now: Explanation) -> float:
+def _gain(explanation: Explanation) -> float:
     """Score of the best candidate minus that of the old subgoal."""
-    assert now.old_score is not None
-    return float(now.scores[now.new] - now.old_score)
+    assert explanation.old_score is not None
+    return float(explanation.scores[explanation.new] - explanation.old_score)
 
 
-def _describe_changes(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
+def _describe_changes(
+    current: Explanation, previous: Explanation | None, leading_terms: Sequence[Term]
+) -> str:
     """Describe how the old subgoal's features fell since the last step, for criteria that favour the new one."""
-    if before is None or now.old_features is None:
+    if previous is None or current.old_features is None:
         return ""
-    previous_features = _features_of_chosen(before)
-    words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[now.view.surmount]}
+    features = _features_of_chosen(previous)
+    words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[current.view.surmount]}
     falls = []
-    for term in named:
-        row = now.names.index(term.name)
+    for term in leading_terms:
+        row = current.names.index(term.name)
         falls.append(
             _describe_fall(
-                term, previous_features[row], now.old_features[row], now.parameters.weights[row], words
+                term, features[row], current.old_features[row], current.parameters.weights[row], words
             )
         )
     if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
@@ -188,14 +191,16 @@ def _features_of_chosen(step: Explanation) -> Floats:
     return step.features[:, step.new]
 
 
-def _describe_fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
+def _describe_fall(
+    term: Term, previous: float, current: float, weight: float, words: Mapping[str, str]
+) -> str:
     """Describe how the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
-    loss = weight * (then - now)
+    loss = weight * (previous - current)
     if term.value <= 0.0 or loss < term.value / 2:
         return ""
     if term.name == "c_o":
-        return _NARROWED if now > 0.0 else words["c_o"]
-    return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(loss)} in {term.name}"
+        return _NARROWED if current > 0.0 else words["c_o"]
+    return words[term.name] if previous == _BEST.get(term.name) else f"fell by {_shown(loss)} in {term.name}"
 
 
 def _join(parts: Sequence[str]) -> str:

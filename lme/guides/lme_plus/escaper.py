@@ -112,10 +112,10 @@ class LocalMinimumEscaperPlus:
         """All quantities behind the last decision; None before the first."""
         return None if self._last is None else explain(self._last)
 
-    def _step(self, observation: Observation, sight: Sight, way: Floats) -> Step:
-        """Run one step of Algorithm 1 with the criteria of LME+. way (K, 2): places on the fastest way."""
+    def _step(self, observation: Observation, sight: Sight, route: Floats) -> Step:
+        """Run one step of Algorithm 1 with the criteria of LME+. route (K, 2): places on the fastest way."""
         subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
-        pool = self._generate(observation, way, subgoal)
+        pool = self._generate(observation, route, subgoal)
         candidates = len(pool) - (subgoal is not None)
         features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
         old = None if subgoal is None else candidates
@@ -176,12 +176,12 @@ class LocalMinimumEscaperPlus:
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned
 
-    def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
+    def _generate(self, observation: Observation, route: Floats, subgoal: Floats | None) -> Floats:
         """Random candidates all around, places on the fastest way, the target if it is in range; last the subgoal."""
         reach = self._reach(observation)
         parts = [sample(self._rng, self._candidates, reach, -math.pi, 2 * math.pi)]
         if self._config.parts.structured:
-            parts.append(way)
+            parts.append(route)
         if math.hypot(*observation.target.tolist()) <= reach:
             parts.append(observation.target[None])
         if subgoal is not None:

@@ -203,15 +203,15 @@ class Memory:
         self.people = np.column_stack((people, self._standing(people, previous)))
         return self.seen[~is_person], self.seen[is_person]
 
-    def _standing(self, people: Floats, before: Floats) -> Floats:
+    def _standing(self, people: Floats, previous: Floats) -> Floats:
         """Time for which each of the people (P, 5) has stood [s]: (P,), by those of the last period (Q, 6)."""
         is_still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
-        if not (is_still.any() and len(before)):
+        if not (is_still.any() and len(previous)):
             return np.zeros(len(people))
-        distances = np.hypot(*(people[:, None, :2] - before[:, :2]).transpose(2, 0, 1))
+        distances = np.hypot(*(people[:, None, :2] - previous[:, :2]).transpose(2, 0, 1))
         nearest = distances.argmin(axis=1)
         is_known = is_still & (distances.min(axis=1) < _SAME)
-        return np.where(is_known, before[nearest, 5] + self._dt, 0.0)
+        return np.where(is_known, previous[nearest, 5] + self._dt, 0.0)
 
 
 def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
@@ -226,7 +226,7 @@ def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
     return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)
 
 
-def _way(before: float, now: float, alpha: float, dt: float) -> float:
-    """Integral over `dt` of a rate that changes from `before` to `now` at `alpha` and then holds."""
-    ramp = min(abs(now - before) / alpha, dt)
-    return (before + now) / 2 * ramp + now * (dt - ramp)
+def _way(initial: float, final: float, alpha: float, dt: float) -> float:
+    """Integral over `dt` of a rate that changes from `initial` to `final` at `alpha` and then holds."""
+    ramp = min(abs(final - initial) / alpha, dt)
+    return (initial + final) / 2 * ramp + final * (dt - ramp)

@@ -178,20 +178,20 @@ def turns_at(
 
 
 @njit(cache=True, error_model="numpy")
-def _fall(before, here, after):
+def _fall(lower, centre, upper):
     """Fall of T from one side of a cell to the other; twice that on one side if only this side has a time."""
-    if before < np.inf:
-        return before - after if after < np.inf else 2.0 * (before - here)
-    return 2.0 * (here - after) if after < np.inf else 0.0
+    if lower < np.inf:
+        return lower - upper if upper < np.inf else 2.0 * (lower - centre)
+    return 2.0 * (centre - upper) if upper < np.inf else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _placed(places, pose):
-    """Transform places (N, 2) from the frame at `pose` to that of the grid."""
+def _placed(positions, pose):
+    """Transform positions (N, 2) from the frame at `pose` to that of the grid."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    transformed = np.empty(places.shape)
-    for n in range(len(places)):
-        x, y = places[n, 0], places[n, 1]
+    transformed = np.empty(positions.shape)
+    for n in range(len(positions)):
+        x, y = positions[n, 0], positions[n, 1]
         transformed[n, 0], transformed[n, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
     return transformed
 

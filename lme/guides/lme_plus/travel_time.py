@@ -103,10 +103,12 @@ def _clear(work):
 
 
 @njit(cache=True, error_model="numpy")
-def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
+def _march(
+    work, obstacles, target, robot, grid, pace, people, learned, corner, min_distance, beyond, enclosed
+):
     """Solve |∇T| = s from the target, and from the edge of the disc unless the ways are `enclosed` in it.
 
-    target, robot: (row, column). least [m]: distance to points that suffices near the robot.
+    target, robot: (row, column). min_distance [m]: distance to points that suffices near the robot.
     """
     _clear(work)
     width, cell_time = grid.size + 2, grid.cell / pace.v_max
@@ -169,7 +171,7 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
                 if tight and passable and may_be_passage(squares, i + border, j + border, half_min, comfort):
                     half = half_width(i - 1, j - 1, squares, border + 1, obstacles, grid, pace)
                 step = grid.cell * _slowness(
-                    max(square, half * half), half, distance * grid.cell, least, pace
+                    max(square, half * half), half, distance * grid.cell, min_distance, pace
                 )
                 # Close to a target without a passage, cells without a point in them are slow instead of closed.
                 if (
@@ -260,14 +262,14 @@ def _eikonal(a, b, step):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _slowness(square, half, away, least, pace):
+def _slowness(square, half, robot_distance, min_distance, pace):
     """Time per metre [s/m] by squared distance to the nearest point and distance to the robot; inf: no passage."""
     if square >= pace.comfort * pace.comfort:
         return 1.0 / pace.v_max
     d = math.sqrt(square)
     # Nearer than `inner`: slower up to `narrow` times at `tight`, but in the robot's own passage as at `inner`.
     if d < pace.inner:
-        is_beside = d >= least and away <= pace.room
+        is_beside = d >= min_distance and robot_distance <= pace.room
         if d < pace.tight and not is_beside:
             return np.inf
         if half == 0.0 or not is_beside:
@@ -280,13 +282,13 @@ def _slowness(square, half, away, least, pace):
 
 
 @njit(cache=True, error_model="numpy")
-def _in_the_way(place, time, people):
-    """Time per metre that people cost at a place after some time [s/m]."""
+def _in_the_way(position, time, people):
+    """Time per metre that people cost at a position after some time [s/m]."""
     cost = 0.0
     for n in range(len(people)):
         # Offset of the person by then, at constant velocity.
-        dx = people[n, 0] + time * people[n, 2] - place[0]
-        dy = people[n, 1] + time * people[n, 3] - place[1]
+        dx = people[n, 0] + time * people[n, 2] - position[0]
+        dy = people[n, 1] + time * people[n, 3] - position[1]
         if dx * dx + dy * dy < people[n, 4] * people[n, 4]:
             cost = max(cost, people[n, 5])
     return cost

@@ -129,9 +129,9 @@ class TangentBug:
         self._nearest = min(self._nearest, min_distance)
         return self._follow(view)
 
-    def _length_over(self, view: _View, place: Floats, side: int) -> float:
-        """Length of the path to the target over a place [m], minus `keep` on the previous side."""
-        length = math.hypot(*place) + _distance(place, view.target)
+    def _length_over(self, view: _View, position: Floats, side: int) -> float:
+        """Length of the path to the target by way of a position [m], minus `keep` on the previous side."""
+        length = math.hypot(*position) + _distance(position, view.target)
         return length - self._config.keep if side == self._side else length
 
     def _follow(self, view: _View) -> Floats | None:
@@ -182,9 +182,9 @@ class _View:
         self._profile = self._ways, self._owners, self._breaks, slope
         self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point
 
-    def blocking(self, place: Floats, closely: bool = False) -> int:
-        """Index of the point that blocks the line to a place, −1 if none; closely: with half the margin."""
-        return int(first_on_way(self.points, self._close if closely else self._radii, place))
+    def blocking(self, position: Floats, closely: bool = False) -> int:
+        """Index of the point that blocks the line to a position, −1 if none; closely: with half the margin."""
+        return int(first_on_way(self.points, self._close if closely else self._radii, position))
 
     def side_of_target(self, owner: int) -> int:
         """Side of the target relative to a point: +1 left, −1 right."""
@@ -249,10 +249,10 @@ class _View:
             return self._node(k, False, side)
         return Vertex(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
 
-    def _node(self, k: int, longer: bool, side: int) -> Vertex:
+    def _node(self, k: int, is_longer: bool, side: int) -> Vertex:
         """Node at the end of the obstacle in direction k: past its end, or where another obstacle hides it."""
         point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
-        if not longer:
+        if not is_longer:
             return Vertex(self._ways[k] * UNITS[k], point)
         distance = math.hypot(*point)
         bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / distance)

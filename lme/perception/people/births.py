@@ -79,14 +79,14 @@ def match_groups(table, anchors, count, names, sight, group, groups, view, when,
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest(table, count, taken, found, dt, settings):
+def _nearest(table, count, is_matched, middle, dt, settings):
     """Index of the nearest row that is unconfirmed, still free and may have come so far; −1 if there is none."""
     best, min_distance = -1, math.inf
     for n in range(count):
         row = table[n]
-        if row[CONFIRMED] > 0.0 or taken[n]:
+        if row[CONFIRMED] > 0.0 or is_matched[n]:
             continue
-        distance = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+        distance = math.sqrt((middle[0] - row[X]) ** 2 + (middle[1] - row[Y]) ** 2)
         # Greatest way: at the greatest speed after one sighting, later by the uncertainty of the filter.
         reach = 0.1 + (settings.fastest * dt if row[SEEN] < 2.0 else 2.0 * math.sqrt(row[PP]) + 0.5 * dt)
         if distance < reach and distance < min_distance:
@@ -95,37 +95,39 @@ def _nearest(table, count, taken, found, dt, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def _in_confirmed(table, count, found):
+def _in_confirmed(table, count, middle):
     """Return whether a group is a part of a track that was seen in this scan."""
     for n in range(count):
         row = table[n]
         if row[CONFIRMED] > 0.0 and row[HIDDEN] == 0.0:
-            distance = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+            distance = math.sqrt((middle[0] - row[X]) ** 2 + (middle[1] - row[Y]) ** 2)
             if distance < max(row[R], 0.4 if row[R] < LEGS_RADIUS else 0.0):
                 return True
     return False
 
 
 @njit(cache=True, error_model="numpy")
-def _anchor(anchor, points, own):
+def _anchor(anchor, points, members):
     """Keep some of a group's points; NaN fills the rest."""
     anchor[:] = np.nan
-    step = max(len(own) / ANCHORS, 1.0)
-    for k in range(min(len(own), ANCHORS)):
-        anchor[k] = points[own[int(k * step)]]
+    step = max(len(members) / ANCHORS, 1.0)
+    for k in range(min(len(members), ANCHORS)):
+        anchor[k] = points[members[int(k * step)]]
 
 
 @njit(cache=True, error_model="numpy")
-def _judge(row, anchor, moved, variance, view, when, settings):
+def _judge(row, anchor, moved_fraction, variance, view, timing, settings):
     """Return whether a track is where nothing was, or has left a place that is empty now, and has come some way.
 
-    moved: share of its points that have moved; variance: of its middle [m²].
+    moved_fraction: fraction of its points that have moved; variance: of its middle [m²].
     """
-    old, (noise, margin, _, _) = anchor[: _filled(anchor)], when
+    old, (noise, margin, _, _) = anchor[: _filled(anchor)], timing
     # Share of the points where it was first seen that the scan now sees through.
     vacated = (passed_through(old, view, margin) == 1).sum() / len(old)
     row[EVIDENCE] = (
-        row[EVIDENCE] + moved + vacated if moved + vacated >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
+        row[EVIDENCE] + moved_fraction + vacated
+        if moved_fraction + vacated >= _LEAST_SHARE
+        else 0.5 * row[EVIDENCE]
     )
     travel = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
     # A noisier lidar must show more evidence and a longer way.

@@ -59,16 +59,16 @@ def middle_of(points, chosen, lidar, prior, noise, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def _runs(points, chosen, lidar):
+def _runs(points, members, lidar):
     """Number of runs of points without a gap, the extent of all [m], and the mean of the runs' means."""
     parts, x, y, sum_x, sum_y, count = 0, 0.0, 0.0, 0.0, 0.0, 0
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
-    for n in range(len(chosen)):
-        px, py = points[chosen[n], 0], points[chosen[n], 1]
+    for n in range(len(members)):
+        px, py = points[members[n], 0], points[members[n], 1]
         # A gap ends a run: add its mean.
         if n > 0:
-            qx, qy = points[chosen[n - 1], 0], points[chosen[n - 1], 1]
+            qx, qy = points[members[n - 1], 0], points[members[n - 1], 1]
             distance = math.sqrt((px - lidar[0]) ** 2 + (py - lidar[1]) ** 2)
             if math.sqrt((px - qx) ** 2 + (py - qy) ** 2) > gap_at(distance):
                 x, y, parts = x + sum_x / count, y + sum_y / count, parts + 1
@@ -80,7 +80,7 @@ def _runs(points, chosen, lidar):
 
 
 @njit(cache=True, error_model="numpy")
-def _circle(points, chosen, lidar, mean, extent, prior, noise):
+def _circle(points, members, lidar, mean, extent, prior, noise):
     """Fit a circle by Gauss-Newton: middle, radius, root mean square of the residuals, variance of the radius."""
     # Start with the known radius or half of the extent, and a middle behind the points as the lidar sees them.
     prior_radius, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
@@ -88,7 +88,7 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
     dx, dy = mean[0] - lidar[0], mean[1] - lidar[1]
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
     x, y = mean[0] + 0.7 * r * dx / distance, mean[1] + 0.7 * r * dy / distance
-    step = max(len(chosen) // _MOST, 1)
+    step = max(len(members) // _MOST, 1)
     weight = max(noise, 0.005) ** 2
     rms, spread = math.inf, variance
     for _ in range(_ITERATIONS):
@@ -96,8 +96,8 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
         a = np.zeros((3, 3))
         b0 = b1 = b2 = total = 0.0
         count = 0.0
-        for n in range(0, len(chosen), step):
-            px, py = points[chosen[n], 0] - x, points[chosen[n], 1] - y
+        for n in range(0, len(members), step):
+            px, py = points[members[n], 0] - x, points[members[n], 1] - y
             d = max(math.sqrt(px * px + py * py), 1e-6)
             residual, nx, ny = d - r, px / d, py / d
             # Points off the circle of a known track count less.
@@ -147,22 +147,22 @@ def runs_of(points, free_points, moved, lidar, settings):
     count = len(points)
     group = np.full(count, -1, np.int64)
     num_runs, start = 0, -1
-    first, last = np.empty(count, np.int64), np.empty(count, np.int64)
+    starts, stops = np.empty(count, np.int64), np.empty(count, np.int64)
     # Divide the free points into runs without a gap.
     for i in range(count + 1):
         ends = i == count or not free_points[i]
         if start >= 0 and (ends or apart(points, i - 1, i, lidar)):
-            num_runs = _add(points, moved, (start, i), first, last, num_runs, settings)
+            num_runs = _add(points, moved, (start, i), starts, stops, num_runs, settings)
             start = -1
         if not ends and start < 0:
             start = i
     # Number the runs as groups; a leg beside an earlier one shares its group.
     groups = 0
     for n in range(num_runs):
-        partner = _leg_before(points, moved, first, last, n, group, settings)
+        partner = _leg_before(points, moved, starts, stops, n, group, settings)
         label = partner if partner >= 0 else groups
         groups += partner < 0
-        for i in range(first[n], last[n]):
+        for i in range(starts[n], stops[n]):
             group[i] = label
     return group, groups
 
@@ -176,26 +176,26 @@ def apart(points, i, j, lidar):
 
 
 @njit(cache=True, error_model="numpy")
-def _add(points, moved, run, first, last, found, settings):
+def _add(points, has_moved, run, starts, stops, num_runs, settings):
     """Add a run of points, or its moved parts if it is too wide, and return the number of runs."""
     start, end = run
     if end - start < FEWEST:
-        return found
+        return num_runs
     if _width(points, start, end) <= settings.widest:
-        first[found], last[found] = start, end
-        return found + 1
+        starts[num_runs], stops[num_runs] = start, end
+        return num_runs + 1
     # Too wide for a person: add the parts that have moved.
     part_start = -1
     for i in range(start, end + 1):
-        continues = i < end and moved[i]
+        continues = i < end and has_moved[i]
         if continues and part_start < 0:
             part_start = i
         if not continues and part_start >= 0:
             if i - part_start >= FEWEST and _width(points, part_start, i) <= settings.widest:
-                first[found], last[found] = part_start, i
-                found += 1
+                starts[num_runs], stops[num_runs] = part_start, i
+                num_runs += 1
             part_start = -1
-    return found
+    return num_runs
 
 
 @njit(cache=True, error_model="numpy")
@@ -210,23 +210,23 @@ def _width(points, start, end):
 
 
 @njit(cache=True, error_model="numpy")
-def _leg_before(points, moved, first, last, n, group, settings):
+def _leg_before(points, has_moved, starts, stops, n, group, settings):
     """Group of an earlier leg beside this one; −1 if this is not a leg, or alone."""
-    if not _is_leg(points, moved, first[n], last[n]):
+    if not _is_leg(points, has_moved, starts[n], stops[n]):
         return -1
-    x, y = _mean(points, first[n], last[n])
+    x, y = _mean(points, starts[n], stops[n])
     # Only the last few runs can be beside it.
     for m in range(n - 1, max(n - 5, -1), -1):
-        if _is_leg(points, moved, first[m], last[m]):
-            earlier_x, earlier_y = _mean(points, first[m], last[m])
+        if _is_leg(points, has_moved, starts[m], stops[m]):
+            earlier_x, earlier_y = _mean(points, starts[m], stops[m])
             if math.sqrt((x - earlier_x) ** 2 + (y - earlier_y) ** 2) < settings.joint:
-                return group[first[m]]
+                return group[starts[m]]
     return -1
 
 
 @njit(cache=True, error_model="numpy")
-def _is_leg(points, moved, start, end):
-    return 2 * moved[start:end].sum() >= end - start and _width(points, start, end) <= _LEG_WIDTH
+def _is_leg(points, has_moved, start, end):
+    return 2 * has_moved[start:end].sum() >= end - start and _width(points, start, end) <= _LEG_WIDTH
 
 
 @njit(cache=True, error_model="numpy")

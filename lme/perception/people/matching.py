@@ -118,8 +118,8 @@ def kept_tracks(table, anchors, count, view, when, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def _ends(row, view, when, settings):
-    _, margin, _, dt = when
+def _ends(row, view, timing, settings):
+    _, margin, _, dt = timing
     if row[CONFIRMED] == 0.0:
         return row[HIDDEN] > 1.5 * dt
     row[STILL] += dt

@@ -188,7 +188,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
 
 
 @njit(cache=True, error_model="numpy")
-def _coarse_turn(points, used, reference, angles, guess, spread, step):
+def _coarse_turn(points, is_used, reference, angles, guess, spread, step):
     """Turn beyond the guess, in whole beams, at which the ranges agree best [rad]."""
     count = len(reference)
     max_shift = min(int(_TRIED * spread / angles[1]), count // 8)
@@ -199,7 +199,7 @@ def _coarse_turn(points, used, reference, angles, guess, spread, step):
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
     for i in range(0, len(points), step):
-        if not used[i]:
+        if not is_used[i]:
             continue
         px = cos * points[i, 0] - sin * points[i, 1] + guess[0]
         py = sin * points[i, 0] + cos * points[i, 1] + guess[1]
@@ -217,9 +217,9 @@ def _coarse_turn(points, used, reference, angles, guess, spread, step):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add(a, b, row, off, weight):
+def _add(a, b, row, residual, weight):
     for k in range(3):
-        b[k] -= weight * row[k] * off
+        b[k] -= weight * row[k] * residual
         for m in range(3):
             a[k, m] += weight * row[k] * row[m]
 

@@ -151,25 +151,25 @@ class PeopleTracker:
             self._noise += _SETTLING * (min(error, 0.05) - self._noise)
         return compose(key.lidar, Pose(*motion))
 
-    def _advance(self, seen: _Seen, dt: float) -> None:
+    def _advance(self, newest: _Seen, dt: float) -> None:
         """Bring the tracks up to a scan."""
         # Evidence of motion: the votes of earlier scans, except where something stood before.
         margin = max(self._config.margin, _NOISES * self._noise)
-        votes = np.zeros((len(seen.placed), 2), np.int8)
+        votes = np.zeros((len(newest.placed), 2), np.int8)
         for past in self._compared():
-            weigh(seen.placed, seen.hits, self._view(past), margin, votes)
-        stands = recall(self._stood, seen.placed, seen.hits, self._time - _MEMORY)
+            weigh(newest.placed, newest.hits, self._view(past), margin, votes)
+        stands = recall(self._stood, newest.placed, newest.hits, self._time - _MEMORY)
         self._flicker = flickered(votes, stands, self._flicker)
         moved = moved_points(votes, stands, self._flicker)
-        sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
+        sight = NewestScan(newest.placed, newest.hits, moved, stands, newest.owner, self._movers)
         # Move the tracks on, then correct, begin and end them.
         predict(self._table, self._count, dt, self._config.acceleration)
         timing = (self._noise, margin, self._trusted, max(dt, 1e-3))
         tracks = self._table, self._anchors, self._count, self._names
-        self._count, self._names = advance(*tracks, sight, self._view(seen), timing, self._settings)
+        self._count, self._names = advance(*tracks, sight, self._view(newest), timing, self._settings)
 
-    def _view(self, seen: _Seen) -> _View:
-        return (*seen.lidar,), seen.sure, seen.free, self._angles
+    def _view(self, record: _Seen) -> _View:
+        return (*record.lidar,), record.sure, record.free, self._angles
 
     def _compared(self) -> list[_Seen]:
         """Earlier scans of about the ages `_LAGS`, each once."""
@@ -180,9 +180,9 @@ class PeopleTracker:
         """Earlier scan whose age is nearest to `lag` [s]."""
         return min(self._seen, key=lambda record: abs(self._time - record.time - lag))
 
-    def _remember(self, seen: _Seen) -> None:
+    def _remember(self, newest: _Seen) -> None:
         """Remember the scan, and note what stood in those in which it is known by now which tracks move."""
-        self._seen.append(seen)
+        self._seen.append(newest)
         for past in self._seen:
             if self._kept < past.time <= self._time - _OLD:
                 remember(self._stood, past.placed, past.hits, past.owner, self._movers, past.time)
@@ -192,8 +192,8 @@ class PeopleTracker:
             self._seen.popleft()
         # Register on a newer scan from now on, without the points of what moves.
         if self._key is None or self._time - self._key[0].time > _KEY_AGE - 0.01:
-            moving = (seen.owner >= 0) & self._movers[seen.owner % len(self._movers)]
-            self._key = seen, normals(seen.points, seen.hits & ~moving)
+            moving = (newest.owner >= 0) & self._movers[newest.owner % len(self._movers)]
+            self._key = newest, normals(newest.points, newest.hits & ~moving)
 
     def _tracks(self, dt: float) -> Tracks:
         rows = self._table[: self._count]

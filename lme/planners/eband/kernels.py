@@ -72,15 +72,15 @@ def relax(
 
 
 @njit(cache=True, error_model="numpy")
-def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
+def _move_bubble(previous, bubble, following, space, spacing, forces, halvings):
     """Move one bubble a step along its force, and halve the step while it overshoots."""
     # Direction across the band: normal to the line through both neighbours.
-    tx, ty = after[0] - before[0], after[1] - before[1]
+    tx, ty = following[0] - previous[0], following[1] - previous[1]
     length = math.sqrt(tx * tx + ty * ty)
     if length < 1e-9:
         return bubble
     normal = (-ty / length, tx / length)  # no force along the band: it would only bunch bubbles
-    force = _force(before, bubble, after, normal, space, spacing, forces)
+    force = _force(previous, bubble, following, normal, space, spacing, forces)
     if abs(force) < forces[3]:
         return bubble
     # Step by half of the radius times the force, and by no more than the radius.
@@ -92,7 +92,7 @@ def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
         if k == halvings or step == 0.0:
             break
         # The step overshoots if the force there points back and is still strong.
-        new_force = _force(before, new_bubble, after, normal, space, spacing, forces)
+        new_force = _force(previous, new_bubble, following, normal, space, spacing, forces)
         if new_force * force >= 0.0 or abs(new_force) <= _OVERSHOOT * abs(force):
             break
         step *= 0.5
@@ -100,7 +100,7 @@ def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
 
 
 @njit(cache=True, error_model="numpy")
-def _force(before, bubble, after, normal, space, spacing, forces):
+def _force(previous, bubble, following, normal, space, spacing, forces):
     """Contraction and repulsion across the band, along `normal`.
 
     Contraction: the sum of the unit vectors to both neighbours. Repulsion: `influence` minus the radius, times
@@ -108,7 +108,7 @@ def _force(before, bubble, after, normal, space, spacing, forces):
     """
     internal, external, influence, _ = forces
     x, y, radius = bubble
-    pull = _pull(x, y, before, normal) + _pull(x, y, after, normal)
+    pull = _pull(x, y, previous, normal) + _pull(x, y, following, normal)
     if radius >= influence:
         return internal * pull
     # Repulsion: (influence − r) ∂r/∂n, with the derivative by central differences.
@@ -195,9 +195,9 @@ def _without_redundant(centres, radii, joint):
 
 
 @njit(cache=True, error_model="numpy")
-def _join(gap, one, other, joint):
+def _join(gap, radius, next_radius, joint):
     """Return whether two bubbles of these radii join at the distance `gap`."""
-    return min(one, other) > joint[1] and gap <= joint[0] * (one + other)
+    return min(radius, next_radius) > joint[1] and gap <= joint[0] * (radius + next_radius)
 
 
 @njit(cache=True, error_model="numpy")

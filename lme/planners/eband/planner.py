@@ -113,12 +113,12 @@ class EBand:
             fastest = min(fastest, max_turn * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
         return approach(remaining, observation.ramp_start.v, fastest, limits.alpha_v, dt), turn
 
-    def _aim(self, here: Pose) -> tuple[float, float, float]:
+    def _aim(self, pose: Pose) -> tuple[float, float, float]:
         """Point where the band leaves the bubble around the robot, and length of the band to its end or tear [m].
 
         A band that is torn at the robot still includes the next bubble.
         """
-        line = to_robot(self.band.centres[: max(self.band.chain, 2)], here)
+        line = to_robot(self.band.centres[: max(self.band.chain, 2)], pose)
         x, y, remaining = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
         return x, y, remaining
 

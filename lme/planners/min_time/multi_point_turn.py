@@ -81,26 +81,26 @@ class MultiPointTurn:
             self._find(points, way, limits)
         return self._on_stroke(now, limits) if self._strokes else None
 
-    def _count(self, now: Twist, limits: Limits) -> None:
+    def _count(self, twist: Twist, limits: Limits) -> None:
         """Subtract the motion of the last period; begin the next stroke once the robot has come to rest."""
-        previous, self._before = self._before, now
+        previous, self._before = self._before, twist
         if not self._strokes:
             return
         ahead, turn = self._strokes[0]
-        driven = ahead * (previous.v + now.v) + turn * (previous.omega + now.omega)
+        driven = ahead * (previous.v + twist.v) + turn * (previous.omega + twist.omega)
         self._left[0] -= 0.5 * driven * self._dt
         self._time_left -= self._dt
-        if self._left[0] < _DONE and self._stands(now):
+        if self._left[0] < _DONE and self._stands(twist):
             self._strokes.popleft()
             self._left.popleft()
             self._begin(limits)
         elif self._time_left < 0.0:
             self.reset()
 
-    def _stands(self, now: Twist) -> bool:
+    def _stands(self, twist: Twist) -> bool:
         """Return whether the robot, which has to stop, is at rest."""
         self._braking += self._dt
-        return max(abs(now.v), abs(now.omega)) < _RESTS or self._braking > _BRAKING
+        return max(abs(twist.v), abs(twist.omega)) < _RESTS or self._braking > _BRAKING
 
     def _begin(self, limits: Limits) -> None:
         """Begin the first stroke that is left, if there is one."""
@@ -114,10 +114,10 @@ class MultiPointTurn:
         (ahead, turn), remaining = self._strokes[0], max(self._left[0], 0.0)
         return bool(keeps_on_stroke(points, self._box, self._close, ahead * remaining, turn * remaining))
 
-    def _find(self, points: Floats, way: Floats, limits: Limits) -> None:
+    def _find(self, points: Floats, path: Floats, limits: Limits) -> None:
         """Look for strokes from where the robot stands."""
         self.reset()
-        goal = way[min(_PLACE, len(way) - 1)] if len(way) else _NOWHERE
+        goal = path[min(_PLACE, len(path) - 1)] if len(path) else _NOWHERE
         backwards = limits.lowest <= -_LEAST_BACK
         steps, room = way_out(points, self._box, self._close, self._room, goal, backwards)
         # Join equal steps to strokes.
@@ -126,18 +126,18 @@ class MultiPointTurn:
             self._left.append(len(list(run)) * (STROKE if ahead else TURN))
         self._goes_on = len(steps) > 0 and not room
         # Where there is room at the end, turn to the fastest way as a last stroke.
-        if len(steps) and room and len(way):
-            angle = _turn_to(way, poses_after(steps)[-1])
+        if len(steps) and room and len(path):
+            angle = _turn_to(path, poses_after(steps)[-1])
             self._strokes.append((0, 1 if angle > 0.0 else -1))
             self._left.append(abs(angle))
         self._begin(limits)
 
-    def _on_stroke(self, now: Twist, limits: Limits) -> Twist:
+    def _on_stroke(self, twist: Twist, limits: Limits) -> Twist:
         """Return the command on the stroke, so that the robot is at rest at its end."""
         (ahead, turn), (speed, rate) = self._strokes[0], _rates(limits)
         remaining = self._left[0] if self._left[0] > _DONE else 0.0  # an overshoot is not driven back
-        v = approach(ahead * remaining, now.v, speed, limits.alpha_v, self._dt)
-        return Twist(v, approach(turn * remaining, now.omega, rate, limits.alpha_omega, self._dt))
+        v = approach(ahead * remaining, twist.v, speed, limits.alpha_v, self._dt)
+        return Twist(v, approach(turn * remaining, twist.omega, rate, limits.alpha_omega, self._dt))
 
 
 @functools.cache
@@ -153,8 +153,8 @@ def _rates(limits: Limits) -> tuple[float, float]:
     return min(_SPEED * limits.v_max, _MOST_SPEED), min(_RATE * limits.omega_max, _MOST_RATE)
 
 
-def _turn_to(way: Floats, pose: Floats) -> float:
-    """Angle by which a robot at the pose (3,) has to turn to face along the way (K, 2) [rad]."""
-    nearest = int(np.hypot(*(way - pose[:2]).T).argmin())
-    x, y = way[min(nearest + 1, len(way) - 1)] - pose[:2]
+def _turn_to(path: Floats, pose: Floats) -> float:
+    """Angle by which a robot at the pose (3,) has to turn to face along the path (K, 2) [rad]."""
+    nearest = int(np.hypot(*(path - pose[:2]).T).argmin())
+    x, y = path[min(nearest + 1, len(path) - 1)] - pose[:2]
     return wrap_angle(math.atan2(y, x) - float(pose[2]))

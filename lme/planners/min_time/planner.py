@@ -54,13 +54,15 @@ def _excess(measured: float, commanded: float) -> float:
     return measured - commanded if abs(measured) > abs(commanded) else 0.0
 
 
-def _moved(now: _Situation, pose: Pose, later: float = 0.0) -> _Situation:
-    """Return the situation in the robot frame at another pose, `later` [s] on, with the same twist."""
-    movers = now.movers.copy()
-    movers[:, :2] = to_robot(movers[:, :2] + later * movers[:, 2:4], pose)
+def _moved(situation: _Situation, pose: Pose, duration: float = 0.0) -> _Situation:
+    """Return the situation in the robot frame at another pose, `duration` [s] on, with the same twist."""
+    movers = situation.movers.copy()
+    movers[:, :2] = to_robot(movers[:, :2] + duration * movers[:, 2:4], pose)
     movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
-    path = None if now.way is None else to_robot(now.way, pose)
-    return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, now.twist, path)
+    path = None if situation.way is None else to_robot(situation.way, pose)
+    return _Situation(
+        to_robot(situation.subgoal, pose), to_robot(situation.points, pose), movers, situation.twist, path
+    )
 
 
 class MinTime:
@@ -121,35 +123,37 @@ class MinTime:
         self._check.sent(command)
         return command
 
-    def _multi_point_turn(self, guidance: Guidance, now: _Situation, limits: Limits) -> Twist | None:
+    def _multi_point_turn(self, guidance: Guidance, situation: _Situation, limits: Limits) -> Twist | None:
         """Return the command of a multi-point turn, if the guide knows points and way and nobody is in sight."""
         if self._turn is None:
             return None
-        if guidance.points is None or now.way is None or len(now.movers):
+        if guidance.points is None or situation.way is None or len(situation.movers):
             self._turn.reset()
             return None
-        command = self._turn.command(guidance.blocked, now.points, now.way, now.twist, limits)
+        command = self._turn.command(
+            guidance.blocked, situation.points, situation.way, situation.twist, limits
+        )
         if command is not None:
             self._left_to_back_up = self._slow_for = 0.0
             self._backed_up += self._robot.dt
         return command
 
-    def _wanted(self, guidance: Guidance, now: _Situation, limits: Limits, may_back: bool) -> Twist:
+    def _wanted(self, guidance: Guidance, situation: _Situation, limits: Limits, may_back: bool) -> Twist:
         """Return the best command, or one that backs up if the robot is stuck and may back up."""
-        best = self._best(now, limits)
-        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(best, guidance, now, limits)):
-            return self._back_up(now, limits) or best
+        best = self._best(situation, limits)
+        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(best, guidance, situation, limits)):
+            return self._back_up(situation, limits) or best
         return best
 
-    def _is_stuck(self, wanted: Twist, guidance: Guidance, now: _Situation, limits: Limits) -> bool:
+    def _is_stuck(self, best: Twist, guidance: Guidance, situation: _Situation, limits: Limits) -> bool:
         """Return whether to begin to back up: at once, but not repeatedly while turning out of a narrow place.
 
         Where the guide has a free way, a robot counts as stuck only after standing still for a while, and never at
         the subgoal or among movers.
         """
-        standing = not any(wanted)
-        blocked = guidance.blocked and wanted.v < self._backward(limits)
-        waits = len(now.movers) > 0 or math.hypot(*now.subgoal.tolist()) <= _BACK
+        standing = not any(best)
+        blocked = guidance.blocked and best.v < self._backward(limits)
+        waits = len(situation.movers) > 0 or math.hypot(*situation.subgoal.tolist()) <= _BACK
         is_slow = blocked or (standing and not waits)
         # Time with no good command ahead, and since the robot last began to back up.
         self._slow_for = self._slow_for + self._robot.dt if is_slow else 0.0
@@ -160,10 +164,10 @@ class MinTime:
             self._backed_up = 0.0
         return is_stuck
 
-    def _stoppable(self, command: Twist, now: StoppingState) -> Twist:
+    def _stoppable(self, command: Twist, stopping: StoppingState) -> Twist:
         """Return the command, or the nearest one after which the robot can still stop, if it can stop now."""
         check = self._check
-        for state in (now, now.as_measured()):
+        for state in (stopping, stopping.as_measured()):
             if check.stops(STILL, state):
                 return command if check.stops(command, state) else check.nearest(command, state) or STILL
         return command
@@ -185,9 +189,9 @@ class MinTime:
         excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
         return _moved(situation, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else situation
 
-    def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
+    def _ahead(self, situation: _Situation, limits: Limits) -> _Situation:
         """Return the situation in which the next command takes effect."""
-        return self._predicted(here, limits) if self._check.under_way else here
+        return self._predicted(situation, limits) if self._check.under_way else situation
 
     def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
         """Return the points that do not move (M, 2), and the movers (P, 5)."""
@@ -198,23 +202,28 @@ class MinTime:
         is_mover, movers = movers_among(points, scan_points, observation.pedestrians, WIDEST)
         return points[~is_mover], movers
 
-    def _predicted(self, now: _Situation, limits: Limits) -> _Situation:
+    def _predicted(self, situation: _Situation, limits: Limits) -> _Situation:
         """Return the situation after the latency, in the robot frame of that time."""
-        pose, twist = self._predict(now.twist, limits)
-        return _moved(now, pose, self._config.latency)._replace(twist=twist)
+        pose, twist = self._predict(situation.twist, limits)
+        return _moved(situation, pose, self._config.latency)._replace(twist=twist)
 
-    def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
+    def _predict(self, start: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Predict pose, in the current robot frame, and twist for when the next command takes effect."""
         pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
         sent = self._check.under_way
         remaining = self._config.latency - (len(sent) - 1) * dt  # of the oldest command
         for k, command in enumerate(sent):
             duration = dt if k else remaining
-            reached = self._lag.after(now, command, duration)
-            motion = (*pose,), (*now,), (*reached,), limits.bounds  # plain tuples, as in `FastSimulator.step`
+            reached = self._lag.after(start, command, duration)
+            motion = (
+                (*pose,),
+                (*start,),
+                (*reached,),
+                limits.bounds,
+            )  # plain tuples, as in `FastSimulator.step`
             poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
-            pose, now = Pose(*poses[-1].tolist()), Twist(*twist)
-        return pose, without_tiny_rates(now)
+            pose, start = Pose(*poses[-1].tolist()), Twist(*twist)
+        return pose, without_tiny_rates(start)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
         """Return every arc with its time, but no backing up or multi-point turn; see `lme.planners.weighed`."""
@@ -259,18 +268,18 @@ class MinTime:
         """Speed at which the robot backs up [m/s]."""
         return min(_BACKWARD * limits.v_max, -limits.lowest)
 
-    def _back_up(self, now: _Situation, limits: Limits) -> Twist | None:
+    def _back_up(self, situation: _Situation, limits: Limits) -> Twist | None:
         """Back up `_BACK` or more on the safe arc of least expected time to the subgoal; None: none is safe."""
         speed = self._backward(limits)
-        omega = self._turns_back(speed, now.twist.omega, limits) if speed > 0.0 else np.empty(0)
-        safe = omega[self._is_safe_back(speed, omega, now.points, limits)]
+        omega = self._turns_back(speed, situation.twist.omega, limits) if speed > 0.0 else np.empty(0)
+        safe = omega[self._is_safe_back(speed, omega, situation.points, limits)]
         if not len(safe):
             self._left_to_back_up = 0.0
             return None
         # Count down the distance to back up, or start it.
         remaining = self._left_to_back_up if self._left_to_back_up > 0.0 else _BACK
         self._left_to_back_up = remaining - speed * self._robot.dt
-        return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))
+        return Twist(-speed, float(safe[self._times_back(speed, safe, situation.subgoal, limits).argmin()]))
 
     def _turns_back(self, speed: float, omega: float, limits: Limits) -> Floats:
         """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s], with 0 if possible."""

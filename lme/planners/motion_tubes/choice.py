@@ -156,23 +156,25 @@ class TubeChoice:
         )
         return _bearing(point)
 
-    def _choose(self, route: Route, twist: Twist, tubes: Tubes, free: Bools, seen: Ranges) -> tuple[int, int]:
+    def _choose(
+        self, route: Route, twist: Twist, tubes: Tubes, free: Bools, free_ranges: Ranges
+    ) -> tuple[int, int]:
         config, goal = self._config, self.goal(route, tubes.length)
         distance_bin = config.goal_bin * min(1.0, goal.reach / config.short_length)
         max_bins = config.goal_bins if goal.reach == tubes.length else min(config.goal_bins, _AT_GOAL)
         bins = (distance_bin, float(config.heading_bin), int(max_bins))
         target, rates = (goal.x, goal.y, goal.heading), (float(twist.v), float(twist.omega))
         whiskers = (tubes.whisker_beams, tubes.whisker_ranges)
-        return choose(free, tubes.curvatures, goal.reach, target, bins, rates, seen, *whiskers)
+        return choose(free, tubes.curvatures, goal.reach, target, bins, rates, free_ranges, *whiskers)
 
-    def _short_speed(self, curvature: float, share: float) -> float:
+    def _short_speed(self, curvature: float, fraction: float) -> float:
         """Speed of a short tube [m/s]: near_speed to short_speed, rising with the share of free tubes."""
         config = self._config
-        if share < config.free_low:
+        if fraction < config.free_low:
             return config.near_speed
-        if share > config.free_high or abs(curvature) * config.wide_radius < 1.0:
+        if fraction > config.free_high or abs(curvature) * config.wide_radius < 1.0:
             return config.short_speed
-        blend = (share - config.free_low) / (config.free_high - config.free_low)
+        blend = (fraction - config.free_low) / (config.free_high - config.free_low)
         return config.near_speed + blend * (config.short_speed - config.near_speed)
 
 

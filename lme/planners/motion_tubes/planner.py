@@ -142,10 +142,10 @@ class MotionTubes:
             self._leave_unsafe_tube(observation.odometry)
         return command
 
-    def _leave_unsafe_tube(self, here: Pose) -> None:
+    def _leave_unsafe_tube(self, pose: Pose) -> None:
         """Change the state if the chosen tube was not safe to enter."""
         if self._state is _Manoeuvre.FOLLOW:
-            self._state, self._stuck = _Manoeuvre.BACK, here
+            self._state, self._stuck = _Manoeuvre.BACK, pose
         elif self._state is _Manoeuvre.BACK:
             self._state, self._stuck = _Manoeuvre.STOP, None
 
@@ -232,13 +232,13 @@ class MotionTubes:
         slower = towards(0.0, v, self._config.stop_deceleration, self._dt)
         return Twist(slower, omega * slower / v)
 
-    def _stopping_in_time(self, wanted: Twist, scene: _Scene) -> Twist:
+    def _stopping_in_time(self, desired: Twist, scene: _Scene) -> Twist:
         """Return the command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
         clearance, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
         # A robot that is nearer to a point than the gap need only keep its distance.
-        for v_factor, omega_factor in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
-            command = limited(v_factor * wanted.v, omega_factor * wanted.omega, scene.observation, self._dt)
+        for v_factor, omega_factor in _SLOWER if desired.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
+            command = limited(v_factor * desired.v, omega_factor * desired.omega, scene.observation, self._dt)
             if self._clearance(command, scene.observation, circles) >= min(_GAP, clearance - 1e-6):
                 return command
         return limited(0.0, 0.0, scene.observation, self._dt)

@@ -62,9 +62,9 @@ class Surroundings:
         view, bodies, lidars, ranges = self._in_base_frame()
         return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
 
-    def _moved(self, before: Pose, after: Pose) -> bool:
-        _, _, turn = relative(after, before)
-        return math.dist(before[:2], after[:2]) >= self._spacing or abs(turn) >= self._turn
+    def _moved(self, previous: Pose, current: Pose) -> bool:
+        _, _, turn = relative(current, previous)
+        return math.dist(previous[:2], current[:2]) >= self._spacing or abs(turn) >= self._turn
 
     def _in_base_frame(self) -> tuple[LidarView, Floats, Floats, Ranges]:
         """Return the view, poses of base and lidar (M, 3) in the current base frame, ranges (M, B); newest first."""

@@ -103,10 +103,10 @@ def _curvatures(spec: TubeSpec) -> Floats:
     return np.concatenate(([0.0], np.column_stack((left, -left)).ravel()))
 
 
-def _spans(needs: Ranges) -> Ints:
+def _spans(needed: Ranges) -> Ints:
     """First and last beam that meet each tube: (N, 2); (0, −1) if none does."""
-    is_met = np.pad(needs > 0.0, ((0, 0), (1, 1)))
-    first_beam, last_beam = is_met.argmax(axis=1) - 1, needs.shape[1] - is_met[:, ::-1].argmax(axis=1)
+    is_met = np.pad(needed > 0.0, ((0, 0), (1, 1)))
+    first_beam, last_beam = is_met.argmax(axis=1) - 1, needed.shape[1] - is_met[:, ::-1].argmax(axis=1)
     return np.where(np.any(is_met, axis=1, keepdims=True), np.column_stack((first_beam, last_beam)), (0, -1))
 
 

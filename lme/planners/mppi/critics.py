@@ -68,15 +68,15 @@ class Critics:
         return costs, not collide
 
     def _along_path(
-        self, costs: Floats, observation: Observation, path: Floats, poses: Singles, left: float
+        self, costs: Floats, observation: Observation, path: Floats, poses: Singles, target_distance: float
     ) -> None:
-        """Apply the critics of the path. left: distance to the target [m]."""
+        """Apply the critics of the path. target_distance: distance to the target [m]."""
         config, map_ = self._config, self._costmap
         # Points of the path that are free, and the furthest one that some trajectory reaches.
         free = critics.free_points(path, map_.costs, map_.grid)
         furthest = critics.furthest_reached(poses, path)
         align, follow, angle = config.path_align, config.path_follow, config.path_angle
-        if left >= align.threshold_to_consider:
+        if target_distance >= align.threshold_to_consider:
             critics.path_align(
                 costs,
                 poses,
@@ -88,11 +88,11 @@ class Critics:
                 align.max_path_occupancy_ratio,
                 align.cost_weight,
             )
-        if left >= follow.threshold_to_consider:
+        if target_distance >= follow.threshold_to_consider:
             critics.path_follow(
                 costs, poses, path, free, furthest, follow.offset_from_furthest, follow.cost_weight
             )
-        if left >= angle.threshold_to_consider:
+        if target_distance >= angle.threshold_to_consider:
             index = min(furthest + angle.offset_from_furthest, len(path) - 1)
             max_angle, weight = angle.max_angle_to_furthest, angle.cost_weight
             critics.path_angle(costs, poses, path, observation.odometry, index, max_angle, weight)

@@ -127,23 +127,23 @@ def score(
 
 
 @njit(cache=True, error_model="numpy")
-def _simulate(wanted, pose, twist, alphas, simulation):
+def _simulate(twists, pose, twist, alphas, simulation):
     """Poses (N, K, 3) of the trajectories, and the number of poses of each (N,)."""
-    counts = np.empty(len(wanted), np.int64)
-    for n in range(len(wanted)):
+    counts = np.empty(len(twists), np.int64)
+    for n in range(len(twists)):
         # As many poses as the way or the turn needs, whichever is more.
-        distance, turn = abs(wanted[n, 0]) * simulation[0] / simulation[1], abs(wanted[n, 1]) / simulation[2]
+        distance, turn = abs(twists[n, 0]) * simulation[0] / simulation[1], abs(twists[n, 1]) / simulation[2]
         counts[n] = max(int(max(distance, turn) + 0.5), 1)
-    poses = np.empty((len(wanted), counts.max() if len(counts) else 0, 3))
-    for n in range(len(wanted)):
+    poses = np.empty((len(twists), counts.max() if len(counts) else 0, 3))
+    for n in range(len(twists)):
         x, y, yaw = pose
         v, omega = twist
         dt = simulation[0] / counts[n]
         for k in range(counts[n]):
             poses[n, k, 0], poses[n, k, 1], poses[n, k, 2] = x, y, yaw
             # Velocities approach the wanted ones by at most α dt; then one Euler step.
-            v = min(max(wanted[n, 0], v - alphas[0] * dt), v + alphas[0] * dt)
-            omega = min(max(wanted[n, 1], omega - alphas[1] * dt), omega + alphas[1] * dt)
+            v = min(max(twists[n, 0], v - alphas[0] * dt), v + alphas[0] * dt)
+            omega = min(max(twists[n, 1], omega - alphas[1] * dt), omega + alphas[1] * dt)
             x, y, yaw = x + v * math.cos(yaw) * dt, y + v * math.sin(yaw) * dt, yaw + omega * dt
     return poses, counts
 
@@ -167,8 +167,8 @@ def _bounds(poses, counts, grid, to_path, to_goal, scales):
 
 
 @njit(cache=True, error_model="numpy")
-def _total(bound, scale, poses, outline, costs, grid, least, cells):
-    """`bound` plus the scaled highest cost at the poses (K, 3), or `HITS` or `LOST`; inf once it is above `least`.
+def _total(bound, scale, poses, outline, costs, grid, best_cost, cells):
+    """`bound` plus the scaled highest cost at the poses (K, 3), or `HITS` or `LOST`; inf once it is above `best_cost`.
 
     Every eighth pose is checked first, since most trajectories that touch an obstacle do so at several poses.
     """
@@ -182,6 +182,6 @@ def _total(bound, scale, poses, outline, costs, grid, least, cells):
                 return HITS
             i, j = lattice(poses[k, 0] / grid[2]) - grid[0], lattice(poses[k, 1] / grid[2]) - grid[1]
             highest = max(highest, cost, int(costs[i, j]))
-            if bound + scale * highest > least:
+            if bound + scale * highest > best_cost:
                 return np.inf
     return LOST if bound == np.inf else bound + scale * highest

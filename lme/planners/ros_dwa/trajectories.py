@@ -193,7 +193,7 @@ class TrajectorySearch:
         return np.column_stack([np.zeros(turn_rates.size), turn_rates])
 
     def _score(
-        self, twists: Floats, observation: Observation, least: float, best_only: bool
+        self, twists: Floats, observation: Observation, best_cost: float, best_only: bool
     ) -> tuple[Floats, Floats]:
         """Scores and ends of trajectories; see `lme.planners.ros_dwa.kernels.score`."""
         costmap, limits = self._costmap, self._limits(observation.limits)
@@ -209,7 +209,7 @@ class TrajectorySearch:
             self._to_path,
             self._to_goal,
             self._scales,
-            least,
+            best_cost,
             best_only,
         )
 

@@ -154,21 +154,21 @@ def search(
 
 
 @njit(cache=True, error_model="numpy")
-def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):
+def _expand(nodes, estimate, count, parent, points, is_hidden, goal, spacing, rules, costs):
     """Append the children of a node; return the new number of nodes."""
     x, y, previous_heading, cost, depth = (
-        nodes[taken, 0],
-        nodes[taken, 1],
-        nodes[taken, 2],
-        nodes[taken, 4],
-        nodes[taken, 5],
+        nodes[parent, 0],
+        nodes[parent, 1],
+        nodes[parent, 2],
+        nodes[parent, 4],
+        nodes[parent, 5],
     )
     to_goal = math.hypot(goal[0] - x, goal[1] - y)
     bearing = math.atan2(goal[1] - y, goal[0] - x)
     # Free headings as seen from this node; an obstacle beyond the goal does not block.
-    density = histogram(points, x, y, spacing, rules.window, len(unseen))
+    density = histogram(points, x, y, spacing, rules.window, len(is_hidden))
     limit = rules.window - min(rules.block_distance, to_goal)
-    blocked = unseen | (density > limit)
+    blocked = is_hidden | (density > limit)
     ahead = headings(blocked, bearing, rules.narrow, rules.wide, rules.margin)
     for k in range(min(len(ahead), len(nodes) - count)):
         heading, arrived = ahead[k], to_goal <= costs.step
@@ -176,7 +176,7 @@ def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules,
         turn = costs.deviation * abs(_wrapped(heading - bearing)) + costs.switch * abs(
             _wrapped(heading - previous_heading)
         )
-        first = heading if taken == 0 else nodes[taken, 3]
+        first = heading if parent == 0 else nodes[parent, 3]
         # The child, and as a bound of the rest the length of the steps that are left.
         nodes[count, 0] = x + costs.step * math.cos(heading)
         nodes[count, 1] = y + costs.step * math.sin(heading)

@@ -103,10 +103,10 @@ class StoppingCheck:
             candidates = candidates[first[0] + 1 :]
         return None
 
-    def _tried(self, wanted: Twist, now: StoppingState) -> Floats:
+    def _tried(self, desired: Twist, state: StoppingState) -> Floats:
         """Return commands (N, 2) within reach of the last one; their v and ω include the wanted ones."""
-        limits, dt = now.limits, self._times[0]
-        v, omega = now.ramp_start
+        limits, dt = state.limits, self._times[0]
+        v, omega = state.ramp_start
         low = (
             max(v - limits.alpha_v * dt, limits.lowest),
             max(omega - limits.alpha_omega * dt, -limits.omega_max),
@@ -115,13 +115,17 @@ class StoppingCheck:
             min(v + limits.alpha_v * dt, limits.v_max),
             min(omega + limits.alpha_omega * dt, limits.omega_max),
         )
-        speeds = [*np.linspace(low[0], high[0], _V_SAMPLES), min(max(wanted.v, low[0]), high[0])]
-        rates = [*np.linspace(low[1], high[1], _OMEGA_SAMPLES), min(max(wanted.omega, low[1]), high[1])]
+        speeds = [*np.linspace(low[0], high[0], _V_SAMPLES), min(max(desired.v, low[0]), high[0])]
+        rates = [*np.linspace(low[1], high[1], _OMEGA_SAMPLES), min(max(desired.omega, low[1]), high[1])]
         return np.array(np.meshgrid(speeds, rates)).reshape(2, -1).T
 
-    def _clearances(self, tried: Floats, now: StoppingState, twist: Twist, enough: float) -> Floats:
-        start = now.points, _plain(twist), self._sent()
-        clearances: Floats = stopping_clearances(*start, tried, self._motion(now.limits), self._box, enough)
+    def _clearances(
+        self, candidates: Floats, state: StoppingState, twist: Twist, sufficient: float
+    ) -> Floats:
+        start = state.points, _plain(twist), self._sent()
+        clearances: Floats = stopping_clearances(
+            *start, candidates, self._motion(state.limits), self._box, sufficient
+        )
         return clearances
 
     def _sent(self) -> Floats:

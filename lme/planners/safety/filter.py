@@ -68,9 +68,9 @@ class SafetyFilter:
         self._check.sent(command)
         return command
 
-    def _filtered(self, wanted: Twist, now: StoppingState) -> Twist:
+    def _filtered(self, desired: Twist, state: StoppingState) -> Twist:
         check, margin = self._check, self._margin
-        if check.clearance(wanted, now, margin) >= margin:
-            return wanted
-        braking_clearance = check.clearance(STILL, now, margin) - TOUCHING  # distance that braking keeps
-        return check.nearest(wanted, now, max(braking_clearance, TOUCHING)) or STILL
+        if check.clearance(desired, state, margin) >= margin:
+            return desired
+        braking_clearance = check.clearance(STILL, state, margin) - TOUCHING  # distance that braking keeps
+        return check.nearest(desired, state, max(braking_clearance, TOUCHING)) or STILL

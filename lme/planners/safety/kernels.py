@@ -80,13 +80,13 @@ def stopping_clearances(
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest(twist, under_way, tried, motion):
+def _farthest(twist, sent, candidates, motion):
     """Greatest distance that the base may drive [m]."""
     top = abs(twist[0])
-    for commands in (under_way, tried):
+    for commands in (sent, candidates):
         for n in range(len(commands)):
             top = max(top, min(abs(commands[n, 0]), motion.limits[0]))
-    commanded = (len(under_way) + 2) * motion.period
+    commanded = (len(sent) + 2) * motion.period
     return top * (commanded + motion.lag + 0.5 * top / motion.limits[2])
 
 
@@ -101,7 +101,7 @@ def _near(points, reach):
 
 
 @njit(cache=True, error_model="numpy")
-def _follow(near, state, commands, first, motion, box, r_max):
+def _follow(nearby, state, commands, first, motion, box, r_max):
     """Return the state after commands (N, 2), each for a period; first: only its rest is left for the first one.
 
     Commands change `late` before a period ends. The motion is divided at both times, so that it is the same when it
@@ -110,20 +110,20 @@ def _follow(near, state, commands, first, motion, box, r_max):
     for n in range(len(commands)):
         command = (commands[n, 0], commands[n, 1])
         if motion.late > 0.0 and not (first and n == 0):
-            state = _move(near, state, command, motion.late, motion, box, r_max)
-        state = _move(near, state, command, motion.period - motion.late, motion, box, r_max)
+            state = _move(nearby, state, command, motion.late, motion, box, r_max)
+        state = _move(nearby, state, command, motion.period - motion.late, motion, box, r_max)
     return state
 
 
 @njit(cache=True, error_model="numpy")
-def _brake(near, state, command, motion, box, r_max):
+def _brake(nearby, state, command, motion, box, r_max):
     """Return the least distance until the robot is at rest, with commands that ramp from this one to zero."""
     slower = np.array([command])
     while state.least > 0.0 and (slower.any() or _moves(state, motion, r_max)):
         for k in range(2):
             change = motion.limits[2 + k] * motion.period
             slower[0, k] -= min(max(slower[0, k], -change), change)
-        state = _follow(near, state, slower, False, motion, box, r_max)
+        state = _follow(nearby, state, slower, False, motion, box, r_max)
     return state.least
 
 
@@ -135,7 +135,7 @@ def _moves(state, motion, r_max):
 
 
 @njit(cache=True, error_model="numpy")
-def _move(near, state, command, duration, motion, box, r_max):
+def _move(nearby, state, command, duration, motion, box, r_max):
     """Return the state after a command has acted for `duration` [s]; unchanged after contact."""
     # With lag, short steps, in each of which the velocity keeps e^(−dt/τ) of its distance from the command.
     steps = max(math.ceil(duration / _LAG_STEP - 1e-9), 1) if motion.lag > 0.0 else 1
@@ -150,24 +150,24 @@ def _move(near, state, command, duration, motion, box, r_max):
         # First-order lag: y ← u + e^(−dt/τ) (y − u).
         reached = (v + decay * (twist[0] - v), omega + decay * (twist[1] - omega))
         poses, twist = drive(pose, twist, reached, motion.limits, dt, _STEP, r_max)
-        clearance = _clearance(poses, near, box, clearance)
+        clearance = _clearance(poses, nearby, box, clearance)
         pose = (poses[-1, 0], poses[-1, 1], poses[-1, 2])
     return _State(pose[0], pose[1], pose[2], twist[0], twist[1], clearance)
 
 
 @njit(cache=True, error_model="numpy")
-def _clearance(poses, near, box, least):
-    """Least distance from the outline at any of the (K, 3) poses to a point, or `least` if that is less; 0: contact."""
+def _clearance(poses, nearby, box, limit):
+    """Least distance from the outline at any of the (K, 3) poses to a point, or `limit` if that is less; 0: contact."""
     half_length, half_width, rounding = box
     # Compare squared distances to the box without its rounding; the root comes last.
-    start_square = (least + rounding) * (least + rounding)
+    start_square = (limit + rounding) * (limit + rounding)
     square = start_square
     for k in range(len(poses)):
         x, y, cos, sin = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
-        for i in range(len(near)):
+        for i in range(len(nearby)):
             # Distance of the point beyond the sides of the box, in the robot frame.
-            dx, dy = near[i, 0] - x, near[i, 1] - y
+            dx, dy = nearby[i, 0] - x, nearby[i, 1] - y
             along = max(abs(cos * dx + sin * dy) - half_length, 0.0)
             across = max(abs(cos * dy - sin * dx) - half_width, 0.0)
             square = min(square, along * along + across * across)
-    return max(math.sqrt(square) - rounding, 0.0) if square < start_square else least
+    return max(math.sqrt(square) - rounding, 0.0) if square < start_square else limit

@@ -123,6 +123,6 @@ class TimedBand:
         )
 
 
-def _equations(*others: Any) -> Equations:
+def _equations(*arguments: Any) -> Equations:
     """Return the normal equations as a function of the band alone, given the other arguments."""
-    return lambda poses, times: normal_equations(poses, times, *others)
+    return lambda poses, times: normal_equations(poses, times, *arguments)

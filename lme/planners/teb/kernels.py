@@ -149,9 +149,9 @@ def near_obstacles(
 
 
 @njit(cache=True, error_model="numpy")
-def _list(out, count, i, point):
+def _list(rows, count, i, point):
     """Write a row; return the new number of rows."""
-    out[count, 0], out[count, 1], out[count, 2] = i, point[0], point[1]
+    rows[count, 0], rows[count, 1], rows[count, 2] = i, point[0], point[1]
     return count + 1
 
 
@@ -263,13 +263,13 @@ def _motions(poses, times):
 
 
 @njit(cache=True, error_model="numpy")
-def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, weight):
-    """Add the errors of accelerations from `before` over the speeds to rest. limits: (the greatest one, epsilon)."""
+def _accelerations(matrix, descent, times, speeds, by_speed, initial, limits, weight):
+    """Add the errors of accelerations from `initial` over the speeds to rest. limits: (the greatest one, epsilon)."""
     last_motion = len(times) - 1
     interval = (-limits[0], limits[0], limits[1])
     # From the speed before the band to that of the first motion.
     start = by_speed[0] / times[0]
-    value = (speeds[0] - before) / times[0]
+    value = (speeds[0] - initial) / times[0]
     start[3] -= value / times[0]
     total = _limit(matrix, descent, 0, start, value, interval, weight)
     for i in range(last_motion):

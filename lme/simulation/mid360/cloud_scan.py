@@ -176,21 +176,21 @@ def _nearest(pose, starts, items, circles, edges):
 
 
 @njit(cache=True, error_model="numpy")
-def _elevations(near, sensor, heights, most):
+def _elevations(nearest, sensor, heights, max_noise):
     """Lowest and highest elevation of the beams in each bucket that may give a point that counts: 2 × (BUCKETS,).
 
-    A beam hits nothing nearer than the nearest obstacle of its bucket, at near (BUCKETS,) [m], or the ground, and its
-    noise is at most `most` [m].
+    A beam hits nothing nearer than the nearest obstacle of its bucket, at nearest (BUCKETS,) [m], or the ground, and
+    its noise is at most `max_noise` [m].
     """
     low, high = np.full(BUCKETS, -math.pi / 2.0), np.full(BUCKETS, math.pi / 2.0)
     below, above = max(sensor[0] - heights[0], 0.0), max(heights[1] - sensor[0], 0.0)
-    ground_counts = heights[0] <= most
+    ground_counts = heights[0] <= max_noise
     for bucket in range(BUCKETS):
         # A steeper beam is above or below the heights that count where it meets the nearest obstacle.
-        if near[bucket] > most:
-            high[bucket] = math.atan(above / (near[bucket] - most))
+        if nearest[bucket] > max_noise:
+            high[bucket] = math.atan(above / (nearest[bucket] - max_noise))
             if not ground_counts:
-                low[bucket] = -math.atan(below / (near[bucket] - most))
+                low[bucket] = -math.atan(below / (nearest[bucket] - max_noise))
     return low, high
 
 

@@ -180,23 +180,23 @@ def to_edge(ray, ends, bottom, top):
 
 
 @njit(cache=True, error_model="numpy")
-def _to_lids(origin, ray, edges, solids, nearer):
-    """Distance along a ray to the nearest lid that it hits from outside, at most `nearer`."""
+def _to_lids(origin, ray, edges, solids, nearest):
+    """Distance along a ray to the nearest lid that it hits from outside, at most `nearest`."""
     for p in range(len(solids)):
         height = solids[p, 3] if ray[2] < 0.0 else solids[p, 2]
         distance = _to_height(origin[2], ray[2], height)
-        if distance < nearer:
+        if distance < nearest:
             x, y = origin[0] + distance * ray[0], origin[1] + distance * ray[1]
             if _inside(x, y, edges, int(solids[p, 0]), int(solids[p, 1])):
-                nearer = distance
-    return nearer
+                nearest = distance
+    return nearest
 
 
 @njit(cache=True, error_model="numpy")
-def _inside(x, y, edges, first, last):
-    """Return whether a point lies in the polygon of edges first…last−1, by the even–odd rule."""
+def _inside(x, y, edges, start, stop):
+    """Return whether a point lies in the polygon of edges start…stop − 1, by the even–odd rule."""
     is_inside = False
-    for i in range(first, last):
+    for i in range(start, stop):
         x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
             is_inside = not is_inside

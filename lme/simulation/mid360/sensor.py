@@ -169,9 +169,9 @@ def mid360_of(lidar: Lidar) -> Mid360:
     return Mid360(Mid360Config(mount=mount, noise_std=lidar.noise_std))
 
 
-def _heights(kind: str, given: ArrayLike, count: int) -> Floats:
+def _heights(kind: str, values: ArrayLike, count: int) -> Floats:
     """Bottoms and tops: (count, 2) [m]."""
-    heights = np.asarray(given, dtype=np.float64)
+    heights = np.asarray(values, dtype=np.float64)
     if heights.shape == (2,):
         heights = np.tile(heights, (count, 1))
     if heights.shape != (count, 2) or not (heights[:, 0] <= heights[:, 1]).all():

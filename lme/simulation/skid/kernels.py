@@ -123,7 +123,7 @@ def _contacts(chassis):
 
 
 @njit(cache=True, error_model="numpy")
-def _turn_wheels(wheels, chassis, command, limits, share, dt):
+def _turn_wheels(wheels, chassis, command, limits, gain, dt):
     """Advance the controller and the wheels by one step; return the speeds of the treads [m/s], left and right.
 
     The controller moves by a share of the difference to the command, as far as its acceleration allows.
@@ -131,7 +131,7 @@ def _turn_wheels(wheels, chassis, command, limits, share, dt):
     for i in range(2):
         goal = min(max(command[i], -limits[i]), limits[i])
         max_change = limits[i + 2] * dt
-        wheels[i] += min(max(share * (goal - wheels[i]), -max_change), max_change)
+        wheels[i] += min(max(gain * (goal - wheels[i]), -max_change), max_change)
     # Treads of a differential drive: v ∓ ω b / 2, with b the track times its multiplier.
     turn = wheels[1] * chassis.track * chassis.separation_multiplier / 2
     left, right = wheels[0] - turn, wheels[0] + turn

@@ -105,8 +105,8 @@ def _advance(plan, count, repeat):
 
 
 @njit(cache=True, error_model="numpy")
-def _away(place, target):
-    return math.hypot(target[0] - place[0], target[1] - place[1])
+def _away(position, target):
+    return math.hypot(target[0] - position[0], target[1] - position[1])
 
 
 @njit(cache=True, error_model="numpy")
@@ -219,17 +219,17 @@ def _interaction(relative, velocity):
 
 
 @njit(cache=True, error_model="numpy")
-def _walls(place, radius, fastest, circles, edges, horizon, lines):
+def _walls(position, radius, fastest, circles, edges, horizon, lines):
     """Write a half-plane for each static obstacle in reach; return their number."""
     count, reach = 0, radius + fastest * horizon
     # Circles first, then edges, each by its nearest point.
     for k in range(len(circles)):
-        x, y = _to_circle(place, circles[k])
+        x, y = _to_circle(position, circles[k])
         if math.hypot(x, y) <= reach:
             before_point(x, y, radius, horizon, lines[count])
             count += 1
     for k in range(len(edges)):
-        x, y = _to_edge(place, edges[k])
+        x, y = _to_edge(position, edges[k])
         if math.hypot(x, y) <= reach:
             before_point(x, y, radius, horizon, lines[count])
             count += 1
@@ -237,34 +237,34 @@ def _walls(place, radius, fastest, circles, edges, horizon, lines):
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest_wall(place, circles, edges):
-    """Nearest point of all static obstacles, relative to a place: (x, y) [m], infinite if there is none."""
+def _nearest_wall(position, circles, edges):
+    """Nearest point of all static obstacles, relative to a position: (x, y) [m], infinite if there is none."""
     best_x, best_y = math.inf, math.inf
     for k in range(len(circles)):
-        x, y = _to_circle(place, circles[k])
+        x, y = _to_circle(position, circles[k])
         if math.hypot(x, y) < math.hypot(best_x, best_y):
             best_x, best_y = x, y
     for k in range(len(edges)):
-        x, y = _to_edge(place, edges[k])
+        x, y = _to_edge(position, edges[k])
         if math.hypot(x, y) < math.hypot(best_x, best_y):
             best_x, best_y = x, y
     return best_x, best_y
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circle(place, circle):
+def _to_circle(position, circle):
     """Nearest point of a disc, relative to a place outside it: (x, y) [m]."""
-    dx, dy = circle[0] - place[0], circle[1] - place[1]
+    dx, dy = circle[0] - position[0], circle[1] - position[1]
     distance = math.hypot(dx, dy)
     fraction = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
     return fraction * dx, fraction * dy
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edge(place, edge):
-    """Nearest point of a segment, relative to a place: (x, y) [m]."""
+def _to_edge(position, edge):
+    """Nearest point of a segment, relative to a position: (x, y) [m]."""
     ax, ay = edge[2] - edge[0], edge[3] - edge[1]
     square = ax * ax + ay * ay
-    fraction = ((place[0] - edge[0]) * ax + (place[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
+    fraction = ((position[0] - edge[0]) * ax + (position[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
     fraction = min(max(fraction, 0.0), 1.0)
-    return edge[0] + fraction * ax - place[0], edge[1] + fraction * ay - place[1]
+    return edge[0] + fraction * ax - position[0], edge[1] + fraction * ay - position[1]

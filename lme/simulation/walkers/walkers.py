@@ -105,9 +105,9 @@ class Walkers:
         velocities[self._chosen] = self._velocities
         self._time += dt
 
-    def _moving(self, crowd: Crowd, robot: Pose, before: Pose, dt: float) -> Floats:
+    def _moving(self, crowd: Crowd, robot: Pose, previous: Pose, dt: float) -> Floats:
         """Rows (1 + O, 5) of x, y, vx, vy, radius: first the robot, then the other discs that move."""
-        velocity = ((robot.x - before.x) / dt, (robot.y - before.y) / dt)
+        velocity = ((robot.x - previous.x) / dt, (robot.y - previous.y) / dt)
         is_present = crowd.present[self._others]
         positions, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
         discs = np.column_stack([positions, speeds, self._other_radii])[is_present]

@@ -109,10 +109,10 @@ def _entries(folder: Path) -> list[Path]:
         raise InputError(f"{folder} cannot be read: {error.strerror}") from None
 
 
-def _read_limited(file: Path, most: int) -> bytes:
-    """The content of a regular file of at most `most` bytes. Raises InputError."""
+def _read_limited(file: Path, max_bytes: int) -> bytes:
+    """The content of a regular file of at most `max_bytes`. Raises InputError."""
     try:
-        return read_bytes(file, most)
+        return read_bytes(file, max_bytes)
     except FileNotFoundError:
         raise InputError(f"{file} does not exist") from None
     except OSError as error:

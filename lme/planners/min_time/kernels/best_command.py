@@ -210,7 +210,7 @@ def _held(omega, estimate, alpha_omega):
 
 
 @njit(cache=True, error_model="numpy")
-def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
+def _least_times(v, omega, subgoal, durations, moves, estimate, grip):
     """Time of each command without obstacles, less `_ROUNDING` [s]; inf: no grip. Faster than `_time_to`."""
     count = len(v) * len(omega)
     x, y, heading = np.empty((3, _HOLDS, count))
@@ -218,7 +218,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
     for k in range(_HOLDS):
         for n in range(count):
             w = n % len(omega)
-            chord = v[n // len(omega)] * holds[k] * moves[w, k, 2]
+            chord = v[n // len(omega)] * durations[k] * moves[w, k, 2]
             x[k, n], y[k, n] = subgoal[0] - chord * moves[w, k, 0], subgoal[1] - chord * moves[w, k, 1]
             heading[k, n] = moves[w, k, 3]
     # Time of the hold, then straight on at v_max, and the turn that is left; the least over all holds.
@@ -227,7 +227,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
         for n in range(count):  # without branches, so that it is vectorised
             turn = math.copysign(unsigned_bearing(x[k, n], y[k, n]), y[k, n]) - heading[k, n]
             turn = abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
-            straight = holds[k] + math.sqrt(x[k, n] * x[k, n] + y[k, n] * y[k, n]) / estimate.v_max
+            straight = durations[k] + math.sqrt(x[k, n] * x[k, n] + y[k, n] * y[k, n]) / estimate.v_max
             times[n] = min(times[n], straight + estimate.turn * turn)
     for n in range(count):
         # Slow commands cost more. Commands beyond the grip are excluded, except at the lowest speed.
@@ -259,10 +259,10 @@ def _among_movers(v, omega, movers, reach, delay, brake):
 
 
 @njit(cache=True, error_model="numpy")
-def _met(v, omega, movers, reach, held, brake, horizon):
+def _met(v, omega, movers, reach, delay, brake, horizon):
     """Time [s] until the robot on its arc is within `reach` of a mover and approaching; inf: not up to `horizon`.
 
-    The command is held for `held` [s]; then the robot brakes on its arc at `brake` [m/s²].
+    The command is held for `delay` [s]; then the robot brakes on its arc at `brake` [m/s²].
     """
     steps, meeting_time = int(horizon / _STEP + 0.5), np.inf
     for n in range(len(movers)):
@@ -272,7 +272,7 @@ def _met(v, omega, movers, reach, held, brake, horizon):
         for k in range(1, steps + 1):
             time = k * _STEP
             # While it brakes, the robot falls behind its constant speed by b (t − t_held)² / 2 [m].
-            braking = time - held
+            braking = time - delay
             x, y = _after(v, omega, time if braking <= 0.0 else time - braking * braking * brake / (2.0 * v))
             dx = movers[n, 0] + time * movers[n, 2] - x
             dy = movers[n, 1] + time * movers[n, 3] - y
@@ -287,11 +287,11 @@ def _met(v, omega, movers, reach, held, brake, horizon):
 
 
 @njit(cache=True, error_model="numpy")
-def _time_to(subgoal, v, omega, free, holds, moves, estimate):
+def _time_to(subgoal, v, omega, free, durations, moves, estimate):
     """Least expected time to the subgoal [s], if the command is held for one period or longer, up to `free` [s]."""
     min_time = np.inf
     for k in range(_HOLDS):
-        duration = holds[k]
+        duration = durations[k]
         if k > 0 and duration > free:
             break
         # From where the robot is after the hold, drive straight to the subgoal at v_max.

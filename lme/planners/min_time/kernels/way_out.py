@@ -115,12 +115,12 @@ def _kept(points, box, margin):
 
 
 @njit(cache=True, error_model="numpy")
-def _keeps(points, kept, pose, box):
+def _keeps(points, keep_distances, pose, box):
     """Return whether all points are as far from the footprint at a pose as they have to be."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for m in range(len(points)):
         x, y = points[m, 0] - pose[0], points[m, 1] - pose[1]
-        if _distance(cos * x + sin * y, cos * y - sin * x, box) < kept[m]:
+        if _distance(cos * x + sin * y, cos * y - sin * x, box) < keep_distances[m]:
             return False
     return True
 
@@ -145,13 +145,13 @@ def _has_room(points, pose, room):
 
 
 @njit(cache=True, error_model="numpy")
-def _from_start(steps, before, last):
+def _from_start(steps, parents, goal):
     """Return the steps that lead from the first pose to the last one."""
-    count, node = 0, last
+    count, node = 0, goal
     while node > 0:
-        count, node = count + 1, before[node]
-    path, node = np.empty((count, 2), np.int8), last
+        count, node = count + 1, parents[node]
+    path, node = np.empty((count, 2), np.int8), goal
     while node > 0:
         count -= 1
-        path[count], node = steps[node], before[node]
+        path[count], node = steps[node], parents[node]
     return path

@@ -206,12 +206,12 @@ def _cost_at(x, y, cells, grid):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _at_length(ways, way, at):
-    """Index of the entry of `ways` (P,) that is nearest to a path length, from `at` on."""
-    for j in range(at + 1, len(ways)):
-        if ways[j] > way:
-            return j - 1 if way - ways[j - 1] < ways[j] - way else j
-    return len(ways) - 1
+def _at_length(lengths, length, start):
+    """Index of the entry of `lengths` (P,) that is nearest to a path length, from `start` on."""
+    for j in range(start + 1, len(lengths)):
+        if lengths[j] > length:
+            return j - 1 if length - lengths[j - 1] < lengths[j] - length else j
+    return len(lengths) - 1
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -122,12 +122,12 @@ def smooth(sequence: Floats, before: Floats) -> Floats:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _within_reach(v, omega, v_now, omega_now, limits, dt):
+def _within_reach(v, omega, current_v, current_omega, limits, dt):
     """Nearest velocity and turn rate that the accelerations allow one step after the present ones."""
     fall, rise, turn = limits[3] * dt, limits[4] * dt, limits[5] * dt
-    if v_now <= 0.0:
+    if current_v <= 0.0:
         fall, rise = -rise, -fall
     return (
-        min(max(v, v_now + fall), v_now + rise),
-        min(max(omega, omega_now - turn), omega_now + turn),
+        min(max(v, current_v + fall), current_v + rise),
+        min(max(omega, current_omega - turn), current_omega + turn),
     )
