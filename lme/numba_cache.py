@@ -28,8 +28,8 @@ _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
 _PREFIX = "kernels-"
-_NUMBAS = "numba.core.caching"  # its module that reads and writes the cache
-_KEPT = 3  # versions that are kept, since a checkout may switch back and forth between some
+_NUMBA_CACHING = "numba.core.caching"  # its module that reads and writes the cache
+_MAX_VERSIONS = 3  # versions that are kept, since a checkout may switch back and forth between some
 
 
 def choose(package: Path = _PACKAGE) -> None:
@@ -102,14 +102,14 @@ def _private_folder() -> Path:
 def _remove_old(base: Path) -> None:
     """Remove the folders of earlier sources, except the newest."""
     folders = sorted(base.glob(f"{_PREFIX}*"), key=lambda path: path.stat().st_mtime)
-    for old in folders[:-_KEPT]:
+    for old in folders[:-_MAX_VERSIONS]:
         shutil.rmtree(old, ignore_errors=True)
 
 
 def _survive_damage() -> None:
     """Make Numba recompile a kernel whose cache file is damaged, and carry on if a file cannot be written."""
-    if _NUMBAS in sys.modules:
-        _mend(sys.modules[_NUMBAS].IndexDataCacheFile)
+    if _NUMBA_CACHING in sys.modules:
+        _mend(sys.modules[_NUMBA_CACHING].IndexDataCacheFile)
     elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Finder())
 
@@ -119,7 +119,7 @@ class _Finder(MetaPathFinder):
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Return the spec of Numba's caching module, whose loader also patches it; None for any other module."""
-        if name != _NUMBAS:
+        if name != _NUMBA_CACHING:
             return None
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)

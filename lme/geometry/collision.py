@@ -73,11 +73,11 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
     r_min = min(half_length, half_width) + rounding
     r_max = math.hypot(half_length, half_width) + rounding
     limit = (max(nearest - r_min, 0.0) + r_max + travel) * (1.0 + 1e-9)
-    return _within(to_circle, limit), _within(to_edge, limit)
+    return _up_to(to_circle, limit), _up_to(to_edge, limit)
 
 
 @njit(cache=True, error_model="numpy")
-def _within(distances, limit):
+def _up_to(distances, limit):
     """Indices of the distances up to the limit. This loop compiles much faster than NumPy's functions."""
     indices = np.empty(len(distances), np.int64)
     count = 0

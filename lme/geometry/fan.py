@@ -122,12 +122,12 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
     ends_left, arms_left, start, stop, reach = _sort_into_bins(arms, bearing, low, scale, num_bins, padded)
     # Blocked ends leave their bins, so every pass has fewer of them to test.
     for offset in range(_STRIDE):
-        _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
+        _test_stride(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
     return blocked
 
 
 @njit(cache=True, error_model="numpy")
-def _near(dx, dy, length_square, qx, qy, radius_square):
+def _is_near(dx, dy, length_square, qx, qy, radius_square):
     """Return whether q is nearer than the radius to the segment from the origin to d.
 
     It has no branches, since none could be predicted.
@@ -148,7 +148,7 @@ def _test_all(arms, rays, radius, blocked):
     radius_square = radius * radius
     for j in range(rays.shape[1]):
         for i in range(len(blocked)):
-            blocked[i] |= _near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
+            blocked[i] |= _is_near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
 
 
 @njit(cache=True, error_model="numpy")
@@ -235,7 +235,7 @@ def _sort_into_bins(arms, bearing, low, scale, num_bins, padded):
 
 
 @njit(cache=True, error_model="numpy")
-def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
+def _test_stride(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
     """Test every `_STRIDE`-th point from `offset` on against the ends in its bins, and remove blocked ends."""
     num_bins, radius_square = len(reach), radius * radius
     farthest = 0.0
@@ -255,7 +255,7 @@ def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
             reach[k] = 0.0
             for i in range(start[k], bin_stop):
                 end, x, y, length_square, far_square = ends[i], arms[0, i], arms[1, i], arms[2, i], arms[3, i]
-                is_blocked = _near(x, y, length_square, qx, qy, radius_square)
+                is_blocked = _is_near(x, y, length_square, qx, qy, radius_square)
                 blocked[end] |= is_blocked
                 ends[free_slot], arms[0, free_slot], arms[1, free_slot] = end, x, y
                 arms[2, free_slot], arms[3, free_slot] = length_square, far_square

@@ -39,7 +39,7 @@ def edge_grid(edges: Floats) -> EdgeGrid:
     side = math.sqrt((high - low).prod() / len(edges))
     columns, rows = (math.ceil(span / side) for span in (high - low).tolist())
     frame = (float(low[0]), float(low[1]), side, rows, columns)
-    starts, cell_edges = _by_cell(edges, *frame)
+    starts, cell_edges = _sort_by_cell(edges, *frame)
     return EdgeGrid(frame, starts, cell_edges)
 
 
@@ -56,7 +56,7 @@ def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -
 
 
 @njit(cache=True, error_model="numpy")
-def _by_cell(edges, low_x, low_y, side, rows, columns):
+def _sort_by_cell(edges, low_x, low_y, side, rows, columns):
     """Compute `starts` and `edges` of an `EdgeGrid`."""
     starts = np.zeros(rows * columns + 1, np.int64)
     # Count the edges of each cell; the sums are where the cells start.
@@ -117,7 +117,7 @@ def _near_edges(poses, r_min, r_max, frame, starts, edges):
     # The clearance at the middle pose is at most gap − r_min, so farther edges cannot be the nearest.
     gap = nearest(x, y, frame, starts, edges)
     limit = (max(gap - r_min, 0.0) + r_max + travel) * (1.0 + 1e-6)
-    return edges[_within(x, y, limit, frame, starts, edges)]
+    return edges[_edges_within(x, y, limit, frame, starts, edges)]
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,10 +128,10 @@ def nearest(x, y, frame, starts, edges):
     low_x, low_y, side, rows, columns = frame
     reach, farthest = 2.0 * side, math.hypot(abs(x - low_x), abs(y - low_y)) + side * (rows + columns)
     # Double the window until it holds an edge.
-    indices = _within(x, y, reach, frame, starts, edges)
+    indices = _edges_within(x, y, reach, frame, starts, edges)
     while len(indices) == 0 and reach < farthest:  # ends for any number, also inf and NaN
         reach *= 2.0
-        indices = _within(x, y, reach, frame, starts, edges)
+        indices = _edges_within(x, y, reach, frame, starts, edges)
     square = np.inf
     for i in indices:
         square = min(square, point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
@@ -139,7 +139,7 @@ def nearest(x, y, frame, starts, edges):
 
 
 @njit(cache=True, error_model="numpy")
-def _within(x, y, limit, frame, starts, edges):
+def _edges_within(x, y, limit, frame, starts, edges):
     """Indices of the edges within `limit` of (x, y)."""
     low_x, low_y, side, rows, columns = frame
     indices, count = np.empty(64, np.int64), 0
@@ -178,7 +178,7 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
     start, stop = (starts[k], starts[k + 1]) if is_inside else (0, len(edges))
     # Test the edges of one cell after another, until a hit lies in the cell itself.
     while True:
-        far = _first_of(x, y, turn, beam, dx, dy, far, edges, start, stop)
+        far = _first_hit_among(x, y, turn, beam, dx, dy, far, edges, start, stop)
         if not is_inside or far < min(at_column, at_row) - _SURE:
             return far
         if at_column < at_row:
@@ -194,7 +194,7 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _first_of(x, y, turn, beam, dx, dy, nearest, edges, start, stop):
+def _first_hit_among(x, y, turn, beam, dx, dy, nearest, edges, start, stop):
     """Return the result of `first_hit` among edges start…stop − 1. dx, dy: the beam's direction in the world."""
     cos, sin = turn
     for i in range(start, stop):

@@ -188,7 +188,7 @@ def cast_lattice(
             steps, ends = _walk(x, y, range_max, frame, quadrant, rectangles[quadrant], rates[start:stop])
             beams = table[:, start:stop]
             sides = (quadrant & 1, quadrant >> 1, uprights, levels)
-            _meet(x, y, turn, beams, sides, edges, steps, ends, ranges[start:stop], doubtful[start:stop])
+            _hit_edges(x, y, turn, beams, sides, edges, steps, ends, ranges[start:stop], doubtful[start:stop])
     # Doubtful beams go through the grid of edges.
     for i in range(len(rates)):
         if doubtful[i]:
@@ -279,7 +279,7 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
 
 
 @njit(cache=True, error_model="numpy")
-def _meet(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
+def _hit_edges(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
     """Shorten the ranges of a quadrant's beams to the edges where they ended, and clear `doubtful` for sure ones.
 
     The arithmetic of a hit is that of `lme.perception.raycast`.

@@ -61,7 +61,7 @@ def observe(
             i, j = lattice(x / grid[2]) - grid[0], lattice(y / grid[2]) - grid[1]
             if 0 <= i < hits.shape[0] and 0 <= j < hits.shape[1]:
                 if hits[i, j] == 0 and ranges[k] <= spans[2]:
-                    _press(costs, stamp, i, j)
+                    _raise_costs(costs, stamp, i, j)
                     hits[i, j] = number
                 elif hits[i, j] != 0 and (
                     keep > 0 or ranges[k] <= spans[2]
@@ -72,7 +72,7 @@ def observe(
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
             length = min(ranges[k], range_max, spans[3])
-            _free(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
+            _clear_beam(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
 
 
 @njit(cache=True, error_model="numpy")
@@ -82,11 +82,11 @@ def inflate(hits: Hits, stamp: Ints, costs: Costs) -> None:
     for i in range(hits.shape[0]):
         for j in range(hits.shape[1]):
             if hits[i, j] != 0:
-                _press(costs, stamp, i, j)
+                _raise_costs(costs, stamp, i, j)
 
 
 @njit(cache=True, error_model="numpy")
-def _press(costs, stamp, i, j):
+def _raise_costs(costs, stamp, i, j):
     """Raise the costs around cell (i, j) to those of the stamp."""
     for k in range(len(stamp)):
         a, b = i + stamp[k, 0], j + stamp[k, 1]
@@ -95,7 +95,7 @@ def _press(costs, stamp, i, j):
 
 
 @njit(cache=True, error_model="numpy")
-def _free(hits, grid, first_scan, pose, cos, sin, length):
+def _clear_beam(hits, grid, first_scan, pose, cos, sin, length):
     """Clear the cells that a beam passes, except those hit in scan `first_scan` or later.
 
     Source: Amanatides & Woo 1987, "A fast voxel traversal algorithm".

@@ -137,7 +137,7 @@ def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
         first = k
         while not blocked[k % num_sectors]:
             k += 1
-        count = _offer(first, k - 1, target, wide, num_sectors, directions, count)
+        count = _append_valley(first, k - 1, target, wide, num_sectors, directions, count)
     return directions[:count]
 
 
@@ -163,7 +163,7 @@ def cheapest(
 
 
 @njit(cache=True, error_model="numpy")
-def _offer(first_sector, last_sector, target, wide_valley, num_sectors, directions, count):
+def _append_valley(first_sector, last_sector, target, wide_valley, num_sectors, directions, count):
     """Append the candidates of a valley, given by its first and last sector; return the new number of candidates."""
     # A narrow valley gives its middle.
     if last_sector - first_sector + 1 < wide_valley:

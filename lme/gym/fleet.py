@@ -140,7 +140,7 @@ class Fleet:
     def _begin(self, i: int, world: int | None = None) -> Task:
         """Put robot i at the start of its next episode."""
         task, robot = self._episodes.draw(self._rngs[i], world)
-        self._place(i, task)
+        self._copy_world(i, task)
         hull, bodies, states = robot.hull, self._bodies, self._states
         bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits.bounds, hull.box, hull.r_max
         self._slowest[i] = robot.limits.v_min
@@ -151,7 +151,7 @@ class Fleet:
         self._distances[i] = distances(self._places.goals[i : i + 1], states.poses[i : i + 1])[0]
         return task
 
-    def _place(self, i: int, task: Task) -> None:
+    def _copy_world(self, i: int, task: Task) -> None:
         """Copy the world of robot i into the shared arrays, which grow if it has more obstacles than any before."""
         obstacles = (task.world.circles, task.world.edges)
         if task.world.movers:

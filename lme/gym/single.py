@@ -77,7 +77,7 @@ class NavigationEnv(gym.Env[Any, Any]):
             self._people.reset()
         self._progress, self._steps = Progress(self._task, self._simulator.state), 0
         self._trail, self._distance = [self._simulator.state.pose], self._distance_left()
-        return self._seen(observation), {"world": self._task.number, "optimal_time": self._task.optimal_time}
+        return self._obs(observation), {"world": self._task.number, "optimal_time": self._task.optimal_time}
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         """Drive for one control period. Raises InputError for an action that is not two numbers."""
@@ -94,7 +94,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         truncated = outcome is Outcome.TIMEOUT
         terminated = outcome is not None and not truncated
         info = {} if outcome is None else self._result(outcome).info()
-        return self._seen(observation), self._reward(outcome), terminated, truncated, info
+        return self._obs(observation), self._reward(outcome), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the scene from above (H, W, 3), or None without a render mode."""
@@ -102,7 +102,7 @@ class NavigationEnv(gym.Env[Any, Any]):
             return None
         return frame(self._task, self._robot, self._simulator, self._scan, self._trail)
 
-    def _seen(self, observation: Observation) -> Arrays:
+    def _obs(self, observation: Observation) -> Arrays:
         self._scan = scan = observation.scan
         entries = arrays(
             scan.ranges, observation.target, observation.twist, observation.limits.bounds, scan.range_max

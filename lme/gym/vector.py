@@ -69,18 +69,18 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         infos: dict[str, Any] = {}
         for i in range(self.num_envs):
             infos = self._add_info(infos, self._start(i), i)
-        return self._seen(views), infos
+        return self._obs(views), infos
 
     def step(self, actions: Any) -> tuple[Arrays, Floats, Bools, Bools, dict[str, Any]]:
         """Drive every robot for one control period. Raises InputError for actions that are not numbers."""
         step = self.fleet.step(commands(actions, self._limits))
         self._limits = step.views.limits
-        return self._seen(step.views), step.rewards, step.terminated, step.truncated, self._infos(step)
+        return self._obs(step.views), step.rewards, step.terminated, step.truncated, self._infos(step)
 
     def _infos(self, step: Transition) -> dict[str, Any]:
         """Return the ends of episodes and the starts of the next ones, as Gymnasium's infos."""
         infos: dict[str, Any] = {}
-        final = self._seen(step.last_views)
+        final = self._obs(step.last_views)
         for k, i in enumerate(step.ended.tolist()):
             end = {"final_obs": {name: part[k].copy() for name, part in final.items()}}
             infos = self._add_info(infos, {**end, "final_info": step.results[k].info()}, i)
@@ -91,6 +91,6 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         task = self.fleet.tasks[i]
         return {"world": task.number, "optimal_time": task.optimal_time}
 
-    def _seen(self, views: Views) -> Arrays:
+    def _obs(self, views: Views) -> Arrays:
         range_max = self.fleet.robot.lidar.range_max
         return arrays(views.ranges, views.targets, views.twists, views.limits, range_max)

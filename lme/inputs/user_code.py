@@ -15,7 +15,7 @@ from lme.errors import InputError
 
 TRACEBACK = "LME_TRACEBACK"  # the environment variable that asks for tracebacks
 _PACKAGES = Path(__file__).resolve().parents[2]
-_OURS = (_PACKAGES / "lme", _PACKAGES / "runners")
+_LIBRARY = (_PACKAGES / "lme", _PACKAGES / "runners")
 _INSTALLED = {"site-packages", "dist-packages"}
 
 
@@ -35,7 +35,7 @@ def user_error(error: BaseException) -> str:
     if not inner:
         return ""
     user_frame = frames[inner[-1]]
-    tail = [frame for frame in frames[inner[-1] :] if _is_ours(frame.filename)]
+    tail = [frame for frame in frames[inner[-1] :] if _is_library(frame.filename)]
     raised = f" (raised in {_short(tail[-1].filename)}:{tail[-1].lineno})" if tail else ""
     return f"{_short(user_frame.filename)}:{user_frame.lineno}: {text}{raised}"
 
@@ -82,15 +82,15 @@ def _is_users(filename: str) -> bool:
     if filename.startswith("<"):
         return False
     path = Path(filename).resolve()
-    if _is_ours(filename) or _INSTALLED & {*path.parts}:
+    if _is_library(filename) or _INSTALLED & {*path.parts}:
         return False
     return not any(path.is_relative_to(folder) for folder in _library_folders())
 
 
 @functools.cache
-def _is_ours(filename: str) -> bool:
+def _is_library(filename: str) -> bool:
     path = Path(filename).resolve()
-    return any(path.is_relative_to(folder) for folder in _OURS)
+    return any(path.is_relative_to(folder) for folder in _LIBRARY)
 
 
 def _short(filename: str) -> str:

@@ -30,7 +30,7 @@ from lme.types import Floats
 _ANY_TIME = 1 << 62  # [ns]
 
 
-class _Ready(NamedTuple):
+class _DecisionInputs(NamedTuple):
     """Everything that a decision needs. target: (2,) [m] at the stamp of the scan."""
 
     sight: LiveSight
@@ -38,7 +38,7 @@ class _Ready(NamedTuple):
     number: int
 
 
-class _First(NamedTuple):
+class _FirstScan(NamedTuple):
     """A scan for whose lidar guide and planner are built.
 
     mount: (4, 4) from its frame to the base frame, by tf; None if tf has none. carrier: what its frame moves with.
@@ -88,7 +88,7 @@ class LiveDriver:
         self._number = 0  # of the newest goal
         self._idle_reason = ("no goal", LiveState.IDLE)
         self._shutdown_reason = self._jump = ""
-        self._last = LiveStep(0, LiveState.IDLE, "no goal")
+        self._last_step = LiveStep(0, LiveState.IDLE, "no goal")
         self.soft_stops = 0
 
     @property
@@ -155,21 +155,21 @@ class LiveDriver:
         time: it returns the last step again, and after `stale` the robot stands.
         """
         try:
-            self._last = self._step(now)
+            self._last_step = self._step(now)
         except NotReadyError as error:
-            self._last = self._standing_step(now, str(error), error.state)
+            self._last_step = self._standing_step(now, str(error), error.state)
         except Exception as error:
             show_traceback(error)
             reason = user_error(error) or f"{type(error).__name__}: {error}"
-            self._last = self._standing_step(now, reason)
-        return self._last
+            self._last_step = self._standing_step(now, reason)
+        return self._last_step
 
     def stop(self, reason: str) -> LiveStep:
         """Shut down: the robot stands from now on."""
         with self._lock:
             self._shutdown_reason = reason
-        self._last = self._standing_step(self._last.stamp, reason)
-        return self._last
+        self._last_step = self._standing_step(self._last_step.stamp, reason)
+        return self._last_step
 
     def _take(self, kind: str, now_ns: int, take: Callable[[], None]) -> None:
         """Take a message. One that cannot be read is ignored."""
@@ -190,15 +190,15 @@ class LiveDriver:
         with self._lock:
             self._check_clock(now_ns)
             if self._already_decided(now_ns):
-                return self._last
+                return self._last_step
             first = self._scan_to_prepare_for()
         if first is not None:
-            if self._last.command != STILL:  # stop first, since preparing takes seconds
+            if self._last_step.command != STILL:  # stop first, since preparing takes seconds
                 raise NotReadyError("guide and planner must be prepared for another lidar")
             self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
-            ready = self._ready(now_ns)
+            ready = self._decision_inputs(now_ns)
         return self._decide(ready, now_ns)
 
     def _check_clock(self, now_ns: int) -> None:
@@ -214,10 +214,10 @@ class LiveDriver:
 
     def _already_decided(self, now_ns: int) -> bool:
         """Return whether the last step is already the decision for this time and goal."""
-        decided = self._last.observation is not None and now_ns <= self._last.stamp
-        return decided and self._goal is not None and self._number == self._last.goal
+        decided = self._last_step.observation is not None and now_ns <= self._last_step.stamp
+        return decided and self._goal is not None and self._number == self._last_step.goal
 
-    def _scan_to_prepare_for(self) -> _First | None:
+    def _scan_to_prepare_for(self) -> _FirstScan | None:
         """The latest scan if guide and planner must still be built for its lidar, else None."""
         sensors, scan, mount = self._sensors, self._sensors.scan, self._sensors.mount
         if scan is None:
@@ -227,9 +227,9 @@ class LiveDriver:
             is_known_lidar = not source.exceeded_by(scan) and source.carrier is sensors.carrier
             if is_known_lidar and (mount is None or not source.mounted_by.startswith("robot=")):
                 return None
-        return _First(scan, mount, sensors.carrier, sensors.posture)
+        return _FirstScan(scan, mount, sensors.carrier, sensors.posture)
 
-    def _prepare(self, first: _First) -> None:
+    def _prepare(self, first: _FirstScan) -> None:
         """Build guide and planner for the lidar of a scan, and warm them up. Raises NotReadyError if it is faulty."""
         source = ScanSource(self._scan_config, first.scan, first.mount, self._configured, first.carrier)
         fault = source.blinding_fault(first.scan, first.posture)
@@ -239,7 +239,7 @@ class LiveDriver:
         pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
-    def _ready(self, now_ns: int) -> _Ready:
+    def _decision_inputs(self, now_ns: int) -> _DecisionInputs:
         """Collect everything for a decision. Raises NotReadyError if the robot must stand."""
         if self._goal is None:
             raise NotReadyError(*self._idle_reason)
@@ -258,14 +258,14 @@ class LiveDriver:
         if math.hypot(*remaining) <= self.config.goal_tolerance:
             self._end_goal(LiveState.ARRIVED, "arrived")
             raise NotReadyError(*self._idle_reason)
-        return _Ready(sight, target, self._number)
+        return _DecisionInputs(sight, target, self._number)
 
     def _end_goal(self, state: LiveState, reason: str) -> None:
         self._goal, self._idle_reason = None, (reason, state)
 
-    def _decide(self, inputs: _Ready, now_ns: int) -> LiveStep:
+    def _decide(self, inputs: _DecisionInputs, now_ns: int) -> LiveStep:
         """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
-        pilot, last_command = self._pilot, self._last.command
+        pilot, last_command = self._pilot, self._last_step.command
         assert pilot is not None
         step = pilot.decide(inputs.sight, inputs.target, inputs.number, last_command, now_ns)
         with self._lock:

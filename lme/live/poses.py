@@ -29,7 +29,7 @@ TWISTS = (
     "measured",
     "poses",
 )  # where velocities come from: the messages, as far as they have them, or the poses
-_AROUND = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
+_CLOUD_WINDOW = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
 _KEPT = 5 * SECOND
 _TRIMMED_AT = 4096  # samples
 _PLANAR = 1e-6  # [rad] below this, roll and pitch are rounding
@@ -118,12 +118,12 @@ class Postures:
 
     def __init__(self) -> None:
         self._poses, self._imu = _Samples(), _Samples()
-        self._began: int | None = None  # stamp of the first pose [ns]
+        self._first_stamp: int | None = None  # stamp of the first pose [ns]
         self._imu_heard = False
 
     def add(self, stamp: int, height: float, tilt: Tilt) -> None:
         """Add height [m] and tilt of a pose. stamp [ns]."""
-        self._began = stamp if self._began is None else self._began
+        self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         self._poses.add(stamp, height, tilt)
 
     def add_imu(self, stamp: int, tilt: Tilt | None) -> None:
@@ -143,7 +143,7 @@ class Postures:
         problem = ""
         if by_imu and not self._imu.tilted:
             tilts = tilts[:0]
-            if self._began is not None and stamp - self._began >= _PATIENCE:
+            if self._first_stamp is not None and stamp - self._first_stamp >= _PATIENCE:
                 problem = _NO_ORIENTATION if self._imu_heard else _NO_IMU
         elif not len(tilts):
             problem = "no orientation is near in time"
@@ -174,8 +174,8 @@ class _Samples:
 
     def around(self, stamp: int, tolerance: int) -> Floats:
         """(K, 4): time after `stamp` [s], height, roll, pitch. K is 0 if none is within `tolerance` [ns]."""
-        start = max(bisect_right(self._stamps, stamp - _AROUND) - 1, 0)
-        stop = bisect_left(self._stamps, stamp + _AROUND) + 1
+        start = max(bisect_right(self._stamps, stamp - _CLOUD_WINDOW) - 1, 0)
+        stop = bisect_left(self._stamps, stamp + _CLOUD_WINDOW) + 1
         stamps, values = self._stamps[start:stop], self._values[start:stop]
         if not any(abs(sample_stamp - stamp) <= tolerance for sample_stamp in stamps):
             return np.empty((0, 4))

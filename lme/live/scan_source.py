@@ -74,7 +74,7 @@ class ScanSource:
                 robot = replace(robot, lidar=replace(lidar, noise_std=robot.lidar.noise_std))
         self.robot = robot
         self._geometry: tuple[float, ...] = ()
-        self._own = self._untouched = False
+        self._native = self._unchanged = False
 
     @property
     def mount(self) -> Pose:
@@ -92,12 +92,12 @@ class ScanSource:
         geometry = (len(raw.ranges), *raw[1:])
         if geometry != self._geometry:
             self._geometry = geometry
-            self._own = same_lidar(self._lidar_of(raw), lidar)
-            self._untouched = self._own and self._needs_no_conversion(raw)
-        if self._untouched:
+            self._native = same_lidar(self._lidar_of(raw), lidar)
+            self._unchanged = self._native and self._needs_no_conversion(raw)
+        if self._unchanged:
             return _scan_of_lidar(lidar, raw.ranges)
         scan = tidied(raw, self.upside_down)
-        return _scan_of_lidar(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
+        return _scan_of_lidar(lidar, scan.ranges) if self._native else resampled(scan, self._pose, lidar)
 
     def observation(
         self,

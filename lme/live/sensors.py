@@ -71,11 +71,11 @@ class LiveSensors:
         """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
         self.scan: Any = None
         self.track, self._twists = Track(), TwistCheck()
-        self._seen: dict[
+        self._last_stamps: dict[
             str, int
         ] = {}  # by kind of message [ns]: its stamp or its arrival, whichever is earlier
         self._scan_stamp = 0
-        self._moved: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
+        self._moving_stamps: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
         self._problems: dict[str, str] = {}
 
     def note_problem(self, what: str, problem: str) -> None:
@@ -119,8 +119,8 @@ class LiveSensors:
         if not static:
             for stamped in message.transforms:
                 child, stamp = frame(stamped.child_frame_id), self._header_stamp(stamped.header) or now
-                self._moved[child] = max(min(stamp, now), self._moved.get(child, 0))
-            self._moving |= {*self._moved}
+                self._moving_stamps[child] = max(min(stamp, now), self._moving_stamps.get(child, 0))
+            self._moving |= {*self._moving_stamps}
         if self._pose_message is None:
             self._take_tf_pose(message, now)
 
@@ -163,9 +163,9 @@ class LiveSensors:
     def check_transforms(self, names: set[str], now: int) -> None:
         """Raise NotReadyError if one of these frames moves and its transform is stale."""
         for name in sorted(names & self._moving):
-            if name not in self._moved:
+            if name not in self._moving_stamps:
                 raise NotReadyError(f"no transform of {name}")
-            if now - self._moved[name] > self._stale:
+            if now - self._moving_stamps[name] > self._stale:
                 raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
 
     def _take_tf_pose(self, message: Any, now_ns: int) -> None:
@@ -220,7 +220,7 @@ class LiveSensors:
         return stamp_of(header) if self._by_header else 0
 
     def _note(self, kind: str, stamp: int, now_ns: int) -> None:
-        self._seen[kind] = min(stamp, now_ns)
+        self._last_stamps[kind] = min(stamp, now_ns)
         self._problems.pop(kind, None)
 
     def _check(self, kind: str, now_ns: int) -> None:
@@ -228,9 +228,9 @@ class LiveSensors:
         if kind == "pose" and self._pose_message is None:
             problem = problem or self._problems.get("tf")
         reason = f" ({problem})" if problem else ""
-        if kind not in self._seen:
+        if kind not in self._last_stamps:
             raise NotReadyError(f"no {_NAMES[kind]}{reason}")
-        if now_ns - self._seen[kind] > self._stale:
+        if now_ns - self._last_stamps[kind] > self._stale:
             raise NotReadyError(f"the {_NAMES[kind]} is older than {_seconds(self._stale)}{reason}")
 
 

@@ -15,9 +15,9 @@ _WINDOW_S = 1.0  # time over which motion is compared: it averages a walking rob
 _MOVING_S = 0.5  # time over which the poses must move, twice in a row, as a jump does not
 _LONGEST_GAP_S = 0.5  # between poses; over a longer one a twist says little about the motion
 _SLOWEST = (0.15, 0.2)  # [m/s], [rad/s] below both the robot counts as standing
-_NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences up to these never count as wrong
-_SHARE = 0.25  # nor do differences up to this share of the motion
-_COMPARED, _WRONG = 5, 4  # windows with motion that are compared, and how many of them must be wrong
+_TOLERANCES = (0.1, 0.15)  # [m/s], [rad/s] differences up to these never count as wrong
+_FRACTION = 0.25  # nor do differences up to this share of the motion
+_COMPARED, _MIN_WRONG = 5, 4  # windows with motion that are compared, and how many of them must be wrong
 
 
 class TwistCheck:
@@ -28,29 +28,29 @@ class TwistCheck:
     """
 
     def __init__(self) -> None:
-        self._before: tuple[int, Pose, Twist] | None = None
+        self._previous: tuple[int, Pose, Twist] | None = None
         self._sums = np.zeros(5)  # time; way ahead and turn by the poses; the same by the twists
         self._windows: deque[tuple[bool, tuple[float, ...]]] = deque(maxlen=_COMPARED)
         self._all_zero = True
-        self._moved = np.zeros(3)  # time; way ahead and turn by the poses
+        self._motion = np.zeros(3)  # time; way ahead and turn by the poses
         self._velocities: deque[Floats] = deque(maxlen=2)  # by the poses, while all twists are zero
 
     def add(self, stamp: int, pose: Pose, twist: Twist) -> None:
         """Compare one more motion. stamp: [ns]. pose: in the odometry frame. twist: as the message has it."""
-        previous, self._before = self._before, (stamp, pose, twist)
+        previous, self._previous = self._previous, (stamp, pose, twist)
         self._all_zero = self._all_zero and twist == (0.0, 0.0)
         seconds = (stamp - previous[0]) / SECOND if previous else 0.0
         # After a gap, or a stamp that is not later, both windows begin anew.
         if previous is None or not 0.0 < seconds <= _LONGEST_GAP_S:
-            self._sums[:] = self._moved[:] = 0.0
+            self._sums[:] = self._motion[:] = 0.0
             self._velocities.clear()
             return
         # The velocity of the poses alone shows whether twists that are always zero are wrong.
         motion = relative(pose, previous[1])
-        self._moved += (seconds, motion.x, motion.yaw)
-        if self._moved[0] >= _MOVING_S:
-            self._velocities.append(self._moved[1:] / self._moved[0])
-            self._moved[:] = 0.0
+        self._motion += (seconds, motion.x, motion.yaw)
+        if self._motion[0] >= _MOVING_S:
+            self._velocities.append(self._motion[1:] / self._motion[0])
+            self._motion[:] = 0.0
         # Sum the motion by the poses, and by the twists (trapezoidal rule), until the window is full.
         means = [(earlier + later) / 2 for earlier, later in zip(previous[2], twist, strict=True)]
         self._sums += np.array((seconds, motion.x, motion.yaw, *(seconds * mean for mean in means)))
@@ -59,7 +59,7 @@ class TwistCheck:
         v, omega, twist_v, twist_omega = (float(number) for number in self._sums[1:] / self._sums[0])
         self._sums[:] = 0.0
         if not max(abs(v), abs(twist_v)) < _SLOWEST[0] or not max(abs(omega), abs(twist_omega)) < _SLOWEST[1]:
-            right = _is_near(v, twist_v, _NEAR[0]) and _is_near(omega, twist_omega, _NEAR[1])
+            right = _is_near(v, twist_v, _TOLERANCES[0]) and _is_near(omega, twist_omega, _TOLERANCES[1])
             self._windows.append((not right, (v, omega, twist_v, twist_omega)))
 
     @property
@@ -82,7 +82,7 @@ class TwistCheck:
                     "taken from the poses; topics.twist=poses does so from the start"
                 )
         wrong = [numbers for is_wrong, numbers in self._windows if is_wrong]
-        if len(wrong) < _WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
+        if len(wrong) < _MIN_WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
             return None
         v, omega, twist_v, twist_omega = np.mean(wrong, axis=0)
         return (
@@ -93,4 +93,4 @@ class TwistCheck:
 
 
 def _is_near(number: float, reported: float, tolerance: float) -> bool:
-    return math.isfinite(reported) and abs(number - reported) <= max(tolerance, _SHARE * abs(number))
+    return math.isfinite(reported) and abs(number - reported) <= max(tolerance, _FRACTION * abs(number))

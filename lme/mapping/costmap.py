@@ -86,7 +86,7 @@ class Costmap:
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
         reach = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
-        self._around = config.obstacle_range + float(reach) + config.cell_size  # [m] that a scan changes
+        self._radius = config.obstacle_range + float(reach) + config.cell_size  # [m] that a scan changes
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
         self._low = self._high = np.array(self.cell(np.zeros(2)))  # of the box around all obstacles so far
@@ -97,7 +97,7 @@ class Costmap:
         """Mark the cells that the scan hits and clear those it passes; see `lme.grids.obstacle_grid.observe`."""
         scan, config = taken.scan, self._config
         lidar = compose(taken.scan_pose, self._lidar)
-        self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._around, self._around)])
+        self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._radius, self._radius)])
         self._scans += 1
         observe(
             self._hits,

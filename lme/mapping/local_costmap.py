@@ -107,11 +107,11 @@ class LocalCostmap:
         """Move the map by whole cells, so that the robot is in its middle."""
         cell = self._config.cell_size
         low_i, low_j = lattice(pose.x / cell) - self._half, lattice(pose.y / cell) - self._half
-        self._hits = _moved(self._hits, low_i - self.grid[0], low_j - self.grid[1])
+        self._hits = _shifted(self._hits, low_i - self.grid[0], low_j - self.grid[1])
         self.grid = (low_i, low_j, cell)
 
 
-def _moved(hits: Hits, di: int, dj: int) -> Hits:
+def _shifted(hits: Hits, di: int, dj: int) -> Hits:
     """Return the map after its corner has moved by (di, dj) cells; new cells are free."""
     if di == 0 and dj == 0:
         return hits

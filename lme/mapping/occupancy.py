@@ -198,8 +198,8 @@ class OccupancyGrid:
         self._cover(way.min(axis=0) - radius)
         self._cover(way.max(axis=0) + radius)
         # Cells of the way, and the part of the grid that matters.
-        columns, rows = self._way_cells(way).T
-        box = self._seen_box(rows, columns, math.ceil(radius / self._resolution))
+        columns, rows = self._path_cells(way).T
+        box = self._observed_box(rows, columns, math.ceil(radius / self._resolution))
         rows, columns = rows - box[0].start, columns - box[1].start
         hits, beams = self._hits[box], self._hits[box] + self._misses[box]
         occupied = (hits >= MIN_HITS) & (hits >= HIT_SHARE * beams)
@@ -241,12 +241,12 @@ class OccupancyGrid:
                 f"most {MAX_CELLS} cells, so at least {self._resolution * math.sqrt(cells / MAX_CELLS):.2g} m"
             )
 
-    def _way_cells(self, path: Floats) -> Ints:
+    def _path_cells(self, path: Floats) -> Ints:
         """Columns and rows (P, 2) of the cells on the path."""
         points = densified(np.ascontiguousarray(path, dtype=np.float64), self._resolution / 2.0, JUMP_M)
         return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
 
-    def _seen_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
+    def _observed_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
         """Rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
         observed = (self._hits > 0) | (self._misses > 0)
         observed[rows, columns] = True

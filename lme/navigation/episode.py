@@ -234,15 +234,15 @@ class _Log:
 
     def decided(self, guidance: Guidance, decision_us: float) -> None:
         """Record a decision before its execution."""
-        self._before = self._simulator.state
-        self._rows.append(self._row(to_world(guidance.subgoal, self._before.pose), guidance.switched))
+        self._previous_state = self._simulator.state
+        self._rows.append(self._row(to_world(guidance.subgoal, self._previous_state.pose), guidance.switched))
         self._switches += guidance.switched
         self._no_free_candidate += guidance.blocked
         self._decision_us.append(decision_us)
 
     def moved(self) -> None:
         """Record the motion of the last period."""
-        self._progress.moved(self._before, self._simulator.state)
+        self._progress.moved(self._previous_state, self._simulator.state)
 
     def episode(self, outcome: Outcome) -> Episode:
         """Return the result at the end of the episode."""

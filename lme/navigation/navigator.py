@@ -37,14 +37,14 @@ class Explanations:
 
     def __init__(self, navigator: Navigator) -> None:
         self._navigator = navigator
-        self._given: Decision | None = None
+        self._last_decision: Decision | None = None
 
     def new(self) -> Explanation | None:
         """Return the explanation if LME made a decision since the last call."""
         explanation = self._navigator.explanation()
-        if explanation is None or explanation.decision is self._given:
+        if explanation is None or explanation.decision is self._last_decision:
             return None
-        self._given = explanation.decision
+        self._last_decision = explanation.decision
         return explanation
 
 

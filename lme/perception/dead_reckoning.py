@@ -9,7 +9,7 @@ from lme.geometry.frames import relative
 from lme.types import Limits, Observation, Pose, Twist
 
 _SLACK = 1e-3  # [m, rad] by which the poses may differ from a twist that explains them,
-_SHARE = 0.02  # and share of the motion by which they may differ besides
+_RELATIVE_SLACK = 0.02  # and share of the motion by which they may differ besides
 
 
 class Move(NamedTuple):
@@ -43,15 +43,15 @@ class DeadReckoning:
         """dt: control period [s]."""
         self._dt = dt
         self.by_poses = False
-        self._before: tuple[Twist, Pose] | None = None
+        self._previous: tuple[Twist, Pose] | None = None
 
     def move(self, observation: Observation) -> Move | None:
         """Return the motion since the last observation; None at the first one."""
         twist, odometry = observation.twist, observation.odometry
-        if self._before is None:
-            self._before = twist, odometry
+        if self._previous is None:
+            self._previous = twist, odometry
             return None
-        (previous, former), self._before = self._before, (twist, odometry)
+        (previous, former), self._previous = self._previous, (twist, odometry)
         if odometry == former and any(twist):
             return Move(previous, twist, None)
         pose = relative(odometry, former)
@@ -80,5 +80,5 @@ def _ramps(motion: float, initial: float, final: float, alpha: float, dt: float)
     change = abs(final - initial)
     # Difference from `final` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
     shortfall = math.copysign(1.0, final - initial) * (final * dt - motion)
-    slack = _SHARE * abs(motion) + _SLACK
+    slack = _RELATIVE_SLACK * abs(motion) + _SLACK
     return change**2 / (2 * alpha) - slack <= shortfall <= change * dt / 2 + slack

@@ -15,14 +15,14 @@ _MOST_TURNS = 1.5  # a scan of more turns is two scans in one message
 _DEGREES_TURNS = 3.5  # more turns than that are degrees: 22 rad, as 22° are a narrow lidar
 _DEGREES_START = 2.0 * math.tau  # [rad] an angle_min beyond this is in degrees
 _OFF_BEAMS = 1.5  # drivers disagree on whether angle_max is the last beam or the one after it
-_OFF = math.radians(10.0)  # by which angle_max contradicts the increment so far that neither can be trusted
+_ERROR = math.radians(10.0)  # by which angle_max contradicts the increment so far that neither can be trusted
 _NEAREST_LIMIT = 5.0  # [m] no lidar is blind up to here
 _FARTHEST_LIMIT = 1000.0  # [m] no lidar sees this far
 FAR = 100.0  # [m] half of the returns of a robot's lidar are nearer
 _TIMES_TOO_FAR = 3.0  # by which readings exceed range_max if their unit is another one
 _CODES = 10  # distinct readings beyond range_max that may be codes for "no return"
-_LOST = 0.02  # share of the beams below range_min from which on there is a fault
-_SAME = 16  # least number of beams to which no room gives the same range
+_MAX_LOST = 0.02  # share of the beams below range_min from which on there is a fault
+_MIN_EQUAL = 16  # least number of beams to which no room gives the same range
 
 
 class ScanFault(NamedTuple):
@@ -95,7 +95,7 @@ def _angle_faults(scan: LaserScan, angle_max: float | None) -> list[ScanFault]:
             ends = f"ends at {math.degrees(last_angle):.4g}°, but angle_max is {math.degrees(angle_max):.4g}°"
             text = f"{beams}, so it {ends}: the increment is used, and one of them is wrong"
             return [
-                ScanFault("angle_max", text, abs(difference) > _OFF and angle_max != 0.0)
+                ScanFault("angle_max", text, abs(difference) > _ERROR and angle_max != 0.0)
             ]  # 0: the driver left it unset
     if (count - 1) * increment > math.tau + 0.5 * increment:
         text = f"{beams}, {count * math.degrees(increment):.4g}°: beams beyond one turn are left out"
@@ -134,14 +134,14 @@ def _reading_faults(message: LaserScan, scan: LaserScan, outline: float) -> list
     elif np.count_nonzero(is_too_far) > len(returns) and _in_another_unit(ranges[is_too_far], message):
         faults.append(_unit_fault(ranges[is_too_far], f"beyond range_max {scan.range_max:g} m"))
     number = np.count_nonzero(is_too_near)
-    if number >= max(3, _LOST * len(ranges)) and len(np.unique(ranges[is_too_near])) > 2:
+    if number >= max(3, _MAX_LOST * len(ranges)) and len(np.unique(ranges[is_too_near])) > 2:
         text = (
             f"{number} of {len(ranges)} beams of a scan read {ranges[is_too_near].min():.3g} to "
             f"{ranges[is_too_near].max():.3g} m, below range_min {scan.range_min:g} m, and are dropped; "
             "if they are right, set scan.range_min"
         )
         faults.append(ScanFault("below range_min", text, bool(number > len(returns))))
-    if len(returns) == len(ranges) >= _SAME and (returns == returns[0]).all():
+    if len(returns) == len(ranges) >= _MIN_EQUAL and (returns == returns[0]).all():
         text = f"all {len(ranges)} beams of a scan read {returns[0]:g} m, as if the lidar measured nothing"
         faults.append(ScanFault("constant", text, False))
     return faults

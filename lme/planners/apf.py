@@ -100,7 +100,7 @@ def repulsion(
     if they are farther away or weaker. A post therefore counts as one obstacle, and a wall as one for every `spread`
     of its width, at any lidar resolution.
     """
-    bearings, pushes, normals = _near(points, radius, influence, closest)
+    bearings, pushes, normals = _nearby(points, radius, influence, closest)
     crowds = _crowds(bearings, pushes, spread)
     along, across = 0.0, 0.0
     # Negative gradient: each point pushes against its own direction, by its share of the crowd.
@@ -112,7 +112,7 @@ def repulsion(
 
 
 @njit(cache=True, error_model="numpy")
-def _near(points: Floats, radius: float, influence: float, closest: float) -> tuple[Floats, Floats, Floats]:
+def _nearby(points: Floats, radius: float, influence: float, closest: float) -> tuple[Floats, Floats, Floats]:
     """Bearings, pushes and directions of the points within the influence, sorted by bearing."""
     bearings, pushes = np.empty(len(points)), np.empty(len(points))
     normals = np.empty((len(points), 2))

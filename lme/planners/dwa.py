@@ -72,8 +72,8 @@ class Dwa:
         self._box = robot.footprint.box
         self._mount = robot.lidar.mount
         self._dt, self._settling = robot.dt, robot.settling_time
-        self._v_share = np.linspace(0.0, 1.0, config.v_samples)
-        self._omega_share = turn_shares(config.omega_samples)
+        self._v_fractions = np.linspace(0.0, 1.0, config.v_samples)
+        self._omega_fractions = turn_shares(config.omega_samples)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Do nothing: there is no state."""
@@ -108,7 +108,7 @@ class Dwa:
         v_low = max(twist.v - limits.alpha_v * dt, 0.0)
         v_high = approach(distance, twist.v, limits.v_max, limits.alpha_v, dt)
         v_high = min(v_high, limits.omega_max * distance / 2.0)  # a faster robot could circle the subgoal
-        v = v_low + (max(v_high, v_low) - v_low) * self._v_share[:, None]
+        v = v_low + (max(v_high, v_low) - v_low) * self._v_fractions[:, None]
         omega = self._turn_rates(twist, limits)[None, :]
         braking = np.maximum(v / (2.0 * limits.alpha_v), np.abs(omega) / (2.0 * limits.alpha_omega))
         stopping = dt + self._settling + braking
@@ -122,7 +122,7 @@ class Dwa:
         """Turn rates that are reachable in one period; the one nearest to 0 is set to 0."""
         low = max(twist.omega - limits.alpha_omega * self._dt, -limits.omega_max)
         high = min(twist.omega + limits.alpha_omega * self._dt, limits.omega_max)
-        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
+        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_fractions
         omega[np.abs(omega) < (high - low) / (2.0 * (omega.size - 1))] = 0.0
         return omega
 

@@ -17,7 +17,7 @@ from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
-_STANDS = 0.02  # [m/s] slower velocities have no direction to turn to
+_MIN_SPEED = 0.02  # [m/s] slower velocities have no direction to turn to
 
 
 @dataclass(slots=True)
@@ -82,7 +82,7 @@ class Orca:
 
     def _follow(self, vx: float, vy: float, bearing: float) -> Twist:
         """Return the command that comes nearest to a velocity; a standing robot turns to its subgoal."""
-        heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _STANDS else bearing
+        heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _MIN_SPEED else bearing
         return Twist(max(vx, 0.0), heading / self._config.turn_time)
 
 

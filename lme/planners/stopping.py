@@ -10,13 +10,13 @@ from lme.planners.commands import limited
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist
 
-_SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist, on the same arc
+_FACTORS = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist, on the same arc
 _STEP = 0.02  # [m] no point of the outline moves further between two checks
 _SHORTEST_STOP = 1e-3  # [s]
 _NOISE = 1.0  # standard deviations of the lidar's noise added to the margin
 _NO_EDGES = np.empty((0, 4))
 _CENTRE = (0.0, 0.0, 0.0)
-_HERE = Pose(0.0, 0.0, 0.0)
+_ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class StoppingGuard:
@@ -41,7 +41,7 @@ class StoppingGuard:
         if len(points) == 0:
             return command
         circles = np.column_stack((points, np.zeros(len(points))))
-        pose = np.array([_HERE])
+        pose = np.array([_ORIGIN])
         min_clearance = min(self._margin, sweep(pose, self._box, circles, _NO_EDGES)[0] - 1e-6)
         room = min(self._room, sweep(pose, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
         for v, omega in _slower(wanted):
@@ -70,7 +70,7 @@ def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_ste
     No point of the outline moves farther than `max_step` [m] between two poses.
     """
     reach = robot.footprint.r_max
-    travel, twist = drive(_HERE, now, command, limits.bounds, robot.dt, max_step, reach)
+    travel, twist = drive(_ORIGIN, now, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
     stop, _ = drive(Pose(*travel[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
     return np.vstack((travel, stop))
@@ -78,5 +78,5 @@ def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_ste
 
 def _slower(desired: Twist) -> list[tuple[float, float]]:
     """List the command, slower ones on the same arc, then turns in place."""
-    on_arc = [(factor * desired.v, factor * desired.omega) for factor in _SHARES]
+    on_arc = [(factor * desired.v, factor * desired.omega) for factor in _FACTORS]
     return [*on_arc, (0.0, desired.omega), (0.0, 0.3 * desired.omega)]

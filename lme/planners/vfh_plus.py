@@ -84,7 +84,7 @@ class VfhPlus:
         self._radius = robot.r + config.safety_distance
         self._num_sectors = round(2.0 * math.pi / config.sector_angle)
         self._alpha = 2.0 * math.pi / self._num_sectors
-        self._wide = config.wide_valley / self._alpha
+        self._wide_valley = config.wide_valley / self._alpha
         self._costs = (config.cost_target, config.cost_heading, config.cost_previous)
         self._guard = StoppingGuard(robot, config.margin)
 
@@ -121,7 +121,7 @@ class VfhPlus:
         turn_radius = abs(observation.ramp_start.v) / observation.limits.omega_max
         limits = turning_limits(cells, turn_radius, self._radius)
         for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
-            candidates = candidate_directions(blocked, target / self._alpha, self._wide)
+            candidates = candidate_directions(blocked, target / self._alpha, self._wide_valley)
             if len(candidates) > 0:
                 best = self._cheapest(candidates, target, yaw)
                 self._previous = best

@@ -67,7 +67,7 @@ class Crowd:
     @property
     def disc_velocities(self) -> Floats:
         """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
-        return self._there(self.velocities[self._discs])
+        return self._present_rows(self.velocities[self._discs])
 
     def advance(self, robot: Pose, dt: float) -> None:
         """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
@@ -113,10 +113,10 @@ class Crowd:
         self._every_circle[:, :2] = self.poses[self._discs, :2]
         if self._come_and_go:
             self.present = (self._spans[:, 0] <= self._time) & (self._time <= self._spans[:, 1])
-        self.circles = self._there(self._every_circle)
+        self.circles = self._present_rows(self._every_circle)
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
 
-    def _there(self, rows: Floats) -> Floats:
+    def _present_rows(self, rows: Floats) -> Floats:
         """Select from the rows, one for each disc, those of the discs that are present."""
         return rows[self.present[self._discs]] if self._come_and_go else rows
 

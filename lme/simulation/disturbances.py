@@ -128,13 +128,13 @@ class Odometry:
         """error: standard deviation of both factors' difference from 1; 0: the measurement is exact."""
         self._exact = error == 0.0
         self._scale_v, self._scale_omega = (1.0 + error * rng.standard_normal(2)).tolist()
-        self._last = self._pose = Pose(0.0, 0.0, 0.0)
+        self._last_odometry = self._pose = Pose(0.0, 0.0, 0.0)
 
     def measured(self, twist: Twist, odometry: Pose) -> tuple[Twist, Pose]:
         """Return twist and pose since the start as measured, from those of exact encoders. Call once per period."""
         if self._exact:
             return twist, odometry
-        step, self._last = relative(odometry, self._last), odometry
+        step, self._last_odometry = relative(odometry, self._last_odometry), odometry
         turn = self._scale_omega * step.yaw
         x, y = (self._scale_v * to_world(np.array(step[:2]), Pose(0.0, 0.0, (turn - step.yaw) / 2))).tolist()
         self._pose = compose(self._pose, Pose(x, y, turn))

@@ -49,14 +49,14 @@ class Company:
         self._box = robot.hull.box
         self._simulator = simulator
         self._state: State | None = None
-        self._least = math.inf
-        self._intimate = self._personal = self._turned = 0.0
+        self._closest = math.inf
+        self._intimate = self._personal = self._total_turn = 0.0
         self._decisions = 0
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
         """Record the motion since the last decision, and the heading."""
         self._moved(state)
-        self._turned += abs(math.atan2(observation.target[1], observation.target[0]))
+        self._total_turn += abs(math.atan2(observation.target[1], observation.target[0]))
         self._decisions += 1
 
     def ended(self, observation: Observation, state: State) -> None:
@@ -66,7 +66,7 @@ class Company:
     def _moved(self, state: State) -> None:
         duration = state.time - self._state.time if self._state else 0.0
         gaps = distances(state.travel, self._box, *self._simulator.people, duration)
-        self._least = min(self._least, float(gaps.min()))
+        self._closest = min(self._closest, float(gaps.min()))
         self._intimate += duration * float((gaps < INTIMATE).mean())
         self._personal += duration * float(((gaps >= INTIMATE) & (gaps < PERSONAL)).mean())
         self._state = state
@@ -80,10 +80,10 @@ class Company:
         return SocialMeasures(
             robot_on_person_collision=robot_fault,
             person_on_robot_collision=person_fault,
-            minimum_distance_to_people_m=self._least if math.isfinite(self._least) else math.nan,
+            minimum_distance_to_people_m=self._closest if math.isfinite(self._closest) else math.nan,
             intimate_space_intrusions=per_second * self._intimate,
             personal_space_intrusions=per_second * self._personal,
-            path_irregularity_rad=self._turned / self._decisions if self._decisions else math.nan,
+            path_irregularity_rad=self._total_turn / self._decisions if self._decisions else math.nan,
         )
 
     def _fault(self, state: State) -> tuple[float, float]:

@@ -140,7 +140,7 @@ def _cell(point: Floats, low: Floats, step: float) -> tuple[int, int]:
 @lru_cache(maxsize=4096)
 def _passage(space: FreeSpace, step: float, start: tuple[int, int], goal: tuple[int, int]) -> float:
     """Width of the narrowest place on the widest way from start to goal, both included, to about `step` [m]."""
-    return 2.0 * float(_widest_way(_clearance(space, step), start, goal))
+    return 2.0 * float(_widest_path(_clearance(space, step), start, goal))
 
 
 @lru_cache(maxsize=4)
@@ -157,7 +157,7 @@ def _clearance(space: FreeSpace, step: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _widest_way(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]) -> float:
+def _widest_path(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]) -> float:
     """Return the greatest clearance that a way between two lattice points can keep everywhere; 0 if there is no way.
 
     Ways go in eight directions. Of the points next to those reached before, the one with the greatest clearance is

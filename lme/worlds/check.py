@@ -26,18 +26,18 @@ def check_task(task: Task, robot: Robot) -> None:
         )
     if footprint_clearance(task.world, robot.hull, task.start) <= 0.0:
         raise InputError(
-            f"{subject}: robot {robot.name} is in collision at the start {_place(task.start)}: "
+            f"{subject}: robot {robot.name} is in collision at the start {_coordinates(task.start)}: "
             "must be free (move map.start, or choose another world)"
         )
     clearance = point_clearance(task.world, task.goal)
     if clearance <= 0.0:
         raise InputError(
-            f"{subject}: the goal {_place(task.goal)} lies inside an obstacle: "
+            f"{subject}: the goal {_coordinates(task.goal)} lies inside an obstacle: "
             "must be free (move map.goal, or choose another world)"
         )
     if clearance < robot.hull.r_min:
         raise InputError(
-            f"{subject}: the goal {_place(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
+            f"{subject}: the goal {_coordinates(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
             f"{robot.hull.r_min:.3g} m, the inner radius of robot {robot.name}"
         )
 
@@ -81,7 +81,7 @@ def footprint_clearance(world: World, footprint: Footprint, pose: Pose) -> float
     return sweep(np.array([pose], dtype=np.float64), footprint.box, circles, world.edges)[0]
 
 
-def _place(numbers: Iterable[float]) -> str:
+def _coordinates(numbers: Iterable[float]) -> str:
     return "(" + ", ".join(f"{number:g}" for number in numbers) + ")"
 
 

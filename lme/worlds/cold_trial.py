@@ -29,7 +29,7 @@ BUILDINGS, STAND_IN = "buildings", "floor_plans"  # real maps; generated ones, w
 STATIC, DYNABARN = "static", "dynabarn"
 
 _GRID_M = 0.05  # between the points at which a BARN world's passages are checked
-_APART_M = 8.0  # least distance from start to goal in a building, as in conf/map/building.yaml
+_MIN_DISTANCE_M = 8.0  # least distance from start to goal in a building, as in conf/map/building.yaml
 # Around a BARN world: the walls of its start area, its grid, and the open space at the goal
 _BARN_OUTLINE = np.array([[-4.5, 0.0], [0.0, 0.0], [0.0, 14.0], [-4.5, 14.0]])
 DISTURBANCES = ("latency", "slip", "scan_noise")  # keys of every simulator
@@ -74,7 +74,7 @@ def _floor_plan(setting: Place) -> Task:
     config = IndoorConfig(
         kind="floor_plan",
         building_seed=setting.seed,
-        min_distance=_APART_M,
+        min_distance=_MIN_DISTANCE_M,
         radius=setting.radius,
         margin=setting.margin,
     )
@@ -87,7 +87,7 @@ def _building(setting: Place) -> Task:
         paths=list(setting.paths),
         configurations=1,
         sample_seed=setting.seed,
-        min_distance=_APART_M,
+        min_distance=_MIN_DISTANCE_M,
         radius=setting.radius,
         margin=setting.margin,
     )
@@ -284,7 +284,7 @@ class ColdTrial:
         self.config = config
         self._families = families(config.subset, config.paths)
         self._numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
-        self._kept: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
+        self._cached: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
 
     @property
     def name(self) -> str:
@@ -306,7 +306,7 @@ class ColdTrial:
         Raises InputError for a number that was not chosen, and if no robot of the ranges fits into the world.
         """
         check_chosen(number, self._numbers, "episode", NAME)
-        return self._kept(number)
+        return self._cached(number)
 
     def _draw(self, number: int) -> DrawnTask:
         """Draw the world and the disturbances first, then robots until one fits into the world."""

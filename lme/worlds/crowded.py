@@ -118,13 +118,13 @@ class Crowded:
         area = space.area(task.start)
         count = config.count or max(1, round(config.density * area))
         rng = np.random.default_rng(np.random.SeedSequence([config.crowd_seed, number]))
-        spots = self._places(task, space, count, rng)
+        spots = self._spots(task, space, count, rng)
         people = tuple(config.person(rng, self._round(rng, space, spot), "cycle") for spot in spots)
         world = replace(task.world, movers=(*task.world.movers, *people))
         measures = {**task.measures, "people": float(count), "people_per_m2": count / area}
         return replace(task, world=world, measures=measures)
 
-    def _places(self, task: Task, space: FreeSpace, count: int, rng: np.random.Generator) -> list[Floats]:
+    def _spots(self, task: Task, space: FreeSpace, count: int, rng: np.random.Generator) -> list[Floats]:
         """Draw the first places (2,) of the people [m], apart from each other and from the robot's start."""
         start, config = np.array(task.start[:2]), self.config
         spots: list[Floats] = []

@@ -8,7 +8,7 @@ from numba import njit
 from lme.geometry.heap import enlarged, pop, push
 from lme.types import Bools, Floats, Ints
 
-_BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free
+_CROSSED = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free
     (0, 1): (),
     (1, 1): ((0, 1), (1, 0)),
     (1, 2): ((0, 1), (1, 1)),
@@ -38,7 +38,7 @@ def shortest_way(free: Bools, step: float, start: Ints, goal: Ints) -> Ints:
     (bordered, width, offsets, lengths), reached, (begin, end) = _searched(free, step, start, goal)
     if not math.isfinite(reached[end]):
         return np.empty((0, 2), dtype=np.int64)
-    nodes = _back(bordered, offsets, lengths, reached, begin, end)[::-1]
+    nodes = _trace_back(bordered, offsets, lengths, reached, begin, end)[::-1]
     points = np.column_stack(np.divmod(nodes, width)) - _REACH
     moves = np.diff(points, axis=0)
     turns = (moves[1:] != moves[:-1]).any(axis=1)
@@ -64,7 +64,7 @@ def _searched(
 def _moves(width: int) -> tuple[Ints, Floats]:
     """Steps through the flat lattice (32, 5) to the end of each move and the points beside it; lengths (32,)."""
     offsets, lengths = [], []
-    for end, passed in _BETWEEN.items():
+    for end, passed in _CROSSED.items():
         points = [end, *passed, *[end] * (4 - len(passed))]
         mirrored = {
             tuple((a * row, b * column) if not swap else (a * column, b * row) for row, column in points)
@@ -111,7 +111,7 @@ def _search(
 
 
 @njit(cache=True, error_model="numpy")
-def _back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: int, goal: int) -> Ints:
+def _trace_back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: int, goal: int) -> Ints:
     """Points of a shortest path from the goal back to the start."""
     nodes = np.empty(free.size, np.int64)
     node, count = goal, 0

@@ -64,8 +64,8 @@ class FreeSpace:
             goals = self._goals(start, min_distance)
             if len(goals):
                 goal = self._point(goals[rng.integers(len(goals))])
-                x, y = self._place(start).tolist()
-                return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._place(goal))
+                x, y = self._coordinates(start).tolist()
+                return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._coordinates(goal))
         raise self._too_small(min_distance)
 
     def draw_partner(self, rng: np.random.Generator, place: Floats, min_distance: float) -> Floats:
@@ -76,7 +76,7 @@ class FreeSpace:
         partners = self._goals(self._cell(place), min_distance)
         if not len(partners):
             raise self._too_small(min_distance)
-        return self._place(self._point(partners[rng.integers(len(partners))]))
+        return self._coordinates(self._point(partners[rng.integers(len(partners))]))
 
     def check_free(self, what: str, place: Floats | Sequence[float]) -> None:
         """Raise InputError, which begins with `what`, unless the robot can be at `place`, x, y [m]."""
@@ -145,7 +145,7 @@ class FreeSpace:
         """[row, column] of a point of the flat lattice."""
         return np.array(divmod(int(flat), len(self._x)))
 
-    def _place(self, point: Ints) -> Floats:
+    def _coordinates(self, point: Ints) -> Floats:
         return np.array([self._x[point[1]], self._y[point[0]]])
 
     def _cell(self, point: Floats | Sequence[float]) -> Ints:

@@ -38,7 +38,7 @@ from lme.worlds.movers import mover_of
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 
 MAX_SIDES = 200_000  # of all shapes
-_MOST_PAIRS = 50_000_000  # of a polygon's sides, to see whether they cross; they take some 5 s
+_MAX_PAIRS = 50_000_000  # of a polygon's sides, to see whether they cross; they take some 5 s
 _PAIRS_AT_ONCE = 1_000_000
 _SLACK = 1e-9  # [m] rounding error allowed where a shape touches the bounds
 
@@ -55,7 +55,7 @@ def read_shapes(path: Path) -> FloorPlan:
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
     """Build the plan from the content of the YAML, as `read_shapes` does. place: the file's name in messages."""
-    entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_BESIDES))
+    entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_OTHER_KEYS))
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:
         raise entry.mistake("bounds", "[x_min, y_min, x_max, y_max] with each min less than its max")
@@ -138,7 +138,7 @@ _SOLIDS: dict[str, Callable[[str, object], Floats]] = {
     "ellipses": _ellipse,
 }
 SHAPES = (*_SOLIDS, "circles", "walls")  # the keys of a shape file besides `bounds`
-_BESIDES = ("movers", "start", "goal")  # keys that are not shapes
+_OTHER_KEYS = ("movers", "start", "goal")  # keys that are not shapes
 
 
 def _circle(outline: Floats, name: str, item: object) -> list[float]:
@@ -191,7 +191,7 @@ def _crosses_itself(start: Floats, end: Floats) -> bool:
     order, stops = min(zip(orders, ranks, strict=True), key=lambda choice: choice[1].sum())
     starts = np.arange(1, len(order) + 1)
     ends = np.cumsum(stops - starts)  # of the pairs of each side with later ones
-    if ends[-1] > _MOST_PAIRS:
+    if ends[-1] > _MAX_PAIRS:
         raise ValueError(f"{ends[-1]} pairs of sides overlap")
     # Compare the pairs in batches, since all of them may not fit into memory.
     begin = 0

@@ -50,7 +50,7 @@ class Starts:
         name: name of the map in its tasks. start, goal: (2,) [m]; starts are drawn around `start`.
         """
         self.config = config
-        self._name, self._place = name, place
+        self._name, self._make_world = name, place
         self._start, self._goal = start, goal
         self._numbers = config.numbers(range(config.starts))
 
@@ -68,7 +68,7 @@ class Starts:
         check_chosen(number, self._numbers, "start", self._name)
         start = drawn_start(self._start, self._goal, self.config, number)
         straight = math.dist(start[:2], self._goal)
-        world, space = self._place(number)
+        world, space = self._make_world(number)
         length = space.checked_length(f"map {self._name}, start {number}", start, self._goal)
         return self.config.task(
             self._name,

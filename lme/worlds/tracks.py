@@ -132,7 +132,7 @@ class RecordedPeople:
     def _people(self, number: int, time_limit: float) -> tuple[Mover, ...]:
         """People who are there between the beginning and the time limit [s]."""
         begin = number * self.config.every
-        cut = (_from(track, begin) for track in self._tracks)
+        cut = (_from_time(track, begin) for track in self._tracks)
         radius = self.config.body_radius
         return tuple(
             Mover(path=track[:, 1:], times=track[:, 0], radius=radius)
@@ -143,11 +143,11 @@ class RecordedPeople:
     def _is_clear(self, number: int) -> bool:
         begin = number * self.config.every
         present = np.flatnonzero((self._spans[:, 0] <= begin) & (begin < self._spans[:, 1]))
-        tracks = (_from(self._tracks[number], begin) for number in present)
+        tracks = (_from_time(self._tracks[number], begin) for number in present)
         return all(math.dist(track[0, 1:], self._start) > CLEAR for track in tracks)
 
 
-def _from(track: Floats, begin: float) -> Floats:
+def _from_time(track: Floats, begin: float) -> Floats:
     """The part of a track (N, 3) of t, x, y after a time, with that time as 0."""
     remaining = track[track[:, 0] > begin]
     if track[0, 0] <= begin < track[-1, 0]:

@@ -27,7 +27,7 @@ _TABLE = np.where(np.arange(256) < INSCRIBED, _NEUTRAL + _FACTOR * np.arange(256
 
 _ORIGIN = np.zeros(2)
 _SPACING_M = 0.05  # between points of a path
-_AHEAD = 40  # [points] search window for the robot's next position on the path
+_SEARCH_WINDOW = 40  # [points] search window for the robot's next position on the path
 
 
 @dataclass(slots=True)
@@ -53,9 +53,9 @@ class _Route:
     """A planned path in the odometry frame, and the robot's position on it."""
 
     points: Floats  # (K, 2) [m], evenly spaced, from the robot to the target
-    found: bool  # False: no path exists, the points are a straight line
+    reaches_target: bool  # False: no path exists, the points are a straight line
     forbidden: Bools  # (K,) at the time of planning
-    at: int = 0  # index of the point nearest to the robot
+    index: int = 0  # index of the point nearest to the robot
 
 
 class GlobalPath:
@@ -93,31 +93,31 @@ class GlobalPath:
         If no path exists, the path is the straight line and the subgoal is the robot's position. Raises
         InputError if the true map is needed and none was given.
         """
-        costmap = self._updated(observation)
+        costmap = self._update_costmap(observation)
         previous, self._age = self._route, self._age + 1
         due = previous is None or self._age >= self._period
-        if due or (previous is not None and previous.found and self._obstructed(previous, costmap)):
+        if due or (previous is not None and previous.reaches_target and self._obstructed(previous, costmap)):
             self._route, self._age = self._plan(observation, costmap), 0
         route = self._route
         assert route is not None
         _follow(route, observation.odometry)
         switched = previous is not None and previous is not route and self._switched(route, previous)
-        ahead = to_robot(route.points[route.at + 1 :], observation.odometry)
+        ahead = to_robot(route.points[route.index + 1 :], observation.odometry)
         path = np.vstack([_ORIGIN, ahead])
-        subgoal = self._in_sight(path, observation) if route.found else _ORIGIN
-        return Guidance(subgoal, path, switched, not route.found)
+        subgoal = self._farthest_visible(path, observation) if route.reaches_target else _ORIGIN
+        return Guidance(subgoal, path, switched, not route.reaches_target)
 
-    def _updated(self, observation: Observation) -> Costmap:
+    def _update_costmap(self, observation: Observation) -> Costmap:
         """Return the map; an observed one is rebuilt first if it is due."""
         if self.costmap is None:
-            self.costmap = self._begun(to_world(observation.target, observation.odometry))
+            self.costmap = self._new_costmap(to_world(observation.target, observation.odometry))
         if self._config.global_map == "observed":
             map_input = self._clock.due(observation)
             if map_input is not None:
                 self.costmap.observe(map_input)
         return self.costmap
 
-    def _begun(self, goal: Floats) -> Costmap:
+    def _new_costmap(self, goal: Floats) -> Costmap:
         """Create the map before the first scan: empty, or the true one."""
         if self._config.global_map == "observed":
             return Costmap(self._config.costmap, self._robot, goal[None])
@@ -131,8 +131,8 @@ class GlobalPath:
 
     def _obstructed(self, route: _Route, costmap: Costmap) -> bool:
         """Return whether a point of the path ahead has become forbidden since planning."""
-        forbidden = costmap.forbidden(route.points[route.at :])
-        return bool((forbidden & ~route.forbidden[route.at :]).any())
+        forbidden = costmap.forbidden(route.points[route.index :])
+        return bool((forbidden & ~route.forbidden[route.index :]).any())
 
     def _plan(self, observation: Observation, costmap: Costmap) -> _Route:
         """Plan a new route on the current map."""
@@ -170,7 +170,7 @@ class GlobalPath:
         touching = costs[end] == TOUCHING
         return np.vstack([robot, corners] if touching else [robot, corners, target])
 
-    def _in_sight(self, path: Floats, observation: Observation) -> Floats:
+    def _farthest_visible(self, path: Floats, observation: Observation) -> Floats:
         """Farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
 
         The corridor has the radius of the padded robot, else of the robot, else of its inner disc, limited to the
@@ -189,14 +189,14 @@ class GlobalPath:
 
     def _switched(self, route: _Route, previous: _Route) -> bool:
         """Return whether the route departs from the old one by more than the robot's width."""
-        return departs(route.points, previous.points[previous.at :], 2.0 * self._robot.r)
+        return departs(route.points, previous.points[previous.index :], 2.0 * self._robot.r)
 
 
 def _follow(route: _Route, pose: Pose) -> None:
     """Update the robot's position on the route: the nearest point from the last position on."""
-    ahead = route.points[route.at : route.at + _AHEAD]
+    ahead = route.points[route.index : route.index + _SEARCH_WINDOW]
     distances = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
-    route.at = min(route.at + int(distances.argmin()), len(route.points) - 2)
+    route.index = min(route.index + int(distances.argmin()), len(route.points) - 2)
 
 
 def _spaced(corners: Floats) -> Floats:

@@ -16,7 +16,7 @@ from lme.types import Floats, Ints
 
 Cell = tuple[int, int]
 
-_SAME = 1e-9  # relative difference of equal costs, by rounding
+_EPS = 1e-9  # relative difference of equal costs, by rounding
 _TIE = 1e-8  # [cost/cell²] penalty for distance from the line: above rounding, below any cost difference
 _SQRT2 = math.sqrt(2.0)
 
@@ -41,7 +41,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
         key, cell = keys[0], cells[0]
         size = pop(keys, cells, size)
         i, j = cell // columns, cell % columns
-        if key > _key(g[cell], scale, i, j, start, goal) * (1.0 + _SAME):
+        if key > _key(g[cell], scale, i, j, start, goal) * (1.0 + _EPS):
             continue  # outdated: a cheaper path was found later
         if cell == goal_index:
             break
@@ -50,7 +50,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
             for dj in range(-1, 2):
                 step = _step(costs, table, i, j, di, dj)
                 neighbour = cell + di * columns + dj
-                if step < np.inf and g[cell] + step < g[neighbour] * (1.0 - _SAME):
+                if step < np.inf and g[cell] + step < g[neighbour] * (1.0 - _EPS):
                     g[neighbour] = g[cell] + step
                     key = _key(g[neighbour], scale, i + di, j + dj, start, goal)
                     size = push(keys, cells, size, key, neighbour)
@@ -82,7 +82,7 @@ def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> In
                 if cost == np.inf:
                     continue
                 offset = _off_line(i + di, j + dj, start, goal)
-                if cost < lowest * (1.0 - _SAME) or (cost <= lowest * (1.0 + _SAME) and offset < nearest):
+                if cost < lowest * (1.0 - _EPS) or (cost <= lowest * (1.0 + _EPS) and offset < nearest):
                     lowest, nearest, parent_i, parent_j = min(cost, lowest), offset, i + di, j + dj
         i, j = parent_i, parent_j
 
@@ -103,7 +103,7 @@ def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
         span = goal_index - begin
         while span > 1:
             end = begin + span
-            allowed = (g[path[end, 0], path[end, 1]] - g[path[begin, 0], path[begin, 1]]) * (1.0 + _SAME)
+            allowed = (g[path[end, 0], path[end, 1]] - g[path[begin, 0], path[begin, 1]]) * (1.0 + _EPS)
             if _line_cost(costs, table, path[begin], path[end], allowed) <= allowed:
                 break
             span = 3 * span // 4

@@ -117,13 +117,13 @@ def _explain_first(explanation: Explanation) -> str:
         return "first subgoal: the only candidate"
     if lead <= 0.0:
         return f"first subgoal: no better than the rest of {count} candidates"
-    terms_text = _named(main_terms(terms))
-    return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {terms_text}"
+    terms_text = _list_terms(main_terms(terms))
+    return f"first subgoal: the best of {count} candidates, {_text(lead)} above their average, {terms_text}"
 
 
 def _explain_reached(explanation: Explanation) -> str:
     d1, gain = explanation.parameters.d1, _gain(explanation)
-    replacement = f"the best new one, which scores {_difference(gain)}, takes its place"
+    replacement = f"the best new one, which scores {_relative_score(gain)}, takes its place"
     if math.isinf(d1):
         return f"switched: d1 is infinite, so no subgoal is maintained; {replacement}"
     distance = _fewest_digits(_old_distance(explanation), d1)
@@ -135,7 +135,7 @@ def _explain_better(current: Explanation, previous: Explanation | None) -> str:
     change = _describe_changes(current, previous, leading_terms)
     d2 = current.parameters.d2
     scores = f"new subgoal scores {_fewest_digits(_gain(current), d2)} higher (d2 {d2:.6g})"
-    return f"switched: {scores}, {_named(leading_terms)}{f'; the old one {change}' if change else ''}"
+    return f"switched: {scores}, {_list_terms(leading_terms)}{f'; the old one {change}' if change else ''}"
 
 
 def _explain_kept(explanation: Explanation) -> str:
@@ -145,10 +145,10 @@ def _explain_kept(explanation: Explanation) -> str:
 def _against_d2(explanation: Explanation, at_most: str = "") -> str:
     gain, d2 = _gain(explanation), explanation.parameters.d2
     if gain <= 0.0:
-        return f"{at_most.replace('most', 'least') if gain else at_most}{_difference(gain)}"
+        return f"{at_most.replace('most', 'least') if gain else at_most}{_relative_score(gain)}"
     if math.isinf(d2):
-        return f"{at_most}{_shown(gain)} higher, and d2 is infinite"
-    return f"{at_most}{_fewest_digits(gain, d2)} higher, {_shown(d2 - gain)} short of d2 ({d2:.6g})"
+        return f"{at_most}{_text(gain)} higher, and d2 is infinite"
+    return f"{at_most}{_fewest_digits(gain, d2)} higher, {_text(d2 - gain)} short of d2 ({d2:.6g})"
 
 
 def _old_distance(explanation: Explanation) -> float:
@@ -181,7 +181,7 @@ def _describe_changes(
         )
     if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
-    return _join([fall for fall in falls if fall])
+    return _join_phrases([fall for fall in falls if fall])
 
 
 def _features_of_chosen(step: Explanation) -> Floats:
@@ -200,25 +200,25 @@ def _describe_fall(
         return ""
     if term.name == "c_o":
         return _NARROWED if current > 0.0 else words["c_o"]
-    return words[term.name] if previous == _BEST.get(term.name) else f"fell by {_shown(loss)} in {term.name}"
+    return words[term.name] if previous == _BEST.get(term.name) else f"fell by {_text(loss)} in {term.name}"
 
 
-def _join(parts: Sequence[str]) -> str:
+def _join_phrases(parts: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
 
 
-def _named(terms: Sequence[Term]) -> str:
+def _list_terms(terms: Sequence[Term]) -> str:
     return "mainly " + ", ".join(
-        f"{term.name} {'+' if term.value > 0 else '−'}{_shown(abs(term.value), whole_from=math.inf)}"
+        f"{term.name} {'+' if term.value > 0 else '−'}{_text(abs(term.value), whole_from=math.inf)}"
         for term in terms
     )
 
 
-def _difference(gain: float) -> str:
-    return f"{_shown(abs(gain))} {'higher' if gain > 0 else 'lower'}" if gain else "the same"
+def _relative_score(gain: float) -> str:
+    return f"{_text(abs(gain))} {'higher' if gain > 0 else 'lower'}" if gain else "the same"
 
 
-def _shown(value: float, whole_from: float = 100.0) -> str:
+def _text(value: float, whole_from: float = 100.0) -> str:
     """Format a positive number with few digits, without decimals if it is at least `whole_from`."""
     if value < 0.001:
         return "less than 0.001"

@@ -23,12 +23,12 @@ from lme.robots import Robot
 from lme.types import Floats, Observation, Pose
 
 _NAMES = tuple(CRITERIA)
-_NONE = np.empty((0, 2))
+_NO_POINTS = np.empty((0, 2))
 _CANDIDATES = 100  # random ones
-_EVERY = 3  # decisions with the same expected times, if nobody is near and the target does not move
-_BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
-_TRIED = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
-_MOST = 5.0  # greatest number of these doublings
+_MAX_AGE = 3  # decisions with the same expected times, if nobody is near and the target does not move
+_PASSAGE_AHEAD = 1.0  # [m] ahead of the robot, where it tries a narrow passage
+_DOUBLING_TIME = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
+_MAX_DOUBLINGS = 5.0  # greatest number of these doublings
 _STANDS = 0.05  # [m/s] below this speed the robot counts as standing
 _SAME_TARGET = 0.1  # [m] by which the target may move before the times are recomputed
 
@@ -83,14 +83,14 @@ class LocalMinimumEscaperPlus:
         parts = self._config.parts
         self._memory = Memory(self._robot, self._config.reach, parts.memory, parts.people)
         self._learned = LearnedTimes()
-        self._learned_for: Floats | None = None  # the target, in the carried frame
+        self._learned_target: Floats | None = None  # the target, in the carried frame
         self._field: Field | None = None
         self._age = 0  # decisions made with the field
-        self._tried = 0.0  # [s] spent before narrow passages on the way to the target
+        self._time_at_passages = 0.0  # [s] spent before narrow passages on the way to the target
         self._stuck = StuckPlaces(self._robot.dt)  # on the way to the target
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
-        self._last: Step | None = None
+        self._last_step: Step | None = None
 
     def decide(self, observation: Observation) -> tuple[Decision, Floats, Floats]:
         """Advance one control period.
@@ -100,7 +100,7 @@ class LocalMinimumEscaperPlus:
         """
         self._memory.see(observation)
         self.sight, route = self._look(observation)
-        self._last = step = self._step(observation, self.sight, route)
+        self._last_step = step = self._step(observation, self.sight, route)
         waits = (
             step.decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
         )
@@ -110,7 +110,7 @@ class LocalMinimumEscaperPlus:
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
-        return None if self._last is None else explain(self._last)
+        return None if self._last_step is None else explain(self._last_step)
 
     def _step(self, observation: Observation, sight: Sight, route: Floats) -> Step:
         """Run one step of Algorithm 1 with the criteria of LME+. route (K, 2): places on the fastest way."""
@@ -138,14 +138,14 @@ class LocalMinimumEscaperPlus:
     def _view(self, observation: Observation, sight: Sight) -> View:
         """View for an explanation: the points of the scan and the target; LME+ has no history and no blockage."""
         radius = self._robot.footprint.r_min + self._config.margin
-        return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
+        return View(self._memory.seen, observation.target, radius, _NO_POINTS, None, "every")
 
     def _look(self, observation: Observation) -> tuple[Sight, Floats]:
         """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
         config, robot, pose = self._config, self._robot, self._memory.pose
         field = self._times(to_world(observation.target, pose), pose)
         route, ahead = field.descent(pose, self._reach(observation))
-        self._tried += robot.dt if ahead < _BEFORE else 0.0
+        self._time_at_passages += robot.dt if ahead < _PASSAGE_AHEAD else 0.0
         margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
         return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), route
 
@@ -157,10 +157,10 @@ class LocalMinimumEscaperPlus:
         """Return the expected times of the last decisions, or new ones if those are old or of another target."""
         memory, field = self._memory, self._field
         self._age += 1
-        old = self._age >= _EVERY or len(memory.people) > 0
+        old = self._age >= _MAX_AGE or len(memory.people) > 0
         if field is None or old or apart(target, field.target) > _SAME_TARGET:
             learned, position = self._learned_of(target), np.array(pose[:2])
-            narrow_factor = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
+            narrow_factor = NARROW * 2.0 ** min(self._time_at_passages / _DOUBLING_TIME, _MAX_DOUBLINGS)
             inputs = memory.points, target, position, memory.people, learned, narrow_factor, self._stuck.rows
             self._field = field = self._travel.field(*inputs)
             self._age = 0
@@ -168,12 +168,12 @@ class LocalMinimumEscaperPlus:
 
     def _learned_of(self, target: Floats) -> LearnedTimes:
         """Return the times learned for ways to a target; all is forgotten if this is another one."""
-        is_new_target = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
+        is_new_target = self._learned_target is None or apart(target, self._learned_target) > OTHER_TARGET
         if is_new_target:
-            self._tried = 0.0
+            self._time_at_passages = 0.0
             self._stuck.forget()
         if is_new_target or not (self._config.parts.memory and self._config.parts.learned):
-            self._learned, self._learned_for = LearnedTimes(), target
+            self._learned, self._learned_target = LearnedTimes(), target
         return self._learned
 
     def _generate(self, observation: Observation, route: Floats, subgoal: Floats | None) -> Floats:

@@ -15,9 +15,9 @@ OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned o
 Learned = tuple[
     Floats, tuple[int, int]
 ]  # times (A, B) [s], and in them the row and column before a grid's first cell
-_AFTER = 2.0  # [s] total time stuck before a place, from which on the place counts
+_MIN_WAIT = 2.0  # [s] total time stuck before a place, from which on the place counts
 _COST = 10.0  # [-] delay of the way through a place, in multiples of the time stuck before it
-_SAME = 0.5  # [m] nearer places count as one
+_PLACE_DISTANCE = 0.5  # [m] nearer places count as one
 _RADIUS = 0.3  # [m] around a place within which the way takes longer
 
 
@@ -157,12 +157,12 @@ class StuckPlaces:
     def wait(self, place: Floats) -> None:
         """Count one control period in which the robot is stuck before a place (2,) [m]."""
         distances = distances_to(self._places, place)
-        if len(distances) and distances.min() < _SAME:
+        if len(distances) and distances.min() < _PLACE_DISTANCE:
             self._waited[distances.argmin()] += self._dt
         else:
             self._places = np.vstack((self._places, place))
             self._waited = np.append(self._waited, self._dt)
-        is_stuck = self._waited > _AFTER
+        is_stuck = self._waited > _MIN_WAIT
         slower = _COST * self._waited[is_stuck] / (2.0 * _RADIUS)
         self.rows = np.column_stack(
             (self._places[is_stuck], np.zeros((len(slower), 2)), np.full(len(slower), _RADIUS), slower)

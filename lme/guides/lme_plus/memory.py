@@ -17,7 +17,7 @@ from lme.types import Bools, Floats, Limits, Observation, Pose
 
 _NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
 _STANDING = 0.05  # [m/s] below this speed people count as standing
-_SAME = 0.5  # [m] a person this near to where one stood a period ago is the same
+_MAX_STEP = 0.5  # [m] a person this near to where one stood a period ago is the same
 _SORTED = 1.0  # [m] driven before points are sorted into near and far again
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 _SQUARE = 0.05  # [m] one point is kept per square of this side
@@ -144,17 +144,17 @@ class Memory:
         keeps: False leaves only the points of the current scan. people: False keeps the points of tracked people like
         all others.
         """
-        self._keeps, self._tells_people = keeps, people
+        self._remembers_points, self._separates_people = keeps, people
         self._dt = robot.dt
         self._mount = robot.lidar.mount
         self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
         self.points: Floats = _NOTHING  # in the carried frame
         self.known: Floats = _NOTHING  # the same in the robot frame
-        self._far: Floats = _NOTHING  # out of reach, in the carried frame
+        self._far_points: Floats = _NOTHING  # out of reach, in the carried frame
         self._sorted_at = self.pose
-        self._near = reach + _SORTED
-        self._reach = self._near + _SORTED  # holds all points within `reach`, wherever they were last sorted
-        self._taken = squares_around(self._reach, _SQUARE)
+        self._inner = reach + _SORTED
+        self._reach = self._inner + _SORTED  # holds all points within `reach`, wherever they were last sorted
+        self._squares = squares_around(self._reach, _SQUARE)
         self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
         # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and time they have stood [s]
         self.people = _NOBODY
@@ -170,8 +170,8 @@ class Memory:
         if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
             self._sort()
         self.points, self.known = remember(
-            self._taken,
-            self.points if self._keeps else self.points[:0],
+            self._squares,
+            self.points if self._remembers_points else self.points[:0],
             static_points,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
@@ -188,14 +188,14 @@ class Memory:
     def _sort(self) -> None:
         """Move the points that have come into reach to the near ones, and those that have left it to the far ones."""
         self._sorted_at = self.pose
-        if self._keeps:
-            points = np.concatenate((self.points, self._far))
-            self.points, self._far = split(points, self.pose[:2], self._near)
+        if self._remembers_points:
+            points = np.concatenate((self.points, self._far_points))
+            self.points, self._far_points = split(points, self.pose[:2], self._inner)
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """Split the scan's points into those of no person and those of people, (M, 2) each; note where people are."""
         previous, self.people = self.people, _NOBODY
-        if not (self._tells_people and len(pedestrians)):
+        if not (self._separates_people and len(pedestrians)):
             return self.seen, self.seen[:0]
         is_person, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
         people[:, :2] = to_world(people[:, :2], self.pose)
@@ -210,7 +210,7 @@ class Memory:
             return np.zeros(len(people))
         distances = np.hypot(*(people[:, None, :2] - previous[:, :2]).transpose(2, 0, 1))
         nearest = distances.argmin(axis=1)
-        is_known = is_still & (distances.min(axis=1) < _SAME)
+        is_known = is_still & (distances.min(axis=1) < _MAX_STEP)
         return np.where(is_known, previous[nearest, 5] + self._dt, 0.0)
 
 
@@ -220,13 +220,13 @@ def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
         x, y, yaw = compose(pose, move.pose)
         return Pose(x, y, yaw)
     previous, current = move.before, move.now
-    distance = _way(previous.v, current.v, limits.alpha_v, dt)
-    turn = _way(previous.omega, current.omega, limits.alpha_omega, dt)
+    distance = _ramp_distance(previous.v, current.v, limits.alpha_v, dt)
+    turn = _ramp_distance(previous.omega, current.omega, limits.alpha_omega, dt)
     middle = pose.yaw + turn / 2
     return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)
 
 
-def _way(initial: float, final: float, alpha: float, dt: float) -> float:
+def _ramp_distance(initial: float, final: float, alpha: float, dt: float) -> float:
     """Integral over `dt` of a rate that changes from `initial` to `final` at `alpha` and then holds."""
     ramp = min(abs(final - initial) / alpha, dt)
     return (initial + final) / 2 * ramp + final * (dt - ramp)

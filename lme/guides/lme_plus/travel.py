@@ -18,9 +18,9 @@ from lme.types import Bools, Floats, Pose
 BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
 _CELL = 0.15  # [m] side of a cell
 NARROW = 100.0  # [-] factor of the time at v_max in a passage that leaves less than the margin
-_EVERY = 3  # cells between two places on the way of steepest descent
+_STRIDE = 3  # cells between two places on the way of steepest descent
 _WINDING = 4.0  # [-] greatest length of a way that is followed in the grid, in multiples of the reach
-_ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
+_ORIGIN = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
@@ -58,7 +58,7 @@ class Field(NamedTuple):
     target: Floats
     v_max: float
 
-    def rest(self, places: Floats, pose: Pose = _ITSELF) -> Floats:
+    def rest(self, places: Floats, pose: Pose = _ORIGIN) -> Floats:
         """T at (N, 2) places in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
 
         If the robot has no way to the target, such places have the time of the straight line to it.
@@ -78,7 +78,7 @@ class Field(NamedTuple):
         Also returns how far ahead the way becomes narrow [m], inf if nowhere.
         """
         grid = (*self.grid,)
-        descent: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _EVERY)
+        descent: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _STRIDE)
         return descent
 
 
@@ -129,14 +129,14 @@ class Travel:
         # Search, and again with ways that leave the grid if it has no good one to a target in it.
         work, ends = self._workspace, (grid, here, target, self._pace.v_max)
         field = Field(work.times, work.narrow, travel_times(*inputs, False), *ends)
-        if self._is_no_good(field):  # perhaps there is a better way around outside the grid
+        if self._is_detour(field):  # perhaps there is a better way around outside the grid
             field = Field(work.times, work.narrow, travel_times(*inputs, True), *ends)
         time = field.robot_time
         if math.isfinite(time) and not len(people):
             learned.learn(field.times, grid, here, target, time + BEYOND, field.v_max)
         return field
 
-    def _is_no_good(self, field: Field) -> bool:
+    def _is_detour(self, field: Field) -> bool:
         """Return whether the grid has no way, or only a narrow one, to a target that is in it."""
         if apart(field.here, field.target) > self._reach:
             return False

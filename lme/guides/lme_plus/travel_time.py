@@ -31,7 +31,7 @@ from lme.types import Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
-_BESIDE = 20.0  # [-] factor of the time at v_max, from the nearest passage to a target that has none
+_PASSAGE = 20.0  # [-] factor of the time at v_max, from the nearest passage to a target that has none
 _TINY = 1e-9  # [m] instead of a band without width
 _GAIN = 0.1  # [times for a cell] by which a known time must improve to be recomputed
 
@@ -122,7 +122,7 @@ def _march(
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
     # Sources: cells around the target, and at the edge the straight time or what was learned, if that is more.
-    beside_square = _beside(squares, border, x, y, grid, pace)
+    beside_square = _passage_radius_square(squares, border, x, y, grid, pace)
     at_target, count = _sources(cells, work.edge, x, y, grid.size, enclosed)
     # Sort them into buckets, linked lists of nodes, by T plus the straight way from the robot, in cells.
     heads = np.full(BUCKETS, -1, np.int32)
@@ -176,15 +176,15 @@ def _march(
                 # Close to a target without a passage, cells without a point in them are slow instead of closed.
                 if (
                     tight
-                    and step > _BESIDE * cell_time
+                    and step > _PASSAGE * cell_time
                     and (i - x) ** 2 + (j - y) ** 2 < beside_square
                     and square > 0.5 * grid.cell**2
                 ):
-                    step = _BESIDE * cell_time
+                    step = _PASSAGE * cell_time
                 # Time that people on their way cost when the robot can be here.
                 if len(people):
                     position = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
-                    step += grid.cell * _in_the_way(position, distance * cell_time, people)
+                    step += grid.cell * _people_cost(position, distance * cell_time, people)
                 steps[neighbour], robot_distances[neighbour], narrow[neighbour] = step, distance, half > 0.0
                 if step == np.inf:
                     walls[blocked] = neighbour
@@ -214,7 +214,7 @@ def _march(
 
 
 @njit(cache=True, error_model="numpy")
-def _beside(squares, border, x, y, grid, pace):
+def _passage_radius_square(squares, border, x, y, grid, pace):
     """Squared distance up to which slow ways lead to a target without a passage [cells²]; 0 if it has one."""
     if _inside(x, y, grid.size):
         square = squares[int(x + 0.5) + border, int(y + 0.5) + border] * grid.cell * grid.cell
@@ -282,7 +282,7 @@ def _slowness(square, half, robot_distance, min_distance, pace):
 
 
 @njit(cache=True, error_model="numpy")
-def _in_the_way(position, time, people):
+def _people_cost(position, time, people):
     """Time per metre that people cost at a position after some time [s/m]."""
     cost = 0.0
     for n in range(len(people)):

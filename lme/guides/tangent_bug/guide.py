@@ -97,8 +97,8 @@ class TangentBug:
         self._mode = Mode.TOWARD
         self._nearest = math.inf  # [m] least distance to the target so far, of the robot or the boundary
         self._side = 0  # +1: pass the obstacle's left end, with the obstacle on the right; −1: the right end
-        self._along = np.zeros(2)  # scan point on the followed boundary, in the odometry frame
-        self._place = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
+        self._followed_point = np.zeros(2)  # scan point on the followed boundary, in the odometry frame
+        self._leave_position = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
 
     def guide(self, observation: Observation) -> Guidance:
         """Return the next place of the local tangent graph; the robot's position if obstacles enclose it."""
@@ -125,7 +125,7 @@ class TangentBug:
             return ends[self._side].place
         self._mode = Mode.FOLLOW
         self._side = min(lengths, key=lengths.__getitem__, default=view.side_of_target(owner))
-        self._along = to_world(view.points[owner], view.odometry)
+        self._followed_point = to_world(view.points[owner], view.odometry)
         self._nearest = min(self._nearest, min_distance)
         return self._follow(view)
 
@@ -138,18 +138,18 @@ class TangentBug:
         """Drive to the end of the visible boundary, unless a place nearer than the whole boundary is in sight."""
         position = view.nearest_place()
         if _distance(position, view.target) < self._nearest - self._config.leave_gain:
-            self._mode, self._place = Mode.LEAVE, to_world(position, view.odometry)
+            self._mode, self._leave_position = Mode.LEAVE, to_world(position, view.odometry)
             return position
-        end, min_distance = view.next_end(to_robot(self._along, view.odometry), self._side)
+        end, min_distance = view.next_end(to_robot(self._followed_point, view.odometry), self._side)
         self._nearest = min(self._nearest, view.distance, min_distance)
         if end is None:
             return None
-        self._along = to_world(end.point, view.odometry)
+        self._followed_point = to_world(end.point, view.odometry)
         return end.place
 
     def _leave(self, view: _View) -> Floats | None:
         """Drive to the chosen place until the robot itself is nearer to the target than the boundary."""
-        position = to_robot(self._place, view.odometry)
+        position = to_robot(self._leave_position, view.odometry)
         if view.distance < self._nearest:
             self._mode = Mode.TOWARD
             return self._toward(view)
@@ -175,16 +175,16 @@ class _View:
         from_target = np.hypot(points[:, 0] - self.target[0], points[:, 1] - self.target[1])
         radii = np.minimum(self._radius, np.maximum(TOUCHING * from_target, r))
         self._radii = np.minimum(radii, TOUCHING * distances)
-        self._close = np.minimum(self._radii, r + margin / 2.0)
-        self._ways, self._owners = free_ways(points, self._radii, UNITS)
+        self._reduced_radii = np.minimum(self._radii, r + margin / 2.0)
+        self._free, self._owners = free_ways(points, self._radii, UNITS)
         slope = GRAZING * abs(observation.scan.angle_increment)
         self._breaks = breaks_before(points, 2.0 * self._radius, slope)
-        self._profile = self._ways, self._owners, self._breaks, slope
-        self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point
+        self._profile = self._free, self._owners, self._breaks, slope
+        self._jumps = self._free, self._owners, np.arange(len(points) + 1), slope  # a break after every point
 
     def blocking(self, position: Floats, closely: bool = False) -> int:
         """Index of the point that blocks the line to a position, −1 if none; closely: with half the margin."""
-        return int(first_on_way(self.points, self._close if closely else self._radii, position))
+        return int(first_on_way(self.points, self._reduced_radii if closely else self._radii, position))
 
     def side_of_target(self, owner: int) -> int:
         """Side of the target relative to a point: +1 left, −1 right."""
@@ -222,7 +222,7 @@ class _View:
             return self.target
         k = _direction(self.target)
         positions = [self._node(k, True, side).place for k, side in all_ends(*self._profile).tolist()]
-        positions.append(min(self._ways[k], self.distance) * UNITS[k])
+        positions.append(min(self._free[k], self.distance) * UNITS[k])
         return min(positions, key=lambda position: _distance(position, self.target))
 
     def _mouth(self, start: int, side: int) -> Vertex | None:
@@ -231,7 +231,7 @@ class _View:
         if k < 0 or not is_longer:
             return None
         node = self._node(k, True, side)
-        blocking = first_on_way(self.points - node.place, self._close, self.target - node.place)
+        blocking = first_on_way(self.points - node.place, self._reduced_radii, self.target - node.place)
         return node if blocking < 0 else None
 
     def _in_sight(self, index: int, side: int) -> int:
@@ -242,7 +242,7 @@ class _View:
 
     def _along_wall(self, start: int, side: int) -> Vertex | None:
         """Next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
-        k = first_longer(self._ways, start, side, 2.0 * self._radius)
+        k = first_longer(self._free, start, side, 2.0 * self._radius)
         if k < 0:
             return None
         if k == start:
@@ -253,11 +253,11 @@ class _View:
         """Node at the end of the obstacle in direction k: past its end, or where another obstacle hides it."""
         point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
         if not is_longer:
-            return Vertex(self._ways[k] * UNITS[k], point)
+            return Vertex(self._free[k] * UNITS[k], point)
         distance = math.hypot(*point)
         bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / distance)
         length = math.sqrt(distance * distance - radius * radius) + self._radius
-        length = min(length, self._ways[(k + side) % len(UNITS)])
+        length = min(length, self._free[(k + side) % len(UNITS)])
         return Vertex(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
 
 

@@ -27,10 +27,10 @@ from lme.perception.people.table import (  # fmt: skip
     correct,
 )
 
-_LEAST_SHARE = 0.25  # of points that show motion; a lesser share counts as none
+_MIN_FRACTION = 0.25  # of points that show motion; a lesser share counts as none
 _QUIET = 0.01  # [m] noise of a range; with more of it, more evidence is needed
-_WAY = 12.0  # standard deviations of a range that a track must have come
-_LEAST_WAY = 0.06  # [m] that it must have come in any case
+_TRAVEL_DEVIATIONS = 12.0  # standard deviations of a range that a track must have come
+_MIN_TRAVEL = 0.06  # [m] that it must have come in any case
 _MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
 _FLICKER = 0.1  # share of standing points missed before; if a lidar misses more, missing returns are ignored
 _FADING = 0.98  # share of the counts that is kept from scan to scan
@@ -126,13 +126,13 @@ def _judge(row, anchor, moved_fraction, variance, view, timing, settings):
     vacated = (passed_through(old, view, margin) == 1).sum() / len(old)
     row[EVIDENCE] = (
         row[EVIDENCE] + moved_fraction + vacated
-        if moved_fraction + vacated >= _LEAST_SHARE
+        if moved_fraction + vacated >= _MIN_FRACTION
         else 0.5 * row[EVIDENCE]
     )
     travel = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
     # A noisier lidar must show more evidence and a longer way.
     min_evidence = settings.evidence * max(noise / _QUIET, 1.0)
-    min_travel = max(_WAY * noise, _LEAST_WAY) + 2.0 * math.sqrt(variance)
+    min_travel = max(_TRAVEL_DEVIATIONS * noise, _MIN_TRAVEL) + 2.0 * math.sqrt(variance)
     return row[EVIDENCE] >= min_evidence and travel >= min_travel
 
 

@@ -13,12 +13,12 @@ UNKNOWN = 0.04  # [m²] variance of the radius of a person seen as legs
 _WIDEST_LEGS = 0.3  # [m] radius of a person seen as legs, at most
 _THIN = 0.2  # [m] what is narrower is a leg
 _AS_LEGS = 0.3  # share of the scans with legs from which on a track is no longer fitted as a circle
-_KNOWN = 0.02  # [m] error of a radius that is known
+_KNOWN_ERROR = 0.02  # [m] error of a radius that is known
 _FEWEST = 5  # points that show a circle
 _ITERATIONS = 6
-_MOST = 40  # points that a circle is fitted to
-_OTHERS = 0.05  # [m] points that are farther from the circle of a track are of something else
-_LEAST_RADIUS, _MOST_RADIUS = 0.05, 0.65  # [m]
+_MAX_POINTS = 40  # points that a circle is fitted to
+_RESIDUAL_SCALE = 0.05  # [m] points that are farther from the circle of a track are of something else
+_MIN_RADIUS, _MAX_RADIUS = 0.05, 0.65  # [m]
 FEWEST = 2  # points of a run
 _LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
@@ -39,10 +39,10 @@ def middle_of(points, chosen, lidar, prior, noise, settings):
     """
     parts, extent, mean_x, mean_y = _runs(points, chosen, lidar)
     # A circle, if the track is known to be a wide one, or if the points are one wide run and it has not had legs.
-    is_wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN**2
+    is_wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN_ERROR**2
     if is_wide or (prior[2] < _AS_LEGS and parts == 1 and extent > _THIN and len(chosen) >= _FEWEST):
         x, y, radius, rms, spread = _circle(points, chosen, lidar, (mean_x, mean_y), extent, prior, noise)
-        if rms < 0.02 + 2.0 * noise and radius <= _MOST_RADIUS:
+        if rms < 0.02 + 2.0 * noise and radius <= _MAX_RADIUS:
             return x, y, radius, settings.surface**2 + 4.0 * max(rms, 0.5 * noise) ** 2 / len(chosen), spread
     # Otherwise legs: the mean of the runs, moved from the front of a leg to its middle.
     dx, dy = mean_x - lidar[0], mean_y - lidar[1]
@@ -84,11 +84,11 @@ def _circle(points, members, lidar, mean, extent, prior, noise):
     """Fit a circle by Gauss-Newton: middle, radius, root mean square of the residuals, variance of the radius."""
     # Start with the known radius or half of the extent, and a middle behind the points as the lidar sees them.
     prior_radius, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
-    r = min(max(prior_radius, _LEAST_RADIUS), _MOST_RADIUS)
+    r = min(max(prior_radius, _MIN_RADIUS), _MAX_RADIUS)
     dx, dy = mean[0] - lidar[0], mean[1] - lidar[1]
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
     x, y = mean[0] + 0.7 * r * dx / distance, mean[1] + 0.7 * r * dy / distance
-    step = max(len(members) // _MOST, 1)
+    step = max(len(members) // _MAX_POINTS, 1)
     weight = max(noise, 0.005) ** 2
     rms, spread = math.inf, variance
     for _ in range(_ITERATIONS):
@@ -101,7 +101,7 @@ def _circle(points, members, lidar, mean, extent, prior, noise):
             d = max(math.sqrt(px * px + py * py), 1e-6)
             residual, nx, ny = d - r, px / d, py / d
             # Points off the circle of a known track count less.
-            w = 1.0 / (1.0 + (residual / _OTHERS) ** 2) if prior[0] > 0.0 else 1.0
+            w = 1.0 / (1.0 + (residual / _RESIDUAL_SCALE) ** 2) if prior[0] > 0.0 else 1.0
             a[0, 0] += w * nx * nx
             a[0, 1] += w * nx * ny
             a[1, 1] += w * ny * ny
@@ -127,7 +127,7 @@ def _circle(points, members, lidar, mean, extent, prior, noise):
         # No step changes a value by more than 0.3 m.
         fraction = min(1.0, 0.3 / longest) if longest > 0.0 else 1.0
         x, y = x + fraction * change_x, y + fraction * change_y
-        r = min(max(r + fraction * change_r, _LEAST_RADIUS), 2.0 * _MOST_RADIUS)
+        r = min(max(r + fraction * change_r, _MIN_RADIUS), 2.0 * _MAX_RADIUS)
         # Variance of the radius: the inverse's last entry, by the Schur complement.
         inner = a00 * a11 - a[0, 1] ** 2
         schur = a22 - (a11 * a[0, 2] ** 2 - 2.0 * a[0, 1] * a[0, 2] * a[1, 2] + a00 * a[1, 2] ** 2) / inner

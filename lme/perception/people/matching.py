@@ -107,7 +107,7 @@ def kept_tracks(table, anchors, count, view, when, settings):
     num_kept = 0
     for n in range(count):
         row = table[n]
-        if _ends(row, view, when, settings):
+        if _is_over(row, view, when, settings):
             continue
         # Close the gap that dropped rows leave.
         if num_kept < n:
@@ -118,7 +118,7 @@ def kept_tracks(table, anchors, count, view, when, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def _ends(row, view, timing, settings):
+def _is_over(row, view, timing, settings):
     _, margin, _, dt = timing
     if row[CONFIRMED] == 0.0:
         return row[HIDDEN] > 1.5 * dt

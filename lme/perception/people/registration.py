@@ -13,12 +13,12 @@ from lme.types import Bools, Floats, Ints
 
 _TAU = 2.0 * math.pi
 _CHORD = 0.2  # [m] over which a normal is measured; noise tilts shorter ones
-_LEAST_CHORD = 0.1  # [m] of a small thing
+_MIN_CHORD = 0.1  # [m] of a small thing
 _FARTHEST = 10  # beams to either side
 _GAP = 0.3  # [m] between beams that hit the same surface
 _MATCHED = (0.25, 0.2, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
-_TRIED = 2.5  # standard deviations of the yaw by odometry that are searched
-_AMISS = 0.3  # [m] a range that differs more is of another surface
+_YAW_DEVIATIONS = 2.5  # standard deviations of the yaw by odometry that are searched
+_MAX_RANGE_ERROR = 0.3  # [m] a range that differs more is of another surface
 _SAMPLES = 480  # points that are used
 _CORRELATED = 4.0  # neighbouring points err alike
 
@@ -126,7 +126,7 @@ def normals(points, hits):
             if chord >= _CHORD and low < i < high:
                 break
         # The normal is at a right angle to the chord.
-        if chord >= _LEAST_CHORD and low < i < high:
+        if chord >= _MIN_CHORD and low < i < high:
             unit_normals[i, 0], unit_normals[i, 1] = -dy / chord, dx / chord
     return unit_normals
 
@@ -191,11 +191,11 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
 def _coarse_turn(points, is_used, reference, angles, guess, spread, step):
     """Turn beyond the guess, in whole beams, at which the ranges agree best [rad]."""
     count = len(reference)
-    max_shift = min(int(_TRIED * spread / angles[1]), count // 8)
+    max_shift = min(int(_YAW_DEVIATIONS * spread / angles[1]), count // 8)
     if max_shift < 1:
         return 0.0
     # Cost of each turn: its squared ratio to the odometry's error, plus the differences of the ranges.
-    costs = _AMISS * (np.arange(-max_shift, max_shift + 1) * angles[1] / spread) ** 2
+    costs = _MAX_RANGE_ERROR * (np.arange(-max_shift, max_shift + 1) * angles[1] / spread) ** 2
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
     for i in range(0, len(points), step):
@@ -208,7 +208,7 @@ def _coarse_turn(points, is_used, reference, angles, guess, spread, step):
             continue
         distance = math.sqrt(px * px + py * py)
         for k in range(2 * max_shift + 1):
-            costs[k] += min(abs(ranges[beam + k - max_shift] - distance), _AMISS)
+            costs[k] += min(abs(ranges[beam + k - max_shift] - distance), _MAX_RANGE_ERROR)
     # The turn with the least cost; none if that is as good.
     best = max_shift
     for k in range(2 * max_shift + 1):

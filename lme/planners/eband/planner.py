@@ -75,15 +75,15 @@ class EBand:
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
         odometry = observation.odometry
-        points = self._look(observation)
+        points = self._update_obstacles(observation)
         planned = guidance.path is not None and len(guidance.path) > 0
         path = guidance.path if planned else np.vstack([np.zeros(2), guidance.subgoal])
         assert path is not None
         self.band.update(to_world(path, odometry), np.array(odometry[:2]), self._known, planned=planned)
         v, omega = self._follow(observation)
-        return self._safe(v, omega, points, observation)
+        return self._safe_command(v, omega, points, observation)
 
-    def _look(self, observation: Observation) -> Floats:
+    def _update_obstacles(self, observation: Observation) -> Floats:
         """Return the visible obstacle points, and earlier ones that are hidden now: (M, 2), robot frame [m]."""
         odometry, scan, mount = observation.odometry, observation.scan, self._robot.lidar.mount
         visible = obstacle_points(scan, mount)
@@ -129,7 +129,7 @@ class EBand:
             return config.v_min
         return min(config.v_max, max(config.bubble_velocity * float(band.radii[0]), config.v_min))
 
-    def _safe(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
+    def _safe_command(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
         """Return the first safe command, as given, slower or backwards; else brake."""
         circles = np.column_stack([points, np.zeros(len(points))])
         clearance = self._clearance(_AT_REST, circles)

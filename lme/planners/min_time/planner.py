@@ -34,19 +34,19 @@ _NEAR = 0.15  # [m] distance of the footprint to obstacle points at which it use
 _BACK = 0.3  # [m] distance that a stuck robot backs up at least
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _ARCS = 7  # on which it may back up
-_LATELY = 10.0  # [s] since the robot last began to back up: until then it does so again only after
+_BACK_INTERVAL = 10.0  # [s] since the robot last began to back up: until then it does so again only after
 _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow place
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
 class _Situation(NamedTuple):
-    """Input of a decision: subgoal (2,), points (M, 2), movers (P, 5) and way (K, 2) in the robot frame."""
+    """Input of a decision: subgoal (2,), points (M, 2), movers (P, 5) and path (K, 2) in the robot frame."""
 
     subgoal: Floats
     points: Floats
     movers: Floats
     twist: Twist
-    way: Floats | None
+    path: Floats | None
 
 
 def _excess(measured: float, commanded: float) -> float:
@@ -54,12 +54,12 @@ def _excess(measured: float, commanded: float) -> float:
     return measured - commanded if abs(measured) > abs(commanded) else 0.0
 
 
-def _moved(situation: _Situation, pose: Pose, duration: float = 0.0) -> _Situation:
+def _shifted(situation: _Situation, pose: Pose, duration: float = 0.0) -> _Situation:
     """Return the situation in the robot frame at another pose, `duration` [s] on, with the same twist."""
     movers = situation.movers.copy()
     movers[:, :2] = to_robot(movers[:, :2] + duration * movers[:, 2:4], pose)
     movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
-    path = None if situation.way is None else to_robot(situation.way, pose)
+    path = None if situation.path is None else to_robot(situation.path, pose)
     return _Situation(
         to_robot(situation.subgoal, pose), to_robot(situation.points, pose), movers, situation.twist, path
     )
@@ -87,9 +87,9 @@ class MinTime:
         self._lag = Lag(config.lag, robot.dt)
         fractions = turn_shares(_RATES)
         slow_ones = np.linspace(0.0, 1.0, _SPEEDS) ** 2  # denser at low speed
-        self._shares = slow_ones, fractions * np.abs(fractions)  # and near the current turn rate
+        self._fractions = slow_ones, fractions * np.abs(fractions)  # and near the current turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
-        self._late = max(config.lag, robot.settling_time)  # [s] by which the drive stops later
+        self._extra_stop_time = max(config.lag, robot.settling_time)  # [s] by which the drive stops later
         self._turn = (
             MultiPointTurn(robot.footprint, robot.dt, config.margin) if config.parts.multi_point else None
         )
@@ -97,7 +97,7 @@ class MinTime:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
-        self._asked = 0.0  # [rad/s] last commanded turn rate, before the lag is compensated
+        self._commanded_omega = 0.0  # [rad/s] last commanded turn rate, before the lag is compensated
         self._left_to_back_up = 0.0  # [m] still to back up
         self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
         self._backed_up = math.inf  # [s] since it last began to
@@ -107,14 +107,14 @@ class MinTime:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
-        measured, limits = self._here(observation, guidance), observation.limits
-        situation = self._ahead(measured, limits)
+        measured, limits = self._measured_situation(observation, guidance), observation.limits
+        situation = self._situation_ahead(measured, limits)
         sees_back = guidance.points is not None or is_full_circle(observation.scan)
         # Choose a command: a multi-point turn, backing up, or the best arc.
         turn = self._multi_point_turn(guidance, situation, limits)
-        desired = turn or self._wanted(guidance, situation, limits, self._config.parts.back and sees_back)
+        desired = turn or self._desired(guidance, situation, limits, self._config.parts.back and sees_back)
         reached = reachable(*desired, situation.twist, limits, self._robot.dt)
-        self._asked = float(reached.omega)
+        self._commanded_omega = float(reached.omega)
         dt = self._robot.dt
         # Compensate the lag, then replace the command if the robot could not stop after it.
         command = limited(*self._lag.command_for(reached, situation.twist, limits), observation, dt)
@@ -127,18 +127,18 @@ class MinTime:
         """Return the command of a multi-point turn, if the guide knows points and way and nobody is in sight."""
         if self._turn is None:
             return None
-        if guidance.points is None or situation.way is None or len(situation.movers):
+        if guidance.points is None or situation.path is None or len(situation.movers):
             self._turn.reset()
             return None
         command = self._turn.command(
-            guidance.blocked, situation.points, situation.way, situation.twist, limits
+            guidance.blocked, situation.points, situation.path, situation.twist, limits
         )
         if command is not None:
             self._left_to_back_up = self._slow_for = 0.0
             self._backed_up += self._robot.dt
         return command
 
-    def _wanted(self, guidance: Guidance, situation: _Situation, limits: Limits, may_back: bool) -> Twist:
+    def _desired(self, guidance: Guidance, situation: _Situation, limits: Limits, may_back: bool) -> Twist:
         """Return the best command, or one that backs up if the robot is stuck and may back up."""
         best = self._best(situation, limits)
         if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(best, guidance, situation, limits)):
@@ -158,7 +158,7 @@ class MinTime:
         # Time with no good command ahead, and since the robot last began to back up.
         self._slow_for = self._slow_for + self._robot.dt if is_slow else 0.0
         self._backed_up += self._robot.dt
-        long_ago, impatient = self._backed_up > _LATELY, self._slow_for > _PATIENCE
+        long_ago, impatient = self._backed_up > _BACK_INTERVAL, self._slow_for > _PATIENCE
         is_stuck = (blocked and (standing or long_ago or impatient)) or (is_slow and long_ago and impatient)
         if is_stuck:
             self._backed_up = 0.0
@@ -172,7 +172,7 @@ class MinTime:
                 return command if check.stops(command, state) else check.nearest(command, state) or STILL
         return command
 
-    def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
+    def _measured_situation(self, observation: Observation, guidance: Guidance) -> _Situation:
         """Return the current situation. With known latency or lag, motion is predicted from the measured twist.
 
         Otherwise, a robot that moves faster than its command is assumed to be where the excess takes it within its
@@ -187,9 +187,11 @@ class MinTime:
         if predicts or time == 0.0 or observation.twist == start:
             return situation
         excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
-        return _moved(situation, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else situation
+        return (
+            _shifted(situation, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else situation
+        )
 
-    def _ahead(self, situation: _Situation, limits: Limits) -> _Situation:
+    def _situation_ahead(self, situation: _Situation, limits: Limits) -> _Situation:
         """Return the situation in which the next command takes effect."""
         return self._predicted(situation, limits) if self._check.under_way else situation
 
@@ -205,7 +207,7 @@ class MinTime:
     def _predicted(self, situation: _Situation, limits: Limits) -> _Situation:
         """Return the situation after the latency, in the robot frame of that time."""
         pose, twist = self._predict(situation.twist, limits)
-        return _moved(situation, pose, self._config.latency)._replace(twist=twist)
+        return _shifted(situation, pose, self._config.latency)._replace(twist=twist)
 
     def _predict(self, start: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Predict pose, in the current robot frame, and twist for when the next command takes effect."""
@@ -228,10 +230,10 @@ class MinTime:
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
         """Return every arc with its time, but no backing up or multi-point turn; see `lme.planners.weighed`."""
         limits = observation.limits
-        situation = self._ahead(self._here(observation, guidance), limits)
-        ahead, *arguments = self._given(situation, limits)
+        situation = self._situation_ahead(self._measured_situation(observation, guidance), limits)
+        ahead, *arguments = self._arguments(situation, limits)
         v, omega, alpha = tried(
-            ahead, self._shares, self._robot.dt, arguments[1], arguments[2], situation.movers
+            ahead, self._fractions, self._robot.dt, arguments[1], arguments[2], situation.movers
         )
         costs = np.array(
             [
@@ -245,23 +247,23 @@ class MinTime:
 
     def _best(self, situation: _Situation, limits: Limits) -> Twist:
         """Return the safe command with the least expected time; if none is safe, brake on the current arc."""
-        window, *arguments = self._given(situation, limits)
-        v, omega, time, slowest = best_command(window, self._shares, *arguments)
+        window, *arguments = self._arguments(situation, limits)
+        v, omega, time, slowest = best_command(window, self._fractions, *arguments)
         if math.isfinite(time):
             return Twist(v, omega)
         twist = situation.twist
         return Twist(0.0, twist.omega * slowest / twist.v if twist.v > 0.0 else 0.0)
 
-    def _given(self, situation: _Situation, limits: Limits) -> tuple[Any, ...]:
+    def _arguments(self, situation: _Situation, limits: Limits) -> tuple[Any, ...]:
         """Return the arguments of `best_command` but the shares, with its named tuples as plain ones."""
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, twist, _ = situation
         lowest, highest = self._lag.reach(twist, limits)
         calm = _CALM if config.parts.calm else math.inf
-        window = (*twist,), (*lowest,), (*highest,), limits.bounds[2:], calm, _NEAR, self._asked
+        window = (*twist,), (*lowest,), (*highest,), limits.bounds[2:], calm, _NEAR, self._commanded_omega
         estimate = limits.v_max, _TURN, dt, max(_HORIZON, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = config.margin, config.margin_time, brake, config.grip, self._late
+        safety = config.margin, config.margin_time, brake, config.grip, self._extra_stop_time
         return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:
@@ -295,7 +297,7 @@ class MinTime:
         """Return whether backing up at each turn rate (W,), and stopping, keeps the margin: (W,)."""
         config, box = self._config, self._robot.footprint.box
         braking = speed / min(config.brake, limits.alpha_v)
-        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._late
+        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._extra_stop_time
         horizons, margins = self._robot.dt + stop, np.full(len(omega), config.margin)
         ahead = np.column_stack((np.full(len(omega), speed), -omega))  # backwards, among mirrored points
         contacts = first_contacts(ahead, points * [-1.0, 1.0], box, margins, horizons, horizons, KEPT)

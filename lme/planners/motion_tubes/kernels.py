@@ -186,14 +186,14 @@ def choose(
         key[3] = math.floor(deviation / bins[1])
         key[4] = abs(twist[0] * curvatures[n] - twist[1]) if twist[0] > 0.0 else 0.0
         key[5] = distance
-        if distance_bin < best_bin or _less(key, best_key):
+        if distance_bin < best_bin or _is_less(key, best_key):
             best, best_bin = n, distance_bin
             best_key[:] = key
     return best, best_bin if best >= 0 else -1
 
 
 @njit(cache=True, error_model="numpy")
-def _less(a, b):
+def _is_less(a, b):
     """Return whether a comes before b in lexicographic order."""
     for k in range(len(a)):
         if a[k] != b[k]:

@@ -23,14 +23,14 @@ from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code
-_NEAR = 1.5  # [m] farther points are out of reach within one period and a stop
-_KEPT = 3.0  # [m] farther points are not remembered
+_STOP_RADIUS = 1.5  # [m] farther points are out of reach within one period and a stop
+_MEMORY_RADIUS = 3.0  # [m] farther points are not remembered
 _SCANS, _SCAN_SPACING, _SCAN_TURN = 60, 0.15, math.radians(20.0)  # memory of 9 m of driving
 _BACK_STEP = math.radians(5.0)  # between final headings of backward tubes
 _SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω, on the same arc
 _BACK_OUT = ((0.25, 0.0), (0.25, -0.25))  # off the arc, if there is no room to enter it
 _GAP = 0.02  # [m] least clearance while stopping; a nearer robot must not come any nearer
-_HERE = Pose(0.0, 0.0, 0.0)
+_ORIGIN = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
 _POSITIVE = (
     "acceleration",
@@ -116,7 +116,7 @@ class MotionTubes:
             self._tubes.spec(length, _BACK_STEP) for length in (config.back_length, config.near_length)
         )
         self._back = (long_tubes, short_tubes, short_tubes._replace(margins=(_GAP, _GAP)))
-        self._around = Surroundings(robot.footprint, _SCANS, _SCAN_SPACING, _SCAN_TURN)
+        self._surroundings = Surroundings(robot.footprint, _SCANS, _SCAN_SPACING, _SCAN_TURN)
         self._stuck: Pose | None = None  # pose where the free tube could not be entered
         self._forget()
 
@@ -150,7 +150,7 @@ class MotionTubes:
             self._state, self._stuck = _Manoeuvre.STOP, None
 
     def _forget(self) -> None:
-        self._around.forget()
+        self._surroundings.forget()
         self._state = _Manoeuvre.FOLLOW
         self._stuck = None
 
@@ -159,8 +159,8 @@ class MotionTubes:
         mount = self._robot.lidar.mount
         view, free_ranges = lidar_view(observation.scan, mount)
         points = obstacle_points(observation.scan, mount)
-        self._around.see(observation.odometry, view, free_ranges, _within(points, _KEPT))
-        points = np.concatenate((_within(points, _NEAR), self._around.hidden_hits(_NEAR)))
+        self._surroundings.see(observation.odometry, view, free_ranges, _within(points, _MEMORY_RADIUS))
+        points = np.concatenate((_within(points, _STOP_RADIUS), self._surroundings.hidden_hits(_STOP_RADIUS)))
         return _Scene(observation, self._tubes.route(guidance), view, free_ranges, points)
 
     def _follow(self, scene: _Scene) -> Twist:
@@ -235,7 +235,7 @@ class MotionTubes:
     def _stopping_in_time(self, desired: Twist, scene: _Scene) -> Twist:
         """Return the command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
-        clearance, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
+        clearance, _ = sweep(np.array([_ORIGIN]), self._robot.footprint.box, circles, _NO_EDGES)
         # A robot that is nearer to a point than the gap need only keep its distance.
         for v_factor, omega_factor in _SLOWER if desired.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
             command = limited(v_factor * desired.v, omega_factor * desired.omega, scene.observation, self._dt)
@@ -279,7 +279,7 @@ class MotionTubes:
         goal = self._tubes.goal(scene.route, self._config.short_length)
         for spec in self._back:
             tubes = backward_tubes(spec)
-            unknown = ~self._around.known_free(tubes.samples)
+            unknown = ~self._surroundings.known_free(tubes.samples)
             free: Bools = ~np.any(tubes.inside[:, unknown], axis=1)
             if free.any():
                 return self._middle(tubes, free, goal)

@@ -16,7 +16,7 @@ from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
 
 _ENTRY_PERIOD = 0.1  # [s] period of the entry's smoothing
-_NEAR = 0.01  # [m] least clearance of a command, plus twice the standard deviation of the lidar's noise
+_MARGIN = 0.01  # [m] least clearance of a command, plus twice the standard deviation of the lidar's noise
 _EQUAL = 1e-9  # [m] clearances of two sides that differ by less are equal
 _ROOM_MIN = 0.05  # [m] least room for backing up
 
@@ -85,7 +85,7 @@ class S3Fisvfh:
         self._robot = robot
         self._unseen = _unseen(robot, 2 * round(math.pi / config.sector))
         size = 2.0 * robot.r * config.size_factor
-        self._near = _NEAR + 2.0 * robot.lidar.noise_std
+        self._contact_margin = _MARGIN + 2.0 * robot.lidar.noise_std
         narrow = 2.0 * math.asin(min(size / (2.0 * config.size_distance), 1.0))
         self._rules = Valleys(
             float(config.window), float(config.block_distance), narrow, config.wide_factor * narrow, narrow
@@ -94,7 +94,7 @@ class S3Fisvfh:
         five = np.linspace(0.0, 1.0, 5)
         self._speed = FuzzyCurve(config.window * five, config.speed * five[::-1])
         self._turn = FuzzyCurve(config.turn_span * (2 * five - 1), config.turn * (2 * five - 1))
-        self._keep = (1.0 - config.smoothing) ** (robot.dt / _ENTRY_PERIOD)
+        self._retention = (1.0 - config.smoothing) ** (robot.dt / _ENTRY_PERIOD)
         half_length, _, rounding = robot.footprint.box
         self._front = half_length + rounding
 
@@ -113,7 +113,7 @@ class S3Fisvfh:
         guard = self._front + min(
             self._config.guard_clearance, distance
         )  # obstacles beyond the goal do not count
-        heading = self._smoothed(self._wanted(points, goal, bearing, observation.scan))
+        heading = self._smoothed(self._search_heading(points, goal, bearing, observation.scan))
         if min(nearest_ahead(points, self._config.guard_ahead)) >= guard:
             omega = math.copysign(self._turn(abs(heading)), heading) * observation.limits.omega_max
             v = self._cruise(points, bearing, observation)
@@ -127,7 +127,7 @@ class S3Fisvfh:
                 return twist
         return self._retreat(points, guard, heading, observation)
 
-    def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
+    def _search_heading(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
         """Return the heading of the search [rad]; without one, the goal's bearing limited to the field of view."""
         previous, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
         heading, success = search(points, self._unseen, goal, previous, spacing, self._rules, self._costs)
@@ -141,7 +141,7 @@ class S3Fisvfh:
         """Exponential moving average of the headings, on the circle [rad]."""
         if self._heading is not None:
             change = math.remainder(heading - self._heading, math.tau)
-            heading = math.remainder(self._heading + (1.0 - self._keep) * change, math.tau)
+            heading = math.remainder(self._heading + (1.0 - self._retention) * change, math.tau)
         self._heading = heading
         return heading
 
@@ -215,7 +215,7 @@ class S3Fisvfh:
         clearance, min_clearance = least_clearance(
             points, self._robot.footprint.box, twist.v, twist.omega, time
         )
-        return min_clearance >= min(self._near, clearance)
+        return min_clearance >= min(self._contact_margin, clearance)
 
 
 def _unseen(robot: Robot, num_sectors: int) -> Bools:

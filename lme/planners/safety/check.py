@@ -17,7 +17,7 @@ STILL = Twist(0.0, 0.0)
 TOUCHING = 1e-6  # [m] nearer counts as contact: far beyond rounding errors, and less than any scan resolves
 _V_SAMPLES, _OMEGA_SAMPLES = 9, 15  # of the commands among which the nearest one is looked for
 _ROUNDING = 1e-9  # [s]
-_NONE = np.empty((0, 2))
+_NO_COMMANDS = np.empty((0, 2))
 
 
 class StoppingState(NamedTuple):
@@ -89,7 +89,7 @@ class StoppingCheck:
         commands within reach in a period is tried.
         """
         # Candidates in the order of their difference |Δv| + r_max |Δω| from the wanted command.
-        candidates = self._tried(wanted, now)
+        candidates = self._candidates(wanted, now)
         differences = np.abs(candidates - wanted) @ [1.0, self._r_max]
         candidates = candidates[np.argsort(differences, kind="stable")]
         while len(candidates):
@@ -103,7 +103,7 @@ class StoppingCheck:
             candidates = candidates[first[0] + 1 :]
         return None
 
-    def _tried(self, desired: Twist, state: StoppingState) -> Floats:
+    def _candidates(self, desired: Twist, state: StoppingState) -> Floats:
         """Return commands (N, 2) within reach of the last one; their v and ω include the wanted ones."""
         limits, dt = state.limits, self._times[0]
         v, omega = state.ramp_start
@@ -122,15 +122,15 @@ class StoppingCheck:
     def _clearances(
         self, candidates: Floats, state: StoppingState, twist: Twist, sufficient: float
     ) -> Floats:
-        start = state.points, _plain(twist), self._sent()
+        start = state.points, _plain(twist), self._sent_commands()
         clearances: Floats = stopping_clearances(
             *start, candidates, self._motion(state.limits), self._box, sufficient
         )
         return clearances
 
-    def _sent(self) -> Floats:
+    def _sent_commands(self) -> Floats:
         if not self.under_way:
-            return _NONE
+            return _NO_COMMANDS
         return np.array(self.under_way, dtype=np.float64)
 
     def _motion(self, limits: Limits) -> tuple[tuple[float, float, float, float], float, float, float]:

@@ -17,7 +17,7 @@ from lme.types import Floats
 
 _STEP = 0.02  # [m] no point of the outline moves further between two poses
 _LAG_STEP = 0.01  # [s] in which a lag is followed, as in `sim=fast`
-_STANDS = 1e-4  # [m] a robot with a lag stands if its outline has no further than this to go
+_REST_DISTANCE = 1e-4  # [m] a robot with a lag stands if its outline has no further than this to go
 
 
 class StoppingMotion(NamedTuple):
@@ -34,14 +34,14 @@ class StoppingMotion(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Pose [m, rad] and twist [m/s, rad/s] on the way, and the least distance up to here [m]."""
+    """Pose [m, rad] and twist [m/s, rad/s] on the way, and the clearance up to here [m]."""
 
     x: float
     y: float
     yaw: float
     v: float
     omega: float
-    least: float
+    clearance: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -65,7 +65,7 @@ def stopping_clearances(
     stopping_motion = StoppingMotion(limits, period, delay, lag)
     r_max = math.hypot(box[0], box[1]) + box[2]
     # Keep only points that the robot may reach before it stands.
-    nearby = _near(points, r_max + enough + _farthest(twist, under_way, tried, stopping_motion))
+    nearby = _points_within(points, r_max + enough + _farthest(twist, under_way, tried, stopping_motion))
     # Motion until the commands under way have acted; it is the same for all candidates.
     state = _State(0.0, 0.0, 0.0, twist[0], twist[1], enough)
     state = _follow(nearby, state, under_way, True, stopping_motion, box, r_max)
@@ -91,7 +91,7 @@ def _farthest(twist, sent, candidates, motion):
 
 
 @njit(cache=True, error_model="numpy")
-def _near(points, reach):
+def _points_within(points, reach):
     """Points within reach of the origin (M, 2)."""
     nearby, count = np.empty(points.shape), 0
     for i in range(len(points)):
@@ -119,19 +119,19 @@ def _follow(nearby, state, commands, first, motion, box, r_max):
 def _brake(nearby, state, command, motion, box, r_max):
     """Return the least distance until the robot is at rest, with commands that ramp from this one to zero."""
     slower = np.array([command])
-    while state.least > 0.0 and (slower.any() or _moves(state, motion, r_max)):
+    while state.clearance > 0.0 and (slower.any() or _moves(state, motion, r_max)):
         for k in range(2):
             change = motion.limits[2 + k] * motion.period
             slower[0, k] -= min(max(slower[0, k], -change), change)
         state = _follow(nearby, state, slower, False, motion, box, r_max)
-    return state.least
+    return state.clearance
 
 
 @njit(cache=True, error_model="numpy")
 def _moves(state, motion, r_max):
     """Return whether the robot is still moving noticeably."""
     speed = abs(state.v) + r_max * abs(state.omega)
-    return speed > 0.0 and (motion.lag == 0.0 or speed * motion.lag > _STANDS)
+    return speed > 0.0 and (motion.lag == 0.0 or speed * motion.lag > _REST_DISTANCE)
 
 
 @njit(cache=True, error_model="numpy")
@@ -141,7 +141,7 @@ def _move(nearby, state, command, duration, motion, box, r_max):
     steps = max(math.ceil(duration / _LAG_STEP - 1e-9), 1) if motion.lag > 0.0 else 1
     dt = duration / steps
     decay = math.exp(-dt / motion.lag) if motion.lag > 0.0 else 0.0
-    pose, twist, clearance = (state.x, state.y, state.yaw), (state.v, state.omega), state.least
+    pose, twist, clearance = (state.x, state.y, state.yaw), (state.v, state.omega), state.clearance
     v = min(max(command[0], -motion.limits[0]), motion.limits[0])
     omega = min(max(command[1], -motion.limits[1]), motion.limits[1])
     for _ in range(steps):

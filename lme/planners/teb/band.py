@@ -13,7 +13,7 @@ from lme.planners.teb.kernels import Bounds, along, near_obstacles, normal_equat
 from lme.planners.teb.optimizer import Equations, optimize
 from lme.types import Floats, Limits, Pose, Twist
 
-_PASSED = 10  # samples, at most, that the robot leaves behind in one period
+_MAX_PASSED = 10  # samples, at most, that the robot leaves behind in one period
 
 
 class Way(NamedTuple):
@@ -52,7 +52,7 @@ class TimedBand:
             v, omega = self._bounds(limits)[1:3]
             self.poses, self.times = along(way.points, robot, way.yaw, v, omega)
             return
-        num_passed = self._passed(robot)
+        num_passed = self._num_passed(robot)
         self.poses = np.vstack([robot, self.poses[num_passed + 1 :]])
         self.times = np.append(self.times[:1], self.times[num_passed + 1 :])
         self.poses[-1] = goal
@@ -71,7 +71,7 @@ class TimedBand:
         for k in range(config.no_outer_iterations):
             self.poses, self.times = resized(self.poses, self.times, *sizes)
             obstacles = near_obstacles(self.poses, points, self._box, forced_distance, ignored_distance)
-            passes = self._passes(via)
+            passes = self._via_poses(via)
             weights = config.weights(config.weight_adapt_factor**k)
             equations = _equations(twist, obstacles, passes, turn, self._box, bounds, weights)
             iterations = config.no_inner_iterations
@@ -93,14 +93,14 @@ class TimedBand:
         angle = abs(wrap_angle(goal[2] - end[2]))
         return distance >= config.force_reinit_new_goal_dist or angle >= config.force_reinit_new_goal_angular
 
-    def _passed(self, robot: Pose) -> int:
+    def _num_passed(self, robot: Pose) -> int:
         """Number of samples that the robot has passed: those before the first one after which they get farther."""
-        max_passed = min(len(self.poses) - self._config.min_samples, _PASSED)
+        max_passed = min(len(self.poses) - self._config.min_samples, _MAX_PASSED)
         distances = np.hypot(*(self.poses[: max_passed + 1, :2] - robot[:2]).T)
         increases = np.flatnonzero(np.diff(distances) >= 0.0)
         return int(increases[0]) if len(increases) else max(len(distances) - 1, 0)
 
-    def _passes(self, via: Floats) -> Floats:
+    def _via_poses(self, via: Floats) -> Floats:
         """Assign a pose to each point to pass (V, 2): (K, 3) [index, x, y], without points near the robot."""
         if len(via) == 0 or len(self.poses) < 3:
             return np.empty((0, 3))

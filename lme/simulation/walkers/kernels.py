@@ -29,7 +29,7 @@ _PATIENCE = 5.0  # [s] ASSUMED: a person without progress for this long turns ro
 _CRAWL = 0.1  # [m/s] slower motion is no progress
 
 _HORIZON = 3.0  # [s] ASSUMED: how far ahead people foresee encounters
-_APART = 0.1  # [m] ASSUMED: gap that people leave between bodies; without it ORCA lets them pass in contact
+_GAP = 0.1  # [m] ASSUMED: gap that people leave between bodies; without it ORCA lets them pass in contact
 _WALL_HORIZON = 0.5  # [s] ASSUMED: they come near walls at most by their clearance in this time
 _NEIGHBOURS = 10.0  # [m] people farther away do not count
 
@@ -64,19 +64,22 @@ def next_waypoints(
         # Count the time without progress, other than at the end of the path, and turn round after `_PATIENCE`.
         is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
         is_last = _is_last(plan, len(path), repeats[i])
-        distance = _away(places[i], path[int(plan[_LEG])])
+        distance = _distance(places[i], path[int(plan[_LEG])])
         plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (is_last and distance < _REACHED) else 0.0
         if plan[_STUCK] > _PATIENCE and len(path) > 1:
             plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
             _advance(plan, len(path), repeats[i])
         # Skip the waypoints that have been reached.
         for _ in range(len(path)):
-            if _is_last(plan, len(path), repeats[i]) or _away(places[i], path[int(plan[_LEG])]) > _REACHED:
+            if (
+                _is_last(plan, len(path), repeats[i])
+                or _distance(places[i], path[int(plan[_LEG])]) > _REACHED
+            ):
                 break
             _advance(plan, len(path), repeats[i])
         # Walk straight to the next waypoint, and slow down before the last one.
         target = path[int(plan[_LEG])]
-        distance = _away(places[i], target)
+        distance = _distance(places[i], target)
         speed = traits[i, _SPEED]
         if _is_last(plan, len(path), repeats[i]):
             speed = min(speed, distance / _ARRIVAL)
@@ -105,7 +108,7 @@ def _advance(plan, count, repeat):
 
 
 @njit(cache=True, error_model="numpy")
-def _away(position, target):
+def _distance(position, target):
     return math.hypot(target[0] - position[0], target[1] - position[1])
 
 
@@ -133,7 +136,7 @@ def orca(
         for j in range(people):
             relative = places[j] - places[i]
             if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
-                reach = radius + traits[j, _RADIUS] + _APART
+                reach = radius + traits[j, _RADIUS] + _GAP
                 beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[size])
                 size += 1
         for j in range(count):
@@ -141,7 +144,7 @@ def orca(
             if (j > 0 or traits[i, _SEES_ROBOT] > 0.0) and math.hypot(
                 relative[0], relative[1]
             ) <= _NEIGHBOURS:
-                reach = radius + others[j, 4] + _APART
+                reach = radius + others[j, 4] + _GAP
                 beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[size])
                 size += 1
         # The velocity in all half-planes that is nearest to the wanted one.

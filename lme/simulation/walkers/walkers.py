@@ -30,13 +30,13 @@ class Walkers:
         self, movers: Sequence[Mover], chosen: Sequence[int], world: World, robot_radius: float
     ) -> None:
         """chosen: indices of the people. robot_radius: of the disc that represents the robot [m]."""
-        self._chosen = np.array(chosen, dtype=np.int64)
+        self._indices = np.array(chosen, dtype=np.int64)
         people = [movers[i] for i in chosen]
-        self._others = np.array(
+        self._other_indices = np.array(
             [i for i, mover in enumerate(movers) if mover.radius is not None and not mover.walks],
             dtype=np.int64,
         )
-        self._other_radii = np.array([movers[i].radius for i in self._others])
+        self._other_radii = np.array([movers[i].radius for i in self._other_indices])
         self._by_orca = np.array([mover.motion == ORCA for mover in people])
         self._traits = np.array(
             [
@@ -44,7 +44,7 @@ class Walkers:
                 for mover in people
             ]
         )
-        self._way = np.vstack([mover.path[:, :2] for mover in people])
+        self._waypoints = np.vstack([mover.path[:, :2] for mover in people])
         self._first = np.cumsum([0, *(len(mover.path) for mover in people)])
         self._repeats = np.array([REPEATS.index(mover.repeat) for mover in people])
         self._plan = np.column_stack([np.zeros(len(people)), np.ones(len(people)), np.zeros(len(people))])
@@ -53,16 +53,16 @@ class Walkers:
         self._robot_radius = robot_radius
         self._velocities = np.zeros((len(people), 2))
         self._robot: Pose | None = None
-        self._time, self._decided = 0.0, -math.inf
+        self._time, self._decision_time = 0.0, -math.inf
 
     def go_on(self, former: Walkers, kept: Mapping[int, int]) -> None:
         """Continue from other walkers: take over their time, and the plans of the people who are in both.
 
         kept: for each mover that stays, its current and its former index.
         """
-        self._time, self._decided, self._robot = former._time, former._decided, former._robot
-        rows = {int(i): row for row, i in enumerate(former._chosen)}
-        for row, i in enumerate(self._chosen.tolist()):
+        self._time, self._decision_time, self._robot = former._time, former._decision_time, former._robot
+        rows = {int(i): row for row, i in enumerate(former._indices)}
+        for row, i in enumerate(self._indices.tolist()):
             if i in kept:
                 self._plan[row] = former._plan[rows[kept[i]]]
                 self._velocities[row] = former._velocities[rows[kept[i]]]
@@ -70,18 +70,18 @@ class Walkers:
     def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
         """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""
         previous, self._robot = self._robot, robot
-        if self._time - self._decided < PERIOD - 1e-9:
+        if self._time - self._decision_time < PERIOD - 1e-9:
             return
         # Wanted velocities, from the waypoints of each person.
-        elapsed = min(self._time - self._decided, self._time)
-        self._decided = self._time
-        positions = crowd.poses[self._chosen, :2]
+        elapsed = min(self._time - self._decision_time, self._time)
+        self._decision_time = self._time
+        positions = crowd.poses[self._indices, :2]
         state = (positions, self._velocities)
         preferred = next_waypoints(
             positions,
             self._velocities,
             self._traits,
-            self._way,
+            self._waypoints,
             self._first,
             self._repeats,
             self._plan,
@@ -101,14 +101,14 @@ class Walkers:
 
     def walk(self, poses: Floats, velocities: Floats, dt: float) -> None:
         """Move the people in the poses (M, 3) of all movers by `dt` [s]; velocities (M, 2) become theirs."""
-        poses[self._chosen, :2] += dt * self._velocities
-        velocities[self._chosen] = self._velocities
+        poses[self._indices, :2] += dt * self._velocities
+        velocities[self._indices] = self._velocities
         self._time += dt
 
     def _moving(self, crowd: Crowd, robot: Pose, previous: Pose, dt: float) -> Floats:
         """Rows (1 + O, 5) of x, y, vx, vy, radius: first the robot, then the other discs that move."""
         velocity = ((robot.x - previous.x) / dt, (robot.y - previous.y) / dt)
-        is_present = crowd.present[self._others]
-        positions, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
+        is_present = crowd.present[self._other_indices]
+        positions, speeds = crowd.poses[self._other_indices, :2], crowd.velocities[self._other_indices]
         discs = np.column_stack([positions, speeds, self._other_radii])[is_present]
         return np.vstack([[robot.x, robot.y, *velocity, self._robot_radius], discs])

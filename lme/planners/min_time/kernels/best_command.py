@@ -165,7 +165,7 @@ def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers)
         stops[n] = estimate.period + braking + safety.lag
     # Keep the points that some arc may meet, and bound every expected time from below, as if no point were there.
     reachable = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
-    durations, moves = _held(omega, estimate, alpha_omega)
+    durations, moves = _hold_moves(omega, estimate, alpha_omega)
     bounds = _least_times(v, omega, subgoal, durations, moves, estimate, safety.grip)
     best, best_index = np.inf, 0
     reach = r_max + box[2] + safety.margin
@@ -183,13 +183,13 @@ def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers)
             continue
         time = _time_to(subgoal, speed, rate, free, durations, moves[n % len(omega)], estimate)
         if len(movers):
-            time += _among_movers(speed, rate, movers, reach, estimate.period + safety.lag, safety.brake)
+            time += _movers_cost(speed, rate, movers, reach, estimate.period + safety.lag, safety.brake)
         if time < best or (time == best and n < best_index):
             best, best_index = time, n
 
 
 @njit(cache=True, error_model="numpy")
-def _held(omega, estimate, alpha_omega):
+def _hold_moves(omega, estimate, alpha_omega):
     """Return the times for which a command is held (K,) [s], and the effect of each turn rate (W, K, 4).
 
     The effect is cosine and sine of half of the turn, the chord of an arc of length 1, and the heading that the robot
@@ -239,7 +239,7 @@ def _least_times(v, omega, subgoal, durations, moves, estimate, grip):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _after(v, omega, time):
+def _on_arc(v, omega, time):
     """Position of the robot after some time on its arc [m]."""
     half = 0.5 * omega * time
     chord = v * time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
@@ -247,19 +247,19 @@ def _after(v, omega, time):
 
 
 @njit(cache=True, error_model="numpy")
-def _among_movers(v, omega, movers, reach, delay, brake):
+def _movers_cost(v, omega, movers, reach, delay, brake):
     """Time that movers add to a command [s]. delay: until the robot can brake [s]."""
     stopping_time = delay + v / brake
-    meeting_time = _met(v, omega, movers, reach, np.inf, brake, max(FORESEEN, stopping_time))
+    meeting_time = _meeting_time(v, omega, movers, reach, np.inf, brake, max(FORESEEN, stopping_time))
     cost = _MEETING * (1.0 - min(meeting_time, FORESEEN) / FORESEEN)
     if meeting_time < np.inf and v > 0.0:
-        striking_time = _met(v, omega, movers, reach, delay, brake, stopping_time)
+        striking_time = _meeting_time(v, omega, movers, reach, delay, brake, stopping_time)
         cost += _STRIKING * max(v - brake * max(striking_time - delay, 0.0), 0.0)
     return cost
 
 
 @njit(cache=True, error_model="numpy")
-def _met(v, omega, movers, reach, delay, brake, horizon):
+def _meeting_time(v, omega, movers, reach, delay, brake, horizon):
     """Time [s] until the robot on its arc is within `reach` of a mover and approaching; inf: not up to `horizon`.
 
     The command is held for `delay` [s]; then the robot brakes on its arc at `brake` [m/s²].
@@ -273,7 +273,7 @@ def _met(v, omega, movers, reach, delay, brake, horizon):
             time = k * _STEP
             # While it brakes, the robot falls behind its constant speed by b (t − t_held)² / 2 [m].
             braking = time - delay
-            x, y = _after(v, omega, time if braking <= 0.0 else time - braking * braking * brake / (2.0 * v))
+            x, y = _on_arc(v, omega, time if braking <= 0.0 else time - braking * braking * brake / (2.0 * v))
             dx = movers[n, 0] + time * movers[n, 2] - x
             dy = movers[n, 1] + time * movers[n, 3] - y
             square = dx * dx + dy * dy

@@ -18,7 +18,7 @@ VelocityLimits = tuple[float, float, float, float, float, float]
 
 # Savitzky & Golay 1964, DOI 10.1021/ac60214a047: second order, nine points.
 _FILTER = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
-_BEFORE = 4  # points before the one that the filter smooths
+_LEAD = 4  # points before the one that the filter smooths
 _SHORTEST = 21  # [points] shorter sequences are not smoothed
 
 
@@ -115,7 +115,7 @@ def smooth(sequence: Floats, before: Floats) -> Floats:
             # repeated past the end.
             total = 0.0
             for m in range(len(_FILTER)):
-                i = k + m - _BEFORE
+                i = k + m - _LEAD
                 total += _FILTER[m] * (before[i, axis] if i < 0 else sequence[min(i, end), axis])
             smoothed[k, axis] = total
     return smoothed
