@@ -24,20 +24,20 @@ def contact_times(
     points: Floats,
     box: tuple[float, float, float],
     margins: Floats,
-    least: Floats,
+    min_distances: Floats,
     horizons: Floats,
 ) -> Floats:
     """Time until the footprint touches a point at constant twist, for each twist: (N,) [s], inf if never.
 
     twists (N, 2) [m/s, rad/s], v ≥ 0; points (M, 2) in the robot frame [m]; box (half_length, half_width,
     rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to SLACK of a point's current
-    distance. least (N,) [s]: any contact before this time may be returned, not only the first. horizons (N,) [s]:
+    distance. min_distances (N,) [s]: any contact before it may be returned, not only the first. horizons (N,) [s]:
     later contacts are ignored. A standing robot touches nothing; for a moving one, a point inside the footprint
     gives 0.
     """
     half_length, half_width, rounding = box
     sizes = float(half_length), float(half_width), float(rounding)
-    times: Floats = first_contacts(twists, points, sizes, margins, least, horizons)
+    times: Floats = first_contacts(twists, points, sizes, margins, min_distances, horizons)
     return times
 
 
@@ -57,7 +57,7 @@ def first_contacts(
     points: Floats,
     box: tuple[float, float, float],
     margins: Floats,
-    least: Floats,
+    min_distances: Floats,
     horizons: Floats,
     slack: float = SLACK,
 ) -> Floats:
@@ -69,7 +69,9 @@ def first_contacts(
     near = within_reach(twists, points, box, margins, horizons, slack)
     times = np.empty(len(twists))
     for i in range(len(twists)):
-        times[i] = first_contact(twists[i, 0], twists[i, 1], near, box, margins[i], least[i], horizons[i])
+        times[i] = first_contact(
+            twists[i, 0], twists[i, 1], near, box, margins[i], min_distances[i], horizons[i]
+        )
     return times
 
 
@@ -100,7 +102,7 @@ def first_contact(
     near: tuple[Floats, Floats, Floats],
     box: tuple[float, float, float],
     margin: float,
-    least: float,
+    min_distance: float,
     horizon: float,
 ) -> float:
     """Return the result of `first_contacts` for one twist. near: the points of `within_reach`."""
@@ -109,10 +111,12 @@ def first_contact(
         return np.inf
     # Straight ahead: the distance until contact, divided by v.
     if abs(omega) < STRAIGHT * v:
-        distance: float = _straight(points, ranges, keep_distances, box, margin, (v * least, v * horizon))
+        distance: float = _straight(
+            points, ranges, keep_distances, box, margin, (v * min_distance, v * horizon)
+        )
         return distance / v
     # On an arc: the angle about the centre of rotation until contact, divided by |ω|.
-    turns = abs(omega) * least, abs(omega) * horizon
+    turns = abs(omega) * min_distance, abs(omega) * horizon
     turn: float = _turn(points, ranges, keep_distances, box, margin, v / omega, turns)
     return turn / abs(omega)
 

@@ -125,19 +125,23 @@ def _ramp_integral(start: float, goal: float, rate: float, time: float) -> float
 
 
 @njit(cache=True, error_model="numpy")
-def movers_among(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Bools, Floats]:
+def movers_among(
+    points: Floats, scan_points: Floats, people: Floats, max_radius: float
+) -> tuple[Bools, Floats]:
     """Find the points (M, 2) that belong to movers: a mask (M,), and the movers (P, 5) with their radii [m].
 
-    seen (S, 2): points of the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
-    radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
+    scan_points (S, 2): the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's radius
+    is the distance to the nearest point of the scan, at most `max_radius`; points up to `_SKIN` farther belong to it.
     """
     movers = np.empty((len(people), 5))
     is_mover = np.zeros(len(points), np.bool_)
     for n in range(len(people)):
         # Radius of the mover: distance from its centre to the nearest point of the scan.
-        square = most * most
-        for m in range(len(seen)):
-            square = min(square, (seen[m, 0] - people[n, 0]) ** 2 + (seen[m, 1] - people[n, 1]) ** 2)
+        square = max_radius * max_radius
+        for m in range(len(scan_points)):
+            square = min(
+                square, (scan_points[m, 0] - people[n, 0]) ** 2 + (scan_points[m, 1] - people[n, 1]) ** 2
+            )
         movers[n, :4], movers[n, 4] = people[n], math.sqrt(square)
         # Its own points lie at most `_SKIN` beyond that radius.
         for m in range(len(points)):

@@ -15,24 +15,24 @@ _ROUNDING = 1e-9  # share of a distance that no rounding error reaches
 
 @njit(cache=True, error_model="numpy")
 def straight_ways(
-    places: Floats, points: Floats, box: tuple[float, float, float], margin: float, turn_margin: float
+    positions: Floats, points: Floats, box: tuple[float, float, float], margin: float, turn_margin: float
 ) -> Bools:
     """Return whether the robot can turn on the spot to each place and then drive there without contact: (N,).
 
-    places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
+    positions (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
     sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn.
     For a point that is already nearer, it is enough that it comes no nearer.
     """
     # Straight ways, then the turns before them: only points within the turning outline matter there.
-    blocked = _blocked_ahead(places, points, box, margin)
+    blocked = _blocked_ahead(positions, points, box, margin)
     near_points, _ = _split(points, math.hypot(box[0], box[1]) + box[2] + turn_margin, np.inf)
     if box[0] > 0.0 and len(near_points):
         turns = np.array([[0.0, 1.0], [0.0, -1.0]])
         margins, zeros, full_circles = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
         # At 1 rad/s the times until contact are the greatest free turns [rad].
         left, right = first_contacts(turns, near_points, box, margins, zeros, full_circles, KEPT)
-        for n in range(len(places)):
-            bearing = math.atan2(places[n, 1], places[n, 0])
+        for n in range(len(positions)):
+            bearing = math.atan2(positions[n, 1], positions[n, 0])
             blocked[n] = blocked[n] or bearing > left or -bearing > right
     free: Bools = np.logical_not(blocked)
     return free
@@ -40,7 +40,7 @@ def straight_ways(
 
 @njit(cache=True, error_model="numpy")
 def reachable(
-    places: Floats,
+    positions: Floats,
     points: Floats,
     box: tuple[float, float, float],
     margin: float,
@@ -49,12 +49,12 @@ def reachable(
 ) -> Floats:
     """Rate each place: 1 if the way there is free (`straight_ways`), else 0: (N,).
 
-    If no way is free, both margins are multiplied by `tight`, and the places that are then free have ½.
+    If no way is free, both margins are multiplied by `tight`, and the positions that are then free have ½.
     """
-    is_free, value = straight_ways(places, points, box, margin, turn_margin), 1.0
+    is_free, value = straight_ways(positions, points, box, margin, turn_margin), 1.0
     # No way is free: try narrower margins.
     if not is_free.any():
-        is_free, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
+        is_free, value = straight_ways(positions, points, box, tight * margin, tight * turn_margin), 0.5
     ratings = np.zeros(len(is_free))
     for n in range(len(is_free)):
         if is_free[n]:

@@ -161,12 +161,14 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstruct
         return flattened(observation, np.asarray(action), self._beams, self._clip)
 
 
-def flattened(seen: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0) -> NDArray[np.float32]:
+def flattened(
+    observation: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0
+) -> NDArray[np.float32]:
     """Return the vectors (..., beams + 4) of `FlatObservation` for observations of one robot or of many.
 
     action (..., 2): the last one, in [−1, 1]; beams: a divisor of the lidar's; clip [m].
     """
-    scan, target = seen["scan"], seen["target"]
+    scan, target = observation["scan"], observation["target"]
     nearest = scan.reshape(*scan.shape[:-1], beams, -1).min(axis=-1)
     distance = np.hypot(target[..., :1], target[..., 1:])
     parts = (

@@ -94,21 +94,23 @@ def checked_observation(observation: object, state: Any, simulator: object) -> O
         raise ReturnedError(f"{dotted_name(simulator)} returned {error}") from None
 
 
-def checked_array(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
+def checked_array(value: object, shape: tuple[int | None, ...], subject: str, requirement: str) -> Floats:
     """Return the value as an array of finite floats: the value itself if it is one.
 
-    shape: with None for any number. what, wanted: what the value is and must be, for the message of a ReturnedError.
+    shape: with None for any number. subject, requirement: what the value is and must be, for a ReturnedError.
     """
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.flags.c_contiguous:
         array: Floats = value
     else:
-        array = _as_floats(value, shape, what, wanted)
+        array = _as_floats(value, shape, subject, requirement)
     array_shape = array.shape
     if array_shape != shape and (
         len(array_shape) != len(shape)
         or any(n not in (None, m) for n, m in zip(shape, array_shape, strict=True))
     ):
-        raise ReturnedError(f"{what} of shape {array_shape}: must be {wanted}, of shape {_shape(shape)}")
+        raise ReturnedError(
+            f"{subject} of shape {array_shape}: must be {requirement}, of shape {_shape(shape)}"
+        )
     if array_shape == (2,):
         x, y = array.tolist()  # quicker than NumPy for two numbers
         finite = math.isfinite(x) and math.isfinite(y)
@@ -117,7 +119,7 @@ def checked_array(value: object, shape: tuple[int | None, ...], what: str, wante
     if not finite:
         num_bad = int(np.count_nonzero(~np.isfinite(array)))
         numbers = f"{num_bad} of {array.size} numbers are not finite"
-        raise ReturnedError(f"{what} of which {numbers}: must be {wanted}, all finite")
+        raise ReturnedError(f"{subject} of which {numbers}: must be {requirement}, all finite")
     return array
 
 

@@ -54,7 +54,7 @@ class LiveDriver:
     """One robot with one guide and one planner.
 
     make_navigator builds them for the robot with the lidar in use, which the first scan shows (`ScanConfig.lidar`).
-    Messages are duck-typed. `now` is the time on the node's clock [ns], the one that stamps messages; `wall` a
+    Messages are duck-typed. `now_ns` is the time on the node's clock [ns], the one that stamps messages; `wall` a
     monotonic time [ns]. Methods may be called from several threads, `tick` from one. measured_twists: velocities are
     the twists of the odometry, until these contradict the poses; otherwise they are the slope of the poses.
 
@@ -113,23 +113,23 @@ class LiveDriver:
         with self._lock:
             return self._sensors.track.latest
 
-    def take_scan(self, message: Any, now: int) -> None:
+    def take_scan(self, message: Any, now_ns: int) -> None:
         """Take a LaserScan or PointCloud2."""
-        self._take("scan", now, lambda: self._sensors.take_scan(message, now))
+        self._take("scan", now_ns, lambda: self._sensors.take_scan(message, now_ns))
 
-    def take_odometry(self, message: Any, now: int) -> None:
+    def take_odometry(self, message: Any, now_ns: int) -> None:
         """Take an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped of the robot's pose."""
-        self._take("pose", now, lambda: self._sensors.take_pose(message, now))
+        self._take("pose", now_ns, lambda: self._sensors.take_pose(message, now_ns))
 
-    def take_imu(self, message: Any, now: int) -> None:
+    def take_imu(self, message: Any, now_ns: int) -> None:
         """Take an Imu, whose orientation levels clouds while the poses hold no roll and pitch."""
-        self._take("imu", now, lambda: self._sensors.take_imu(message, now))
+        self._take("imu", now_ns, lambda: self._sensors.take_imu(message, now_ns))
 
-    def take_transforms(self, message: Any, now: int, static: bool = False) -> None:
+    def take_transforms(self, message: Any, now_ns: int, static: bool = False) -> None:
         """Take a TFMessage. static: it came on tf_static, so it holds forever; others go stale."""
-        self._take("tf", now, lambda: self._sensors.take_transforms(message, now, static))
+        self._take("tf", now_ns, lambda: self._sensors.take_transforms(message, now_ns, static))
 
-    def set_goal(self, position: Sequence[float], frame_id: str, now: int) -> None:
+    def set_goal(self, position: Sequence[float], frame_id: str, now_ns: int) -> None:
         """Drive to a position (x, y) [m]; an older goal is dropped.
 
         frame_id: any frame that tf connects; "" for the odometry frame. Raises InputError unless the position is
@@ -139,7 +139,7 @@ class LiveDriver:
         if point.shape != (2,) or not np.isfinite(point).all():
             raise InputError(f"goal is {list(position)}: must be two finite numbers [m]")
         with self._lock:
-            self._goal = Goal(point, frame(frame_id), now)
+            self._goal = Goal(point, frame(frame_id), now_ns)
             self._number += 1
 
     def cancel(self) -> None:
@@ -148,20 +148,20 @@ class LiveDriver:
             if self._goal is not None:
                 self._end_goal(LiveState.CANCELLED, "cancelled")
 
-    def tick(self, now: int) -> LiveStep:
+    def tick(self, now_ns: int) -> LiveStep:
         """Return the step of one control period. Never raises.
 
         Call it once a control period on the node's clock. While that clock stands still, keep calling it by wall
         time: it returns the last step again, and after `stale` the robot stands.
         """
         try:
-            self._last_step = self._step(now)
+            self._last_step = self._step(now_ns)
         except NotReadyError as error:
-            self._last_step = self._standing_step(now, str(error), error.state)
+            self._last_step = self._standing_step(now_ns, str(error), error.state)
         except Exception as error:
             show_traceback(error)
             reason = user_error(error) or f"{type(error).__name__}: {error}"
-            self._last_step = self._standing_step(now, reason)
+            self._last_step = self._standing_step(now_ns, reason)
         return self._last_step
 
     def stop(self, reason: str) -> LiveStep:

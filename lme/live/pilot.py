@@ -64,21 +64,23 @@ class Pilot:
             step = self.decide(LiveSight(scan, motion, motion, posture), _AHEAD, self._number, STILL, 0)
             self.leads_into_contact(step, STILL)
 
-    def decide(self, sight: LiveSight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
+    def decide(
+        self, sight: LiveSight, target: Floats, number: int, last_command: Twist, now_ns: int
+    ) -> LiveStep:
         """Decide on a step that drives. Raises whatever guide or planner raise.
 
-        target: (2,) in the robot frame at the stamp of the scan [m]; it is goal `number`. last: the command before.
+        target: (2,) in the robot frame at the stamp of the scan [m]; it is goal `number`. last_command: the one before.
         """
         navigator, robot = self._navigator, self.robot
         if self._number != number:
             navigator.reset(goal_rng(self._seed, number))
             self._number = number
-        observation = self.source.observation(sight.scan, sight.motion, target, last, sight.posture)
+        observation = self.source.observation(sight.scan, sight.motion, target, last_command, sight.posture)
         start_ns = self._wall()
         twist = navigator.act(observation, sight.motion.stamp / SECOND)
         assert navigator.observation is not None
         return LiveStep(
-            now,
+            now_ns,
             LiveState.DRIVING,
             "",
             reachable(*twist, navigator.observation.ramp_start, robot.limits, robot.dt),
@@ -94,10 +96,10 @@ class Pilot:
             taken=sight.motion.stamp,
         )
 
-    def leads_into_contact(self, step: LiveStep, last: Twist) -> bool:
+    def leads_into_contact(self, step: LiveStep, last_command: Twist) -> bool:
         """Return whether the robot would touch what it sees if it followed the command of a driving step.
 
-        Since the scan and since its latest pose, it has moved on with the command `last`.
+        Since the scan and since its latest pose, it has moved on with the command `last_command`.
         """
         assert step.observation is not None
         assert step.motion is not None
@@ -107,7 +109,7 @@ class Pilot:
         # Predict from the latest pose, in the robot frame of the scan, to the time of the tick.
         pose = relative(newest.pose, observation.odometry)
         return any(
-            touches(points, *predict(pose, twist, last, age, self.robot), step.command, self.robot)
+            touches(points, *predict(pose, twist, last_command, age, self.robot), step.command, self.robot)
             for twist in observation._replace(twist=newest.twist).twists
         )
 

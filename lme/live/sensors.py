@@ -78,19 +78,19 @@ class LiveSensors:
         self._moving_stamps: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
         self._problems: dict[str, str] = {}
 
-    def note_problem(self, what: str, problem: str) -> None:
-        """Note why the last message was ignored. what: scan, pose or tf."""
-        self._problems[what] = problem
+    def note_problem(self, kind: str, problem: str) -> None:
+        """Note why the last message was ignored. kind: scan, pose or tf."""
+        self._problems[kind] = problem
 
-    def take_scan(self, message: Any, now: int) -> None:
+    def take_scan(self, message: Any, now_ns: int) -> None:
         """Keep a LaserScan or PointCloud2, unless a later one is known."""
-        stamp = self._stamp("scan", message.header, now)
+        stamp = self._stamp("scan", message.header, now_ns)
         if stamp is None or (self.scan is not None and stamp <= self._scan_stamp):
             return
         self.scan, self._scan_stamp = message, stamp
-        self._note("scan", stamp, now)
+        self._note("scan", stamp, now_ns)
 
-    def take_pose(self, message: Any, now: int) -> None:
+    def take_pose(self, message: Any, now_ns: int) -> None:
         """Add an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
         kind = kind_of_pose(message)
         sample = message_pose(message, kind)
@@ -100,15 +100,15 @@ class LiveSensors:
         if self._pose_message is None:
             self.track = Track()  # until now, poses came from tf
         self._pose_message = message
-        self._add(sample, now)
+        self._add(sample, now_ns)
 
-    def take_imu(self, message: Any, now: int) -> None:
+    def take_imu(self, message: Any, now_ns: int) -> None:
         """Add an Imu."""
-        stamp = self._stamp("imu", message.header, now)
+        stamp = self._stamp("imu", message.header, now_ns)
         if stamp is not None:
             self.track.postures.add_imu(stamp, imu_tilt(message, self.frames, self.tree))
 
-    def take_transforms(self, message: Any, now: int, static: bool) -> None:
+    def take_transforms(self, message: Any, now_ns: int, static: bool) -> None:
         """Add a TFMessage."""
         for stamped in message.transforms:
             if not np.isfinite(matrix_of(stamped.transform.translation, stamped.transform.rotation)).all():
@@ -118,11 +118,11 @@ class LiveSensors:
         self.tree.update(message)
         if not static:
             for stamped in message.transforms:
-                child, stamp = frame(stamped.child_frame_id), self._header_stamp(stamped.header) or now
-                self._moving_stamps[child] = max(min(stamp, now), self._moving_stamps.get(child, 0))
+                child, stamp = frame(stamped.child_frame_id), self._header_stamp(stamped.header) or now_ns
+                self._moving_stamps[child] = max(min(stamp, now_ns), self._moving_stamps.get(child, 0))
             self._moving |= {*self._moving_stamps}
         if self._pose_message is None:
-            self._take_tf_pose(message, now)
+            self._take_tf_pose(message, now_ns)
 
     @property
     def frames(self) -> Frames:
@@ -149,23 +149,23 @@ class LiveSensors:
         """Posture of the base at the stamp of the scan, if that is a cloud; None without a pose close in time."""
         return self.track.posture(self._scan_stamp, self._stale) if is_cloud(self.scan) else None
 
-    def look(self, now: int) -> LiveSight:
-        """Return the sensor data at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
-        self._check("scan", now)
+    def look(self, now_ns: int) -> LiveSight:
+        """Return the sensor data at `now_ns`. Raises NotReadyError if something is missing, stale or empty."""
+        self._check("scan", now_ns)
         if is_empty(self.scan):
             raise NotReadyError("the scan is empty: no beam measures anything")
-        self._check("pose", now)
+        self._check("pose", now_ns)
         motion, newest = self.track.at(self._scan_stamp, self._stale), self.track.latest
         if motion is None or newest is None:
             raise NotReadyError("no odometry close in time to the scan")
         return LiveSight(self.scan, motion, newest, self.posture)
 
-    def check_transforms(self, names: set[str], now: int) -> None:
+    def check_transforms(self, names: set[str], now_ns: int) -> None:
         """Raise NotReadyError if one of these frames moves and its transform is stale."""
         for name in sorted(names & self._moving):
             if name not in self._moving_stamps:
                 raise NotReadyError(f"no transform of {name}")
-            if now - self._moving_stamps[name] > self._stale:
+            if now_ns - self._moving_stamps[name] > self._stale:
                 raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
 
     def _take_tf_pose(self, message: Any, now_ns: int) -> None:

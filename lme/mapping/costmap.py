@@ -76,13 +76,13 @@ class Costmap:
     around an occupied cell, see `stamp`, from the next scan or `refresh` on.
     """
 
-    def __init__(self, config: CostmapConfig, robot: Robot, places: Floats) -> None:
-        """places: (N, 2) the goal, and whatever else must be on the grid [m]."""
+    def __init__(self, config: CostmapConfig, robot: Robot, positions: Floats) -> None:
+        """positions: (N, 2) the goal, and whatever else must be on the grid [m]."""
         self._config = config
         self._lidar = robot.lidar.mount
         rate = min(config.update_rate or robot.control_rate, robot.control_rate)
         self._keep = round(config.observation_persistence * rate)  # [scans]
-        self._grid, size = _layout(config, places)
+        self._grid, size = _layout(config, positions)
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
         reach = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()

@@ -112,19 +112,19 @@ def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
 
 
 @njit(cache=True, error_model="numpy")
-def densified(way: Floats, step: float, jump: float) -> Floats:
-    """Points (P, 2) at most `step` apart on the lines between the points of a way (N, 2), except across a `jump`."""
+def densified(path: Floats, step: float, jump: float) -> Floats:
+    """Points (P, 2) at most `step` apart on the lines between the points of a path (N, 2), except across a `jump`."""
     count = 1
-    for k in range(1, len(way)):
-        count += _pieces(way, k, step, jump)
+    for k in range(1, len(path)):
+        count += _pieces(path, k, step, jump)
     # The points of each line, after the last point of the one before.
     points = np.empty((count, 2))
-    points[0] = way[0]
+    points[0] = path[0]
     index = 1
-    for k in range(1, len(way)):
-        pieces = _pieces(way, k, step, jump)
+    for k in range(1, len(path)):
+        pieces = _pieces(path, k, step, jump)
         for i in range(1, pieces + 1):
-            points[index] = way[k - 1] + (way[k] - way[k - 1]) * (i / pieces)
+            points[index] = path[k - 1] + (path[k] - path[k - 1]) * (i / pieces)
             index += 1
     return points
 
@@ -188,22 +188,22 @@ class OccupancyGrid:
             self._resolution,
         )
 
-    def finish(self, way: Floats, radius: float, reach: float) -> GridMap:
-        """Return the map for a robot of `radius` [m] that drove along `way` (N, 2) [m].
+    def finish(self, path: Floats, radius: float, reach: float) -> GridMap:
+        """Return the map for a robot of `radius` [m] that drove along `path` (N, 2) [m].
 
         Occupied are the cells with enough hits. Free are those that the robot's disc swept, and those with a beam
-        where the disc can go in at most `reach` [m] from the way, counted along rows and columns. All others are
+        where the disc can go in at most `reach` [m] from the path, counted along rows and columns. All others are
         unknown: never seen, too narrow, or too far away.
         """
-        self._cover(way.min(axis=0) - radius)
-        self._cover(way.max(axis=0) + radius)
-        # Cells of the way, and the part of the grid that matters.
-        columns, rows = self._path_cells(way).T
+        self._cover(path.min(axis=0) - radius)
+        self._cover(path.max(axis=0) + radius)
+        # Cells of the path, and the part of the grid that matters.
+        columns, rows = self._path_cells(path).T
         box = self._observed_box(rows, columns, math.ceil(radius / self._resolution))
         rows, columns = rows - box[0].start, columns - box[1].start
         hits, beams = self._hits[box], self._hits[box] + self._misses[box]
         occupied = (hits >= MIN_HITS) & (hits >= HIT_SHARE * beams)
-        # Where the disc swept, and where it can go in `reach` from the way.
+        # Where the disc swept, and where it can go in `reach` from the path.
         on_way = np.zeros(hits.shape, dtype=bool)
         on_way[rows, columns] = True
         swept = self._distance_to(on_way) <= radius

@@ -182,13 +182,13 @@ class Progress:
         """Apply the rules of another task from now on."""
         self._task = task
 
-    def moved(self, before: State, state: State) -> None:
+    def moved(self, previous: State, state: State) -> None:
         """Record the motion of a control period."""
-        self.path_length += travelled(before.pose.x, before.pose.y, state.travel)
+        self.path_length += travelled(previous.pose.x, previous.pose.y, state.travel)
         self.min_clearance = min(self.min_clearance, state.clearance)
         if math.isnan(self._clock_start):
             distance = self._task.clock_distance
-            self._clock_start = time_beyond(state.travel, self._start, distance, before.time, state.time)
+            self._clock_start = time_beyond(state.travel, self._start, distance, previous.time, state.time)
 
     def time(self, state: State) -> float:
         """Time on the task's clock, at most the limit [s]."""

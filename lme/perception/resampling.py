@@ -59,12 +59,14 @@ def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
     return lidar, scan._replace(angle_min=lidar.angle_min, angle_increment=lidar.angle_increment)
 
 
-def same_lidar(one: Lidar, other: Lidar) -> bool:
+def same_lidar(first: Lidar, second: Lidar) -> bool:
     """Return whether two lidars are the same to the precision of a message, whose angles and ranges are float32."""
-    if one.num_beams != other.num_beams:
+    if first.num_beams != second.num_beams:
         return False
-    pairs = ((getattr(one, key), getattr(other, key)) for key in ("fov", "range_min", "range_max", "x", "y"))
-    yaw = math.remainder(one.yaw - other.yaw, math.tau)
+    pairs = (
+        (getattr(first, key), getattr(second, key)) for key in ("fov", "range_min", "range_max", "x", "y")
+    )
+    yaw = math.remainder(first.yaw - second.yaw, math.tau)
     return abs(yaw) < 1e-5 and all(math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-5) for a, b in pairs)
 
 

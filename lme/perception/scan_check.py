@@ -56,18 +56,18 @@ class ScanTally:
 
 
 def scan_faults(
-    told: LaserScan, used: LaserScan, angle_max: float | None = None, outline: float = 0.0
+    message: LaserScan, scan: LaserScan, angle_max: float | None = None, outline: float = 0.0
 ) -> list[ScanFault]:
     """Find the faults of a scan; [] if it is plausible.
 
-    told: as in the message. used: with the range limits that are used. angle_max [rad]: of the message, if it has
+    message: the scan as received. scan: with the range limits that are used. angle_max [rad]: of the message, if it has
     one. outline [m]: nearer readings are of the robot itself. Raises InputError for angles in degrees.
     """
-    check_unit_of_angles(told)
+    check_unit_of_angles(message)
     return [
-        *_angle_faults(told, angle_max),
-        *_limit_faults(told, used),
-        *_reading_faults(told, used, outline),
+        *_angle_faults(message, angle_max),
+        *_limit_faults(message, scan),
+        *_reading_faults(message, scan, outline),
     ]
 
 

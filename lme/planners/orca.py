@@ -88,7 +88,7 @@ class Orca:
 
 @njit(cache=True, error_model="numpy")
 def permitted(
-    wanted: tuple[float, float],
+    preferred: tuple[float, float],
     velocity: tuple[float, float],
     points: Floats,
     people: Floats,
@@ -117,5 +117,5 @@ def permitted(
         beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, share, lines[count])
         count += 1
     # The velocity in all half-planes, and no faster than v_max, that is nearest to the wanted one.
-    velocity_found: tuple[float, float] = best_velocity(lines[:count], hard, v_max, wanted)
+    velocity_found: tuple[float, float] = best_velocity(lines[:count], hard, v_max, preferred)
     return velocity_found

@@ -29,22 +29,22 @@ class StoppingGuard:
         self._margin = margin + _NOISE * robot.lidar.noise_std
         self._room = robot.r + self._margin
 
-    def guard(self, wanted: Twist, observation: Observation, points: Floats) -> Twist:
-        """Return the first clear command of `wanted`, slower ones on its arc, and its turn in place; else brake.
+    def guard(self, desired: Twist, observation: Observation, points: Floats) -> Twist:
+        """Return the first clear command of `desired`, slower ones on its arc, and its turn in place; else brake.
 
         points (M, 2): obstacle points in the robot frame [m]. A command is clear if the outline keeps `margin` [m]
         plus one standard deviation of the lidar's noise. Unless it turns in place, the disc of the collision
         radius must keep the same distance, so that the robot can still turn where it stops. A robot that is nearer
         already may use commands that bring it no nearer. The result is within the limits.
         """
-        command = limited(*wanted, observation, self._dt)
+        command = limited(*desired, observation, self._dt)
         if len(points) == 0:
             return command
         circles = np.column_stack((points, np.zeros(len(points))))
         pose = np.array([_ORIGIN])
         min_clearance = min(self._margin, sweep(pose, self._box, circles, _NO_EDGES)[0] - 1e-6)
         room = min(self._room, sweep(pose, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
-        for v, omega in _slower(wanted):
+        for v, omega in _slower(desired):
             command = limited(v, omega, observation, self._dt)
             if self._clear(command, observation, circles, min_clearance, room):
                 return command
@@ -64,13 +64,13 @@ class StoppingGuard:
         return True
 
 
-def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_step: float = _STEP) -> Floats:
-    """Poses (K, 3) in the robot frame over one period of the command, from the twist `now`, and a full stop.
+def until_rest(command: Twist, start: Twist, limits: Limits, robot: Robot, max_step: float = _STEP) -> Floats:
+    """Poses (K, 3) in the robot frame over one period of the command, from the twist `start`, and a full stop.
 
     No point of the outline moves farther than `max_step` [m] between two poses.
     """
     reach = robot.footprint.r_max
-    travel, twist = drive(_ORIGIN, now, command, limits.bounds, robot.dt, max_step, reach)
+    travel, twist = drive(_ORIGIN, start, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
     stop, _ = drive(Pose(*travel[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
     return np.vstack((travel, stop))

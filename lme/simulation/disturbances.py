@@ -192,6 +192,6 @@ def slipped(motion: tuple[float, float], factors: tuple[float, float], track: fl
     return (left + right) / 2, (right - left) / track
 
 
-def lose_beams(ranges: Ranges, share: float, range_max: float, rng: np.random.Generator) -> None:
-    """Set a random share of the beams to range_max, in place, as if they had no return."""
-    ranges[rng.random(len(ranges), dtype=np.float32) < share] = range_max
+def lose_beams(ranges: Ranges, fraction: float, range_max: float, rng: np.random.Generator) -> None:
+    """Set a random fraction of the beams to range_max, in place, as if they had no return."""
+    ranges[rng.random(len(ranges), dtype=np.float32) < fraction] = range_max

@@ -123,9 +123,9 @@ def families(subset: str, paths: Sequence[str] | None) -> tuple[str, ...]:
     return ("barn", "indoor", BUILDINGS if paths else STAND_IN, "traps")
 
 
-def task_in(family: str, place: Place) -> Task:
-    """Build the task of a family. Raises InputError if the world has no path for a disc of the place's radius."""
-    return _MAKERS[family](place)
+def task_in(family: str, setting: Place) -> Task:
+    """Build the task of a family. Raises InputError if the world has no path for a disc of the setting's radius."""
+    return _MAKERS[family](setting)
 
 
 def check_paths(paths: Sequence[str]) -> None:

@@ -134,9 +134,9 @@ def _rows(values: Floats, key: str, columns: tuple[int, ...], min_rows: int) -> 
     return rows
 
 
-def mover_of(place: str, item: object) -> Mover:
-    """Build the mover that an entry of a file describes. Raises InputError, which begins with `place`."""
-    entry = Entry(place, item, ["path"], _KEYS)
+def mover_of(entry_name: str, item: object) -> Mover:
+    """Build the mover that an entry of a file describes. Raises InputError, which begins with the name of the entry."""
+    entry = Entry(entry_name, item, ["path"], _KEYS)
     arguments: dict[str, Any] = {key: entry.number(key) for key in _NUMBERS if entry.value(key) is not None}
     if "turn_rate_deg" in arguments:
         arguments["turn_rate"] = math.radians(arguments.pop("turn_rate_deg"))
@@ -150,7 +150,7 @@ def mover_of(place: str, item: object) -> Mover:
     try:
         return Mover(path=_entry_poses(entry), **arguments)
     except InputError as error:
-        raise InputError(f"{place}: {error}") from error
+        raise InputError(f"{entry_name}: {error}") from error
 
 
 def _one_of(entry: Entry, key: str, names: Sequence[object]) -> Any:

@@ -140,9 +140,9 @@ class DrawnRules(PacedRules):
         require("map.grid", self.grid, above=0.0)
 
 
-def fair_limit(fastest: float, factor: float = TIME_FACTOR, least: float = LEAST_TIME) -> float:
+def fair_limit(fastest: float, factor: float = TIME_FACTOR, min_limit: float = LEAST_TIME) -> float:
     """The time limit [s] of a task whose shortest path takes `fastest` [s] at the robot's full speed."""
-    return max(least, factor * fastest)
+    return max(min_limit, factor * fastest)
 
 
 def with_robot(values: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
@@ -156,12 +156,12 @@ def path_measures(length: float, straight: float) -> dict[str, float]:
     return {"straight_m": straight, "detour": length / straight if straight else 1.0}
 
 
-def map_path(given: str, right: str) -> Path:
+def map_path(value: str, right: str) -> Path:
     """Return the file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
-    path = expanded(given)
+    path = expanded(value)
     if not path.is_file():
         problem = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"map.path is {given}: {problem}; must be {right}")
+        raise InputError(f"map.path is {value}: {problem}; must be {right}")
     return path
 
 

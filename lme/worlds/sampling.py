@@ -68,39 +68,39 @@ class FreeSpace:
                 return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._coordinates(goal))
         raise self._too_small(min_distance)
 
-    def draw_partner(self, rng: np.random.Generator, place: Floats, min_distance: float) -> Floats:
-        """Draw a place (2,) [m] that can be reached from a free `place` (2,), at least `min_distance` away.
+    def draw_partner(self, rng: np.random.Generator, position: Floats, min_distance: float) -> Floats:
+        """Draw a position (2,) [m] that can be reached from a free `position` (2,), at least `min_distance` away.
 
         Raises InputError if there is none.
         """
-        partners = self._goals(self._cell(place), min_distance)
+        partners = self._goals(self._cell(position), min_distance)
         if not len(partners):
             raise self._too_small(min_distance)
         return self._coordinates(self._point(partners[rng.integers(len(partners))]))
 
-    def check_free(self, what: str, place: Floats | Sequence[float]) -> None:
-        """Raise InputError, which begins with `what`, unless the robot can be at `place`, x, y [m]."""
-        x, y = place[0], place[1]
+    def check_free(self, subject: str, position: Floats | Sequence[float]) -> None:
+        """Raise InputError, which begins with `subject`, unless the robot can be at `position`, x, y [m]."""
+        x, y = position[0], position[1]
         outline = self._plan.outline
         if not inside(outline, np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)).any():
-            raise InputError(f"{what} is ({x:g}, {y:g}), outside the map: must lie {self._plan.region}")
-        if not self._passable[*self._cell(place)]:
+            raise InputError(f"{subject} is ({x:g}, {y:g}), outside the map: must lie {self._plan.region}")
+        if not self._passable[*self._cell(position)]:
             raise InputError(
-                f"{what} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
+                f"{subject} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
                 "from every obstacle (map.radius)"
             )
 
-    def checked_length(self, where: str, start: Pose, goal: Floats) -> float:
+    def checked_length(self, subject: str, start: Pose, goal: Floats) -> float:
         """Length of the shortest path on the lattice [m].
 
-        Raises InputError, which begins with `where`, unless start and goal are free and a path joins them.
+        Raises InputError, which begins with `subject`, unless start and goal are free and a path joins them.
         """
-        self.check_free(f"{where}: the start", start)
-        self.check_free(f"{where}: the goal", goal)
+        self.check_free(f"{subject}: the start", start)
+        self.check_free(f"{subject}: the goal", goal)
         length = self.path_length(start, goal)
         if not math.isfinite(length):
             raise InputError(
-                f"{where}: no path from the start to the goal is wide enough for a disc of radius "
+                f"{subject}: no path from the start to the goal is wide enough for a disc of radius "
                 f"{self._radius:.3g} m (map.radius): must be a smaller robot, or a different start, goal or map"
             )
         return length
@@ -123,9 +123,9 @@ class FreeSpace:
         turns = np.column_stack([self._x[points[1:-1, 1]], self._y[points[1:-1, 0]]])
         return np.vstack([start, turns, goal])
 
-    def area(self, place: Floats | Sequence[float]) -> float:
-        """Area of the free points that can be reached from a free place x, y [m²]."""
-        region = self._regions[*self._cell(place)]
+    def area(self, position: Floats | Sequence[float]) -> float:
+        """Area of the free points that can be reached from a free position x, y [m²]."""
+        region = self._regions[*self._cell(position)]
         return float(np.count_nonzero(self._regions == region)) * self._step**2 if region else 0.0
 
     def _too_small(self, min_distance: float) -> InputError:

@@ -44,13 +44,15 @@ class StartsConfig(PacedRules):
 class Starts:
     """The same task from a different start for every number. Start n does not depend on which others are chosen."""
 
-    def __init__(self, name: str, config: StartsConfig, place: Place, start: Floats, goal: Floats) -> None:
+    def __init__(
+        self, name: str, config: StartsConfig, make_world: Place, start: Floats, goal: Floats
+    ) -> None:
         """Choose the starts.
 
         name: name of the map in its tasks. start, goal: (2,) [m]; starts are drawn around `start`.
         """
         self.config = config
-        self._name, self._make_world = name, place
+        self._name, self._make_world = name, make_world
         self._start, self._goal = start, goal
         self._numbers = config.numbers(range(config.starts))
 

@@ -113,15 +113,15 @@ def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
 
 
 @njit(cache=True, error_model="numpy")
-def departs(path: Floats, other: Floats, limit: float) -> bool:
-    """Return whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `other` (L, 2)."""
+def departs(path: Floats, previous: Floats, limit: float) -> bool:
+    """Return whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `previous` (L, 2)."""
     nearest_index = 0  # start here, since the next point is probably near the same one
     for k in range(len(path)):
         # Look for a near point, beginning at the last one.
         is_near = False
-        for n in range(len(other)):
-            m = (nearest_index + n) % len(other)
-            if (path[k, 0] - other[m, 0]) ** 2 + (path[k, 1] - other[m, 1]) ** 2 <= limit * limit:
+        for n in range(len(previous)):
+            m = (nearest_index + n) % len(previous)
+            if (path[k, 0] - previous[m, 0]) ** 2 + (path[k, 1] - previous[m, 1]) ** 2 <= limit * limit:
                 is_near, nearest_index = True, m
                 break
         if not is_near:

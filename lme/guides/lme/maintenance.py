@@ -26,13 +26,13 @@ class Choice(StrEnum):
         return self in (Choice.REACHED, Choice.BETTER)
 
 
-def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Floats:
+def update_position(points: Floats, previous: Twist, current: Twist, dt: float) -> Floats:
     """Transform fixed points to the robot frame of one control period later: UpdatePos (§III.D).
 
     points: (N, 2) in the old robot frame [m]. First order, as in the paper: translate by the mean forward
     velocity, then rotate by the mean turn rate.
     """
-    return _shift_and_turn(points, *_motion(before, now, dt))
+    return _shift_and_turn(points, *_motion(previous, current, dt))
 
 
 def carried(points: Floats, move: Move, dt: float) -> Floats:

@@ -34,22 +34,22 @@ class Term(NamedTuple):
     value: float
 
 
-def reason(now: Explanation, before: Explanation | None = None) -> str:
+def reason(current: Explanation, previous: Explanation | None = None) -> str:
     """Reason for one decision: one sentence, or two if no candidate is reachable.
 
-    before: the decision one control period earlier, for naming what has changed; None at the first step.
+    previous: the decision one control period earlier, for naming what has changed; None at the first step.
     Source: second half of Algorithm 1.
     """
-    choice = now.decision.choice
+    choice = current.decision.choice
     if choice is Choice.BETTER:
-        sentence = _explain_better(now, before)
+        sentence = _explain_better(current, previous)
     else:
         sentence = {
             Choice.FIRST: _explain_first,
             Choice.REACHED: _explain_reached,
             Choice.KEPT: _explain_kept,
-        }[choice](now)
-    if not now.decision.blocked:
+        }[choice](current)
+    if not current.decision.blocked:
         return sentence
     outcome = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
     return f"{sentence}. No candidate is reachable: {outcome}"
@@ -70,14 +70,16 @@ def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
     return spans
 
 
-def difference_terms(now: Explanation) -> list[Term]:
+def difference_terms(explanation: Explanation) -> list[Term]:
     """Difference of the best candidate's score from the old subgoal's, by criterion, largest first.
 
     At the first step: the difference from the average of the candidates.
     """
-    rival = now.features.mean(axis=1) if now.old_features is None else now.old_features
-    values = now.parameters.weights * (now.features[:, now.new] - rival)
-    terms = [Term(name, float(value)) for name, value in zip(now.names, values, strict=True)]
+    rival = (
+        explanation.features.mean(axis=1) if explanation.old_features is None else explanation.old_features
+    )
+    values = explanation.parameters.weights * (explanation.features[:, explanation.new] - rival)
+    terms = [Term(name, float(value)) for name, value in zip(explanation.names, values, strict=True)]
     return sorted(terms, key=lambda term: -abs(term.value))
 
 

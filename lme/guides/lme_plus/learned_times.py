@@ -27,25 +27,25 @@ def learn(
     corner: tuple[int, int],
     times: Floats,
     grid: GridNumbers,
-    here: Floats,
+    position: Floats,
     target: Floats,
-    most: float,
+    max_time: float,
     v_max: float,
     moves: float,
 ) -> None:
     """Raise the times of the disc's cells in `learned` (A, B) to what a search found, or to the least that it allows.
 
     corner: index of the grid's frame in `learned`. times (W, W): see `travel_times`, which has searched all ways of
-    up to `most` [s] from the robot at `here` (2,) to the target (2,). A cell without a time therefore takes at least
-    `most`, less the time of the straight way from the robot, to within the time for one cell. Outside of an ellipse,
-    this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are
+    up to `max_time` [s] from the robot at `position` (2,) to the target (2,). A cell without a time therefore takes at
+    least `max_time`, less the time of the straight way from the robot, to within the time for one cell. Outside of an
+    ellipse, this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are
     left out.
     """
     low_x, low_y, cell, size = grid
     # Robot and target as (row, column); the disc and the ellipse bound the columns of each row.
-    x, y = (here[0] - low_x) / cell + 0.5, (here[1] - low_y) / cell + 0.5
+    x, y = (position[0] - low_x) / cell + 0.5, (position[1] - low_y) / cell + 0.5
     to_x, to_y = (target[0] - low_x) / cell + 0.5, (target[1] - low_y) / cell + 0.5
-    ellipse = _ellipse(x, y, to_x, to_y, (most * v_max + moves) / cell)
+    ellipse = _ellipse(x, y, to_x, to_y, (max_time * v_max + moves) / cell)
     middle, radius, cell_time = 0.5 * (size + 1.0), disc_radius(size), cell / v_max
     for i in range(1, size + 1):
         half = math.sqrt(max(radius * radius - (i - middle) ** 2, 0.0))
@@ -57,11 +57,11 @@ def learn(
             learned[corner[0] + i, corner[1] + first_column : corner[1] + last_column + 1],
             times[i, first_column : last_column + 1],
         )
-        # row_learned = max(row_learned, min(row_times, most − straight time from the robot)).
+        # row_learned = max(row_learned, min(row_times, max_time − straight time from the robot)).
         across = (i - x) ** 2
         for n in range(len(row_learned)):  # without branches, for the processor's vectors
             along = first_column + n - y
-            lower_bound = most - math.sqrt(across + along * along) * cell_time
+            lower_bound = max_time - math.sqrt(across + along * along) * cell_time
             time = row_times[n] if row_times[n] < lower_bound else lower_bound
             row_learned[n] = time if time > row_learned[n] else row_learned[n]
 
@@ -127,11 +127,11 @@ class LearnedTimes:
         return self._times, (low[0] - self._first[0], low[1] - self._first[1])
 
     def learn(
-        self, times: Floats, grid: Grid, here: Floats, target: Floats, most: float, v_max: float
+        self, times: Floats, grid: Grid, position: Floats, target: Floats, max_time: float, v_max: float
     ) -> None:
-        """Learn from the `times` (W, W) of a search of all ways from `here` to `target` (2,) of up to `most` [s]."""
+        """Learn from the `times` (W, W) of a search of ways from `position` to `target` of up to `max_time` [s]."""
         moves = 2.0 * OTHER_TARGET
-        learn(*self.around(grid), times, (*grid,), here, target, most, v_max, moves)
+        learn(*self.around(grid), times, (*grid,), position, target, max_time, v_max, moves)
 
 
 class StuckPlaces:
@@ -154,13 +154,13 @@ class StuckPlaces:
         self._places, self._waited = np.empty((0, 2)), np.empty(0)  # [m], and the time stuck before each [s]
         self.rows: Floats = np.empty((0, 6))
 
-    def wait(self, place: Floats) -> None:
-        """Count one control period in which the robot is stuck before a place (2,) [m]."""
-        distances = distances_to(self._places, place)
+    def wait(self, position: Floats) -> None:
+        """Count one control period in which the robot is stuck before a position (2,) [m]."""
+        distances = distances_to(self._places, position)
         if len(distances) and distances.min() < _PLACE_DISTANCE:
             self._waited[distances.argmin()] += self._dt
         else:
-            self._places = np.vstack((self._places, place))
+            self._places = np.vstack((self._places, position))
             self._waited = np.append(self._waited, self._dt)
         is_stuck = self._waited > _MIN_WAIT
         slower = _COST * self._waited[is_stuck] / (2.0 * _RADIUS)

@@ -120,11 +120,11 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
 
 
 @njit(cache=True, error_model="numpy")
-def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
-    """Split points (N, 2) into those within `reach` of a place [m] and the others, each in their order."""
+def split(points: Floats, centre: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
+    """Split points (N, 2) into those within `reach` of a centre [m] and the others, each in their order."""
     is_near = np.empty(len(points), np.bool_)
     for n in range(len(points)):
-        is_near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
+        is_near[n] = math.hypot(points[n, 0] - centre[0], points[n, 1] - centre[1]) <= reach
     return points[is_near], points[~is_near]
 
 

@@ -58,14 +58,14 @@ class Field(NamedTuple):
     target: Floats
     v_max: float
 
-    def rest(self, places: Floats, pose: Pose = _ORIGIN) -> Floats:
-        """T at (N, 2) places in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
+    def rest(self, positions: Floats, pose: Pose = _ORIGIN) -> Floats:
+        """T at (N, 2) positions in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
 
-        If the robot has no way to the target, such places have the time of the straight line to it.
+        If the robot has no way to the target, such positions have the time of the straight line to it.
         """
         frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
         ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
-        costs: Floats = rest_at(self.times, places, frame, grid, *ends)
+        costs: Floats = rest_at(self.times, positions, frame, grid, *ends)
         return costs
 
     def kept(self) -> Field:
@@ -103,13 +103,13 @@ class Travel:
         self,
         points: Floats,
         target: Floats,
-        here: Floats,
+        position: Floats,
         people: Floats = _NOBODY,
         learned: LearnedTimes | None = None,
         narrow: float = NARROW,
         stuck: Floats = _NOBODY,
     ) -> Field:
-        """Compute the field of a robot at `here` (2,) to its `target` (2,), among `points` (M, 2).
+        """Compute the field of a robot at `position` (2,) to its `target` (2,), among `points` (M, 2).
 
         It is valid until the next call. people (P, 6): x, y, vx, vy and radius of people who are not among the
         points, in the same frame [m, m/s], and how long they have stood [s]. learned: times that earlier fields gave
@@ -118,22 +118,22 @@ class Travel:
         `StuckPlaces.rows`. Where people and such places overlap, the longest time counts.
         """
         # A grid of whole cells around the robot; people and stuck places form one crowd.
-        x, y = (math.floor((coordinate - self._reach) / _CELL) * _CELL for coordinate in here.tolist())
+        x, y = (math.floor((coordinate - self._reach) / _CELL) * _CELL for coordinate in position.tolist())
         grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
         pace = (*self._pace._replace(narrow=narrow),)
         crowd = self._crowd(people)
         crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
-        scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
+        scene = points, target, position, (*grid,), pace, crowd, *learned.around(grid)
         inputs = (*self._workspace,), *scene, BEYOND
         # Search, and again with ways that leave the grid if it has no good one to a target in it.
-        work, ends = self._workspace, (grid, here, target, self._pace.v_max)
+        work, ends = self._workspace, (grid, position, target, self._pace.v_max)
         field = Field(work.times, work.narrow, travel_times(*inputs, False), *ends)
         if self._is_detour(field):  # perhaps there is a better way around outside the grid
             field = Field(work.times, work.narrow, travel_times(*inputs, True), *ends)
         time = field.robot_time
         if math.isfinite(time) and not len(people):
-            learned.learn(field.times, grid, here, target, time + BEYOND, field.v_max)
+            learned.learn(field.times, grid, position, target, time + BEYOND, field.v_max)
         return field
 
     def _is_detour(self, field: Field) -> bool:

@@ -118,52 +118,52 @@ def disc_radius(size: int) -> float:
 @njit(cache=True, error_model="numpy")
 def rest_at(
     times: Floats,
-    places: Floats,
+    positions: Floats,
     pose: tuple[float, float, float],
     grid: Grid | GridNumbers,
     robot_time: float,
-    beyond: float,
-    here: Floats,
+    slack: float,
+    robot: Floats,
     target: Floats,
     v_max: float,
 ) -> Floats:
-    """T at the (N, 2) places in the frame at `pose` [s]: (N,), the least possible where nothing was searched.
+    """T at the (N, 2) positions in the frame at `pose` [s]: (N,), the least possible where nothing was searched.
 
-    The search ended `beyond` [s] after the time of the robot, which is at `here` (2,). If that is inf, such places
+    The search ended `slack` [s] after the time of the robot, which is at `robot` (2,). If that is inf, such positions
     have the time of the straight line to the target (2,), at v_max [m/s].
     """
-    places = _placed(places, pose)
-    costs = times_at(times, places, grid)
+    positions = _placed(positions, pose)
+    costs = times_at(times, positions, grid)
     is_reached = robot_time < np.inf
-    for n in range(len(places)):
+    for n in range(len(positions)):
         if costs[n] == np.inf:
             # Not searched: the time at which the search ended, less the straight way from the robot; or, if the robot
             # has no way, the straight line to the target.
-            reference = here if is_reached else target
-            dx, dy = places[n, 0] - reference[0], places[n, 1] - reference[1]
+            reference = robot if is_reached else target
+            dx, dy = positions[n, 0] - reference[0], positions[n, 1] - reference[1]
             straight = math.sqrt(dx * dx + dy * dy) / v_max
-            costs[n] = max(robot_time + beyond - straight, 0.0) if is_reached else straight
+            costs[n] = max(robot_time + slack - straight, 0.0) if is_reached else straight
     return costs
 
 
 @njit(cache=True, error_model="numpy")
 def turns_at(
     times: Floats,
-    places: Floats,
+    positions: Floats,
     pose: tuple[float, float, float],
     grid: Grid | GridNumbers,
     target: Floats,
 ) -> Floats:
-    """Angles between the straight ways from `pose` to (N, 2) places in its frame and the steepest descents of T there.
+    """Angles between the straight ways from `pose` to (N, 2) positions in its frame and the steepest descents there.
 
     From 0 to π [rad]: (N,). The slope is that between the cells `_STEP` cells to each side of the place's own, or on
-    one side only where the search did not reach the other. The angle is 0 at places that the search did not reach,
+    one side only where the search did not reach the other. The angle is 0 at positions that the search did not reach,
     and nearer than `_STEP` cells to the target or the grid's edge.
     """
     low_x, low_y, cell, size = grid
     to_x, to_y, near_square = target[0], target[1], (_STEP * cell) ** 2
-    placed, angles = _placed(places, pose), np.zeros(len(places))
-    for n in range(len(places)):
+    placed, angles = _placed(positions, pose), np.zeros(len(positions))
+    for n in range(len(positions)):
         x, y = placed[n, 0], placed[n, 1]
         i, j = math.floor((x - low_x) / cell) + 1, math.floor((y - low_y) / cell) + 1
         inside = _STEP < i <= size - _STEP and _STEP < j <= size - _STEP
@@ -197,14 +197,14 @@ def _placed(positions, pose):
 
 
 @njit(cache=True, error_model="numpy")
-def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
-    """T at the (N, 2) places by bilinear interpolation of the cells that have one [s]: (N,); inf if none has."""
+def times_at(times: Floats, positions: Floats, grid: Grid | GridNumbers) -> Floats:
+    """T at the (N, 2) positions by bilinear interpolation of the cells that have one [s]: (N,); inf if none has."""
     low_x, low_y, cell, size = grid
-    interpolated = np.full(len(places), np.inf)
-    for n in range(len(places)):
+    interpolated = np.full(len(positions), np.inf)
+    for n in range(len(positions)):
         # Place in cells, kept inside the grid: cell i is centred on i.
-        x = min(max((places[n, 0] - low_x) / cell + 0.5, 1.0), size - 1e-9)
-        y = min(max((places[n, 1] - low_y) / cell + 0.5, 1.0), size - 1e-9)
+        x = min(max((positions[n, 0] - low_x) / cell + 0.5, 1.0), size - 1e-9)
+        y = min(max((positions[n, 1] - low_y) / cell + 0.5, 1.0), size - 1e-9)
         i, j = int(x), int(y)
         # Weighted mean of those of the four cells around it that have a time.
         total, weights = 0.0, 0.0

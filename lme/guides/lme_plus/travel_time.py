@@ -47,7 +47,7 @@ def travel_times(
     people: Floats,
     learned: Floats,
     corner: tuple[int, int],
-    beyond: float,
+    slack: float,
     leave: bool,
 ) -> float:
     """Solve for T of every cell [s], in `work.times` until the next call, and return that of the robot's cell.
@@ -57,17 +57,17 @@ def travel_times(
     the robot is expected at a place after the time of the straight way. learned (A, B): the least times known before
     [s], where `corner` is that of the grid's frame. A way that leaves the disc is straight and free from there to the
     target, or takes what was learned of the cell at its edge if that is more; to a target in the disc, ways leave it
-    only if `leave` is true. Only ways from the robot that take at most `beyond` [s] more than the best are searched;
+    only if `leave` is true. Only ways from the robot that take at most `slack` [s] more than the best are searched;
     cells on no such way are inf, as are those without passage. Python passes plain tuples: Numba needs 5 µs more to
     recognise each named one.
     """
     arguments = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people, learned, corner
-    time: float = _solve(*arguments, beyond, leave)
+    time: float = _solve(*arguments, slack, leave)
     return time
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(work, points, target, robot, grid, pace, people, learned, corner, beyond, leave):
+def _solve(work, points, target, robot, grid, pace, people, learned, corner, slack, leave):
     # Target and robot as (row, column); the frame is row and column 0.
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
@@ -81,7 +81,7 @@ def _solve(work, points, target, robot, grid, pace, people, learned, corner, bey
     enclosed = inside and not leave
     obstacles = points, following, work.first
     time = _march(
-        work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, min_distance, beyond, enclosed
+        work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, min_distance, slack, enclosed
     )
     erase(work.squares, work.first, work.marks, marks, pace.comfort, grid.cell)
     return time
@@ -104,7 +104,7 @@ def _clear(work):
 
 @njit(cache=True, error_model="numpy")
 def _march(
-    work, obstacles, target, robot, grid, pace, people, learned, corner, min_distance, beyond, enclosed
+    work, obstacles, target, robot, grid, pace, people, learned, corner, min_distance, slack, enclosed
 ):
     """Solve |∇T| = s from the target, and from the edge of the disc unless the ways are `enclosed` in it.
 
@@ -135,7 +135,7 @@ def _march(
         tentative[cells[n]] = time
         bucket = min(int(time / cell_time + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
-    # Take nodes bucket by bucket, until `beyond` after the robot's cell.
+    # Take nodes bucket by bucket, until `slack` after the robot's cell.
     bucket, stop, min_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
     node = heads[0]
     dj, di = np.uint64(1), np.uint64(width)  # indices without a sign are faster: none can be negative
@@ -154,7 +154,7 @@ def _march(
             continue
         final[cell] = arrival
         if cell == np.uint64(robot_cell):
-            stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
+            stop = min(bucket + int(slack / cell_time) + 1, BUCKETS)
         # Update the four neighbours by way of this cell.
         for k in range(_NEIGHBOURS):
             neighbour = cell + dj if k == 0 else cell - dj if k == 1 else cell + di if k == 2 else cell - di

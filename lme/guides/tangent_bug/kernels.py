@@ -92,7 +92,7 @@ def breaks_before(points: Floats, gap: float, slope: float) -> Ints:
 
 @njit(cache=True, error_model="numpy")
 def sweep(
-    ways: Floats,
+    free_lengths: Floats,
     owners: Ints,
     breaks: Ints,
     slope: float,
@@ -108,35 +108,35 @@ def sweep(
     Returns the last direction before the end, −1 if there is no end; whether the free distance grows there; and
     the least distance of the visible boundary to `target` (2,) [m].
     """
-    num_directions = len(ways)
+    num_directions = len(free_lengths)
     min_distance = np.inf
     k = start
     for _ in range(num_directions):
         # Boundary in this direction, relative to the target.
-        x, y = ways[k] * units[k, 0] - target[0], ways[k] * units[k, 1] - target[1]
+        x, y = free_lengths[k] * units[k, 0] - target[0], free_lengths[k] * units[k, 1] - target[1]
         min_distance = min(min_distance, math.hypot(x, y))
         next_k = (k + step) % num_directions
         # A break is an end if the free distance changes by more than on a grazing wall.
         if _broken(owners[k], owners[next_k], breaks, step):
-            if _longer(ways[k], ways[next_k], slope):
+            if _longer(free_lengths[k], free_lengths[next_k], slope):
                 return k, True, min_distance
-            if _longer(ways[next_k], ways[k], slope):
+            if _longer(free_lengths[next_k], free_lengths[k], slope):
                 return k, False, min_distance
         k = next_k
     return -1, False, min_distance
 
 
 @njit(cache=True, error_model="numpy")
-def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
+def all_ends(free_lengths: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
     """Directions at which an obstacle ends, as in `sweep`, and the steps (±1) to the end: (E, 2)."""
-    num_directions = len(ways)
+    num_directions = len(free_lengths)
     ends = np.empty((2 * num_directions, 2), np.int64)
     count = 0
     for k in range(num_directions):
         for step in (-1, 1):
             next_k = (k + step) % num_directions
             # An end, seen from the nearer side: the free distance grows at a break.
-            is_longer = _longer(ways[k], ways[next_k], slope)
+            is_longer = _longer(free_lengths[k], free_lengths[next_k], slope)
             if is_longer and _broken(owners[k], owners[next_k], breaks, step):
                 ends[count, 0], ends[count, 1] = k, step
                 count += 1
@@ -173,11 +173,11 @@ def joined(i: int, j: int, breaks: Ints) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def first_longer(ways: Floats, start: int, step: int, length: float) -> int:
+def first_longer(free_lengths: Floats, start: int, step: int, length: float) -> int:
     """First direction from `start` on, by `step`, with a free distance of at least `length` [m]; −1 if none."""
-    num_directions = len(ways)
+    num_directions = len(free_lengths)
     for offset in range(num_directions):
         k = (start + step * offset) % num_directions
-        if ways[k] >= length:
+        if free_lengths[k] >= length:
             return k
     return -1

@@ -24,9 +24,9 @@ _LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def gap_at(away):
-    """Distance from which on neighbouring points do not belong together [m]; away: of the points [m]."""
-    return 0.1 + 0.02 * away
+def gap_at(distance):
+    """Distance from which on neighbouring points do not belong together [m]; distance: of the points [m]."""
+    return 0.1 + 0.02 * distance
 
 
 @njit(cache=True, error_model="numpy")

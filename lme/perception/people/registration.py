@@ -82,18 +82,18 @@ def into(x, y, pose, cos, sin):
 
 
 @njit(cache=True, error_model="numpy")
-def passed_through(places, view, margin):
+def passed_through(positions, view, margin):
     """Return whether a scan saw through each place (P, 2) [m]: 1 yes, −1 no, 0 not known, as behind something.
 
-    view: the scan's pose in the frame of the places, its free ranges (B,) and (B,), see `unpacked`, and the beams'
+    view: the scan's pose in the frame of the positions, its free ranges (B,) and (B,), see `unpacked`, and the beams'
     first angle and step [rad]. Yes: the beam ends `margin` [m] behind the place. No: it ends near it.
     """
     lidar, sure_ranges, free_ranges, angles = view
-    verdicts = np.zeros(len(places), np.int8)
+    verdicts = np.zeros(len(positions), np.int8)
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
-    for i in range(len(places)):
+    for i in range(len(positions)):
         # Where the beam towards the place ends, compared with the place.
-        x, y = into(places[i, 0], places[i, 1], lidar, cos, sin)
+        x, y = into(positions[i, 0], positions[i, 1], lidar, cos, sin)
         beam = beam_towards(x, y, angles, len(free_ranges))
         if beam < 0:
             continue
@@ -137,16 +137,16 @@ def _joined(points, hits, i, j):
 
 
 @njit(cache=True, error_model="numpy")
-def register(points, used, reference, facing, angles, guess, spread, noise):
+def register(points, is_used, reference, facing, angles, guess, spread, noise):
     """Estimate the lidar's motion (x, y, yaw) since the reference scan, and the mean distance of points to lines [m].
 
-    points (B, 2), used (B,): of the new scan; reference (B, 2), facing (B, 2): points and normals of the earlier one.
+    points (B, 2), is_used (B,): of the new scan; reference, facing (B, 2): points and normals of the earlier one.
     guess: motion by odometry; spread: its standard deviations [m, m, rad]; noise: of a range [m]. The distance is
     NaN if fewer than 20 points match; the guess is returned then.
     """
     step, error = max(len(points) // _SAMPLES, 1), math.nan
     x, y = guess[0], guess[1]
-    yaw = start = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
+    yaw = start = guess[2] + _coarse_turn(points, is_used, reference, angles, guess, spread[2], step)
     # Gauss-Newton: n · (R p + t − q) = 0 for every point p near the line through q with normal n.
     for max_residual in _MATCHED:
         scale = max(2.0 * noise, 0.01, 0.5 * (max_residual - 0.1))
@@ -154,7 +154,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
         cos, sin = math.cos(yaw), math.sin(yaw)
         matched, total = 0, 0.0
         for i in range(0, len(points), step):
-            if not used[i]:
+            if not is_used[i]:
                 continue
             turned_x = cos * points[i, 0] - sin * points[i, 1]
             turned_y = sin * points[i, 0] + cos * points[i, 1]

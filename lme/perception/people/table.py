@@ -36,18 +36,18 @@ def predict(table, count, dt, acceleration):
 
 
 @njit(cache=True, error_model="numpy")
-def begin(row, found, name):
+def begin(row, middle, name):
     """Begin a track at a measured middle, see `middle_of`."""
     row[:] = 0.0
-    row[X], row[Y], row[R], row[PP], row[RR] = found
+    row[X], row[Y], row[R], row[PP], row[RR] = middle
     row[BX], row[BY] = row[X], row[Y]
     row[VV], row[NAME], row[SEEN] = _FIRST_SPEED**2, name, 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def correct(row, found):
+def correct(row, middle):
     """Correct a track by a measured middle, see `middle_of`."""
-    x, y, radius, variance, spread = found
+    x, y, radius, variance, spread = middle
     dx, dy = x - row[X], y - row[Y]
     # Kalman update of position and velocity, the same along both axes.
     total = row[PP] + variance

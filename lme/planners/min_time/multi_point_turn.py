@@ -60,14 +60,16 @@ class MultiPointTurn:
         self._time_left = 0.0  # [s] of the first stroke
         self._may_repeat = False  # there is no room at the end of the strokes
 
-    def command(self, blocked: bool, points: Floats, way: Floats, now: Twist, limits: Limits) -> Twist | None:
+    def command(
+        self, blocked: bool, points: Floats, path: Floats, twist: Twist, limits: Limits
+    ) -> Twist | None:
         """Advance by one period and return the command; None: no turn is under way.
 
-        blocked: the guide finds no free way in this period; points (M, 2): obstacles; way (K, 2): places on the
-        fastest way, in the robot frame [m]; now: the twist [m/s, rad/s]. While the robot comes to rest, the command
+        blocked: the guide finds no free way in this period; points (M, 2): obstacles; path (K, 2): places on the
+        fastest way, in the robot frame [m]; twist [m/s, rad/s]. While the robot comes to rest, the command
         is zero.
         """
-        self._count(now, limits)
+        self._count(twist, limits)
         # Count the time without a free way; a turn begins after enough of it.
         if not self._strokes:
             self._blocked_for = max(self._blocked_for + (self._dt if blocked else -self._dt), 0.0)
@@ -76,10 +78,10 @@ class MultiPointTurn:
                 return None
         # Stop, and search from standstill, at the beginning and where a stroke is no longer free.
         if not self._strokes or not self._is_free(points):
-            if not self._is_at_rest(now):
+            if not self._is_at_rest(twist):
                 return STILL
-            self._plan_strokes(points, way, limits)
-        return self._on_stroke(now, limits) if self._strokes else None
+            self._plan_strokes(points, path, limits)
+        return self._on_stroke(twist, limits) if self._strokes else None
 
     def _count(self, twist: Twist, limits: Limits) -> None:
         """Subtract the motion of the last period; begin the next stroke once the robot has come to rest."""
@@ -137,11 +139,9 @@ class MultiPointTurn:
     def _on_stroke(self, twist: Twist, limits: Limits) -> Twist:
         """Return the command on the stroke, so that the robot is at rest at its end."""
         (ahead, turn), (speed, rate) = self._strokes[0], _rates(limits)
-        remaining = (
-            self._lengths[0] if self._lengths[0] > _TOLERANCE else 0.0
-        )  # an overshoot is not driven back
-        v = approach(ahead * remaining, twist.v, speed, limits.alpha_v, self._dt)
-        return Twist(v, approach(turn * remaining, twist.omega, rate, limits.alpha_omega, self._dt))
+        length = self._lengths[0] if self._lengths[0] > _TOLERANCE else 0.0  # an overshoot is not driven back
+        v = approach(ahead * length, twist.v, speed, limits.alpha_v, self._dt)
+        return Twist(v, approach(turn * length, twist.omega, rate, limits.alpha_omega, self._dt))
 
 
 @functools.cache

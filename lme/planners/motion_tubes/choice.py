@@ -119,18 +119,18 @@ class TubeChoice:
         _, remaining = points_along(path, np.empty(0), self._config.long_length)
         return Route(path, max(remaining, math.hypot(*path[-1])))
 
-    def ahead(self, route: Route, twist: Twist, view: LidarView, seen: Ranges) -> ChosenTube | None:
+    def ahead(self, route: Route, twist: Twist, view: LidarView, free_ranges: Ranges) -> ChosenTube | None:
         """Return the best long tube if all long tubes are free, else the best short one, else the best near one.
 
-        Returns None if no tube is suitable. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
+        Returns None if no tube is suitable. view, free_ranges: see `lme.planners.motion_tubes.tubes.lidar_view`.
         """
         config = self._config
         for spec in (self._long, self._short, self._near):
             tubes = forward_tubes(spec, view)
-            free = free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
+            free = free_tubes(free_ranges, tubes.needs, tubes.spans, tubes.hidden)
             if spec is self._long and not free.all():
                 continue
-            index, bin_ = self._choose(route, twist, tubes, free, seen)
+            index, bin_ = self._choose(route, twist, tubes, free, free_ranges)
             if index < 0:
                 continue
             curvature, fraction = float(tubes.curvatures[index]), float(free.mean())

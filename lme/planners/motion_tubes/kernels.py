@@ -15,11 +15,11 @@ _STRAIGHT = 1e-9  # [1/m] smaller curvatures are straight
 
 
 @njit(cache=True, error_model="numpy")
-def arc_pose(curvature: float, way: float) -> tuple[float, float, float]:
-    """Pose (x, y, yaw) after the distance `way` [m] along an arc from the origin; negative is backwards."""
-    turn = curvature * way
+def arc_pose(curvature: float, length: float) -> tuple[float, float, float]:
+    """Pose (x, y, yaw) after the distance `length` [m] along an arc from the origin; negative is backwards."""
+    turn = curvature * length
     if abs(curvature) < _STRAIGHT:
-        return way, 0.0, turn
+        return length, 0.0, turn
     return math.sin(turn) / curvature, 2.0 * math.sin(0.5 * turn) ** 2 / curvature, turn
 
 
@@ -121,10 +121,10 @@ def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
 
 
 @njit(cache=True, error_model="numpy")
-def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
+def free_tubes(ranges: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
     """Return whether each tube is free: it is in view, and every beam sees past it: (N,).
 
-    seen (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
+    ranges (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
     beam that meet each tube.
     """
     free = np.empty(len(needs), np.bool_)
@@ -132,17 +132,17 @@ def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools
         free[n] = not hidden[n]
         # One beam that ends inside the tube blocks it.
         for i in range(spans[n, 0], spans[n, 1] + 1):
-            if seen[i] < needs[n, i]:
+            if ranges[i] < needs[n, i]:
                 free[n] = False
                 break
     return free
 
 
 @njit(cache=True, error_model="numpy")
-def whisker_free(seen: Ranges, beams: Ints, ranges: Ranges) -> bool:
+def whisker_free(beam_ranges: Ranges, beams: Ints, ranges: Ranges) -> bool:
     """Return whether every sample of a whisker is in view and free: beams (S,), −1 out of view; ranges (S,)."""
     for k in range(len(beams)):  # noqa: SIM110
-        if beams[k] < 0 or seen[beams[k]] < ranges[k]:
+        if beams[k] < 0 or beam_ranges[beams[k]] < ranges[k]:
             return False
     return True
 
@@ -155,7 +155,7 @@ def choose(
     goal: tuple[float, float, float],
     bins: tuple[float, float, int],
     twist: tuple[float, float],
-    seen: Ranges,
+    ranges: Ranges,
     whisker_beams: Ints,
     whisker_ranges: Ranges,
 ) -> tuple[int, int]:
@@ -182,7 +182,7 @@ def choose(
             continue
         # Keys that order the tubes within the same distance bin.
         for k in range(3):
-            key[k] = 0.0 if whisker_free(seen, whisker_beams[k, n], whisker_ranges[k, n]) else 1.0
+            key[k] = 0.0 if whisker_free(ranges, whisker_beams[k, n], whisker_ranges[k, n]) else 1.0
         key[3] = math.floor(deviation / bins[1])
         key[4] = abs(twist[0] * curvatures[n] - twist[1]) if twist[0] > 0.0 else 0.0
         key[5] = distance

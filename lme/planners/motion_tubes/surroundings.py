@@ -31,7 +31,7 @@ class Surroundings:
         self._hits: list[Floats] = []  # of each scan, in the odometry frame
         self._view: LidarView | None = None
 
-    def see(self, odometry: Pose, view: LidarView, seen: Ranges, points: Floats) -> None:
+    def see(self, odometry: Pose, view: LidarView, free_ranges: Ranges, points: Floats) -> None:
         """Add a scan. It replaces the last one if the robot has not moved enough between the last two.
 
         points (M, 2): its obstacle points in the base frame [m].
@@ -44,7 +44,7 @@ class Surroundings:
             self._ranges.pop()
             self._hits.pop()
         self._poses.append(odometry)
-        self._ranges.append(seen)
+        self._ranges.append(free_ranges)
         self._hits.append(to_world(points, odometry))
         for memory in (self._poses, self._ranges, self._hits):
             del memory[: -self._capacity]

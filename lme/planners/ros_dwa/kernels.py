@@ -88,7 +88,7 @@ def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int,
 
 @njit(cache=True, error_model="numpy")
 def score(
-    wanted: Floats,
+    twists: Floats,
     pose: tuple[float, float, float],
     twist: tuple[float, float],
     alphas: tuple[float, float],
@@ -99,7 +99,7 @@ def score(
     to_path: Distances,
     to_goal: Distances,
     scales: tuple[float, float, float],
-    least: float,
+    best_cost: float,
     best_only: bool,
 ) -> tuple[Floats, Floats]:
     """Scores (N,) of the trajectories to the wanted twists (N, 2) [m/s, rad/s], less is better, and ends (N, 3).
@@ -108,21 +108,23 @@ def score(
     step [m], step [rad per second of turning]). scales: of the distances [cells] to path and goal at the last pose,
     and of the highest cost under the outline or the centre at any pose. The pose after the last step is not scored.
     A score is `HITS` if the outline touches an obstacle or leaves the map, `LOST` if the centre comes to a cell
-    without a way to path or goal, whichever is first. If it is worse than `least` it may be inf instead; with
+    without a way to path or goal, whichever is first. If it is worse than `best_cost` it may be inf instead; with
     `best_only` also if another one is better. Source: base_local_planner's trajectory_planner.cpp.
     """
-    poses, counts = _simulate(wanted, pose, twist, alphas, simulation)
+    poses, counts = _simulate(twists, pose, twist, alphas, simulation)
     bounds = _bounds(poses, counts, grid, to_path, to_goal, scales)
     cells = np.empty(outline_capacity(outline, grid[2]), np.int64)
-    scores, ends = np.full(len(wanted), np.inf), np.empty((len(wanted), 3))
+    scores, ends = np.full(len(twists), np.inf), np.empty((len(twists), 3))
     # In the order of the bounds, so that a good trajectory soon rules out the others.
     for n in np.argsort(bounds):
         ends[n] = poses[n, counts[n] - 1]
-        if bounds[n] > least:
+        if bounds[n] > best_cost:
             continue
-        scores[n] = _total(bounds[n], scales[2], poses[n, : counts[n]], outline, costs, grid, least, cells)
+        scores[n] = _total(
+            bounds[n], scales[2], poses[n, : counts[n]], outline, costs, grid, best_cost, cells
+        )
         if best_only and scores[n] >= 0.0:
-            least = min(least, scores[n])
+            best_cost = min(best_cost, scores[n])
     return scores, ends
 
 

@@ -70,35 +70,39 @@ class StoppingCheck:
         """Count a command as under way. Call it once per control period."""
         self.under_way.append(command)
 
-    def clearance(self, command: Twist, now: StoppingState, enough: float = TOUCHING) -> float:
-        """Return the least distance to a point from the command until rest [m]; at most `enough`.
+    def clearance(self, command: Twist, state: StoppingState, sufficient: float = TOUCHING) -> float:
+        """Return the least distance to a point from the command until rest [m]; at most `sufficient`.
 
         The command is limited to the nearest one within a ramp, so zero brakes.
         """
-        self._tested[0] = reachable(*command, now.ramp_start, now.limits, self._times[0])
-        return min(float(self._clearances(self._tested, now, twist, enough)[0]) for twist in now.twists)
+        self._tested[0] = reachable(*command, state.ramp_start, state.limits, self._times[0])
+        return min(
+            float(self._clearances(self._tested, state, twist, sufficient)[0]) for twist in state.twists
+        )
 
-    def stops(self, command: Twist, now: StoppingState) -> bool:
+    def stops(self, command: Twist, state: StoppingState) -> bool:
         """Return whether the robot can stop after the command without contact. With zero: whether it can stop now."""
-        return self.clearance(command, now) >= TOUCHING
+        return self.clearance(command, state) >= TOUCHING
 
-    def nearest(self, wanted: Twist, now: StoppingState, enough: float = TOUCHING) -> Twist | None:
+    def nearest(self, desired: Twist, state: StoppingState, sufficient: float = TOUCHING) -> Twist | None:
         """Return the nearest command after which the robot can stop with this clearance [m]; None: there is none.
 
         Nearness to the wanted command is measured by the velocity of a point of the outline. A regular sample of the
         commands within reach in a period is tried.
         """
         # Candidates in the order of their difference |Δv| + r_max |Δω| from the wanted command.
-        candidates = self._candidates(wanted, now)
-        differences = np.abs(candidates - wanted) @ [1.0, self._r_max]
+        candidates = self._candidates(desired, state)
+        differences = np.abs(candidates - desired) @ [1.0, self._r_max]
         candidates = candidates[np.argsort(differences, kind="stable")]
         while len(candidates):
             # The first that is safe with the measured twist is checked with the other twists too.
-            first = np.flatnonzero(self._clearances(candidates, now, now.twists[0], enough) >= enough)
+            first = np.flatnonzero(
+                self._clearances(candidates, state, state.twists[0], sufficient) >= sufficient
+            )
             if not len(first):
                 return None
             command = Twist(*candidates[first[0]].tolist())
-            if len(now.twists) == 1 or self.clearance(command, now, enough) >= enough:
+            if len(state.twists) == 1 or self.clearance(command, state, sufficient) >= sufficient:
                 return command
             candidates = candidates[first[0] + 1 :]
         return None

@@ -48,33 +48,35 @@ class _State(NamedTuple):
 def stopping_clearances(
     points: Floats,
     twist: tuple[float, float],
-    under_way: Floats,
-    tried: Floats,
+    sent: Floats,
+    candidates: Floats,
     motion: StoppingMotion | tuple[tuple[float, float, float, float], float, float, float],
     box: tuple[float, float, float],
-    enough: float,
+    sufficient: float,
 ) -> Floats:
     """Least distance from outline to points with each command for a period and then braking to rest [m].
 
-    points (M, 2) in the robot frame [m]; twist (v, ω) now; under_way (L, 2): v and ω of the commands that were sent
-    and act before the next one, the oldest first; tried (N, 2): commands [m/s, rad/s]; box: footprint (half_length,
-    half_width, rounding) [m]. Returns (N,) distances, at most `enough` > 0 [m], and 0 for contact. Commands after the
-    first one that keeps `enough` are not examined and have NaN.
+    points (M, 2) in the robot frame [m]; twist (v, ω) now; sent (L, 2): v and ω of the commands that were sent
+    and act before the next one, the oldest first; candidates (N, 2): commands [m/s, rad/s]; box: footprint
+    (half_length, half_width, rounding) [m]. Returns (N,) distances, at most `sufficient` > 0 [m], and 0 for contact.
+    Commands after the first one that keeps `sufficient` are not examined and have NaN.
     """
     limits, period, delay, lag = motion
     stopping_motion = StoppingMotion(limits, period, delay, lag)
     r_max = math.hypot(box[0], box[1]) + box[2]
     # Keep only points that the robot may reach before it stands.
-    nearby = _points_within(points, r_max + enough + _farthest(twist, under_way, tried, stopping_motion))
+    nearby = _points_within(points, r_max + sufficient + _farthest(twist, sent, candidates, stopping_motion))
     # Motion until the commands under way have acted; it is the same for all candidates.
-    state = _State(0.0, 0.0, 0.0, twist[0], twist[1], enough)
-    state = _follow(nearby, state, under_way, True, stopping_motion, box, r_max)
-    clearances = np.full(len(tried), np.nan)
-    for n in range(len(tried)):
+    state = _State(0.0, 0.0, 0.0, twist[0], twist[1], sufficient)
+    state = _follow(nearby, state, sent, True, stopping_motion, box, r_max)
+    clearances = np.full(len(candidates), np.nan)
+    for n in range(len(candidates)):
         # The candidate for one period, and then braking to rest.
-        end_state = _follow(nearby, state, tried[n : n + 1], len(under_way) == 0, stopping_motion, box, r_max)
-        clearances[n] = _brake(nearby, end_state, (tried[n, 0], tried[n, 1]), stopping_motion, box, r_max)
-        if clearances[n] >= enough:
+        end_state = _follow(nearby, state, candidates[n : n + 1], len(sent) == 0, stopping_motion, box, r_max)
+        clearances[n] = _brake(
+            nearby, end_state, (candidates[n, 0], candidates[n, 1]), stopping_motion, box, r_max
+        )
+        if clearances[n] >= sufficient:
             break
     return clearances
 

@@ -45,12 +45,12 @@ class TimedBand:
         self.poses: Floats = np.empty((0, 3))
         self.times: Floats = np.empty(0)
 
-    def follow(self, way: Way, robot: Pose, limits: Limits) -> None:
+    def follow(self, route: Way, robot: Pose, limits: Limits) -> None:
         """Move the ends to the robot and to the local goal, or start anew if the local goal has jumped."""
-        goal = np.append(way.points[-1], way.yaw)
+        goal = np.append(route.points[-1], route.yaw)
         if len(self.poses) == 0 or self._jumped(goal):
             v, omega = self._bounds(limits)[1:3]
-            self.poses, self.times = along(way.points, robot, way.yaw, v, omega)
+            self.poses, self.times = along(route.points, robot, route.yaw, v, omega)
             return
         num_passed = self._num_passed(robot)
         self.poses = np.vstack([robot, self.poses[num_passed + 1 :]])

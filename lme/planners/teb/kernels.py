@@ -54,13 +54,13 @@ def along(
 
 @njit(cache=True, error_model="numpy")
 def resized(
-    poses: Floats, times: Floats, wanted: float, hysteresis: float, fewest: int, most: int
+    poses: Floats, times: Floats, interval: float, hysteresis: float, fewest: int, max_samples: int
 ) -> tuple[Floats, Floats]:
-    """Add and remove samples so that the time differences of the band are near `wanted` [s].
+    """Add and remove samples so that the time differences of the band are near `interval` [s].
 
-    hysteresis [s]: the greatest deviation from it. `fewest` and `most`: limits of the number of time differences.
+    hysteresis [s]: the greatest deviation from it. `fewest`, `max_samples`: limits of the number of time differences.
     """
-    size = max(most, len(times)) + 1
+    size = max(max_samples, len(times)) + 1
     p, t = np.empty((size, 3)), np.empty(size)
     count = len(times)
     p[: count + 1], t[:count] = poses, times
@@ -69,15 +69,15 @@ def resized(
         while i < count:
             # Too long: split a difference of more than twice the wanted one, else hand the surplus on to the next.
             # Too short: merge the motion with its neighbour.
-            if t[i] > wanted + hysteresis and count < most:
-                if t[i] > 2.0 * wanted:
+            if t[i] > interval + hysteresis and count < max_samples:
+                if t[i] > 2.0 * interval:
                     count = _split(p, t, count, i)
                     modified = True
                     continue  # looks at the first half again
                 if i < count - 1:
-                    t[i + 1] += t[i] - wanted
-                t[i] = wanted
-            elif t[i] < wanted - hysteresis and count > fewest:
+                    t[i + 1] += t[i] - interval
+                t[i] = interval
+            elif t[i] < interval - hysteresis and count > fewest:
                 modified = True
                 count = _merge(p, t, count, i)
                 if i < count:

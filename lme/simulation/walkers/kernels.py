@@ -40,10 +40,10 @@ _WALL_STRENGTH, _WALL_REACH = 3.0, 0.1  # a [m/s²], b [m]
 
 @njit(cache=True, error_model="numpy")
 def next_waypoints(
-    places: Floats,
+    positions: Floats,
     velocities: Floats,
     traits: Floats,
-    way: Floats,
+    waypoints: Floats,
     first: Floats,
     repeats: Floats,
     plans: Floats,
@@ -52,19 +52,19 @@ def next_waypoints(
 ) -> Floats:
     """Advance the plans (P, 3) in place and return the wanted velocities (P, 2) [m/s].
 
-    way (W, 2): the waypoints of all people; those of person i begin at first[i]. elapsed: since the last call [s].
+    waypoints (W, 2): those of all people; those of person i begin at first[i]. elapsed: since the last call [s].
     A person who makes no progress for `_PATIENCE` turns round, so that two people in a narrow passage do not block
     each other for ever.
     """
-    preferred = np.zeros_like(places)
-    for i in range(len(places)):
-        path, plan = way[first[i] : first[i + 1]], plans[i]
+    preferred = np.zeros_like(positions)
+    for i in range(len(positions)):
+        path, plan = waypoints[first[i] : first[i + 1]], plans[i]
         if time < traits[i, _STARTS]:
             continue
         # Count the time without progress, other than at the end of the path, and turn round after `_PATIENCE`.
         is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
         is_last = _is_last(plan, len(path), repeats[i])
-        distance = _distance(places[i], path[int(plan[_LEG])])
+        distance = _distance(positions[i], path[int(plan[_LEG])])
         plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (is_last and distance < _REACHED) else 0.0
         if plan[_STUCK] > _PATIENCE and len(path) > 1:
             plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
@@ -73,19 +73,19 @@ def next_waypoints(
         for _ in range(len(path)):
             if (
                 _is_last(plan, len(path), repeats[i])
-                or _distance(places[i], path[int(plan[_LEG])]) > _REACHED
+                or _distance(positions[i], path[int(plan[_LEG])]) > _REACHED
             ):
                 break
             _advance(plan, len(path), repeats[i])
         # Walk straight to the next waypoint, and slow down before the last one.
         target = path[int(plan[_LEG])]
-        distance = _distance(places[i], target)
+        distance = _distance(positions[i], target)
         speed = traits[i, _SPEED]
         if _is_last(plan, len(path), repeats[i]):
             speed = min(speed, distance / _ARRIVAL)
         if distance > 0.0:
-            preferred[i, 0] = speed * (target[0] - places[i, 0]) / distance
-            preferred[i, 1] = speed * (target[1] - places[i, 1]) / distance
+            preferred[i, 0] = speed * (target[0] - positions[i, 0]) / distance
+            preferred[i, 1] = speed * (target[1] - positions[i, 1]) / distance
     return preferred
 
 
@@ -114,52 +114,52 @@ def _distance(position, target):
 
 @njit(cache=True, error_model="numpy")
 def orca(
-    places: Floats,
+    positions: Floats,
     velocities: Floats,
-    wanted: Floats,
+    preferred: Floats,
     traits: Floats,
-    others: Floats,
+    discs: Floats,
     circles: Floats,
     edges: Floats,
     dt: float,
 ) -> Floats:
     """Optimal reciprocal collision avoidance (van den Berg et al. 2011): each does half of every evasion."""
     new_velocities = np.empty_like(velocities)
-    people, count = len(places), len(others)
+    people, count = len(positions), len(discs)
     lines = np.empty((len(circles) + len(edges) + people + count, 4))
     for i in range(people):
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
         # Walls give hard half-planes, which come first in `lines`.
-        hard = _walls(places[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
+        hard = _walls(positions[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
         size = hard
         # People, the robot if this person sees it, and other discs give soft half-planes.
         for j in range(people):
-            relative = places[j] - places[i]
+            relative = positions[j] - positions[i]
             if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
                 reach = radius + traits[j, _RADIUS] + _GAP
                 beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[size])
                 size += 1
         for j in range(count):
-            relative = others[j, :2] - places[i]
+            relative = discs[j, :2] - positions[i]
             if (j > 0 or traits[i, _SEES_ROBOT] > 0.0) and math.hypot(
                 relative[0], relative[1]
             ) <= _NEIGHBOURS:
-                reach = radius + others[j, 4] + _GAP
-                beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[size])
+                reach = radius + discs[j, 4] + _GAP
+                beside_disc(relative, velocities[i], discs[j, 2:4], reach, _HORIZON, dt, 0.5, lines[size])
                 size += 1
         # The velocity in all half-planes that is nearest to the wanted one.
-        vx, vy = best_velocity(lines[:size], hard, fastest, (wanted[i, 0], wanted[i, 1]))
+        vx, vy = best_velocity(lines[:size], hard, fastest, (preferred[i, 0], preferred[i, 1]))
         new_velocities[i, 0], new_velocities[i, 1] = vx, vy
     return new_velocities
 
 
 @njit(cache=True, error_model="numpy")
 def social_force(
-    places: Floats,
+    positions: Floats,
     velocities: Floats,
-    wanted: Floats,
+    preferred: Floats,
     traits: Floats,
-    others: Floats,
+    discs: Floats,
     circles: Floats,
     edges: Floats,
     dt: float,
@@ -168,31 +168,31 @@ def social_force(
     et al. measured (2009, DOI 10.1098/rspb.2009.0405). Walls are never entered, whatever the forces.
     """
     new_velocities = np.empty_like(velocities)
-    people = len(places)
+    people = len(positions)
     lines = np.empty((len(circles) + len(edges), 4))
     for i in range(people):
-        # Relaxation towards the wanted velocity: (v_wanted − v) / τ.
-        fx = (wanted[i, 0] - velocities[i, 0]) / _RELAXATION
-        fy = (wanted[i, 1] - velocities[i, 1]) / _RELAXATION
+        # Relaxation towards the preferred velocity: (v_preferred − v) / τ.
+        fx = (preferred[i, 0] - velocities[i, 0]) / _RELAXATION
+        fy = (preferred[i, 1] - velocities[i, 1]) / _RELAXATION
         for j in range(people):
             if j != i:
-                push_x, push_y = _interaction(places[j] - places[i], velocities[i] - velocities[j])
+                push_x, push_y = _interaction(positions[j] - positions[i], velocities[i] - velocities[j])
                 fx, fy = fx + push_x, fy + push_y
-        for j in range(len(others)):
+        for j in range(len(discs)):
             if j > 0 or traits[i, _SEES_ROBOT] > 0.0:
-                push_x, push_y = _interaction(others[j, :2] - places[i], velocities[i] - others[j, 2:4])
+                push_x, push_y = _interaction(discs[j, :2] - positions[i], velocities[i] - discs[j, 2:4])
                 fx, fy = fx + push_x, fy + push_y
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
         # Repulsion by the nearest wall: a exp(−(d − r) / b), straight away from it.
-        x, y = _nearest_wall(places[i], circles, edges)
+        x, y = _nearest_wall(positions[i], circles, edges)
         distance = math.hypot(x, y)
         if 0.0 < distance < math.inf:
             push = _WALL_STRENGTH * math.exp(-(distance - radius) / _WALL_REACH)
             fx, fy = fx - push * x / distance, fy - push * y / distance
         # One Euler step, then the nearest velocity that enters no wall.
-        hard = _walls(places[i], radius, fastest, circles, edges, dt, lines)
-        preferred = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
-        vx, vy = best_velocity(lines[:hard], hard, fastest, preferred)
+        hard = _walls(positions[i], radius, fastest, circles, edges, dt, lines)
+        accelerated = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
+        vx, vy = best_velocity(lines[:hard], hard, fastest, accelerated)
         new_velocities[i, 0], new_velocities[i, 1] = vx, vy
     return new_velocities
 

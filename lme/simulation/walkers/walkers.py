@@ -55,17 +55,17 @@ class Walkers:
         self._robot: Pose | None = None
         self._time, self._decision_time = 0.0, -math.inf
 
-    def go_on(self, former: Walkers, kept: Mapping[int, int]) -> None:
+    def go_on(self, former: Walkers, pairs: Mapping[int, int]) -> None:
         """Continue from other walkers: take over their time, and the plans of the people who are in both.
 
-        kept: for each mover that stays, its current and its former index.
+        pairs: for each mover that stays, its current and its former index.
         """
         self._time, self._decision_time, self._robot = former._time, former._decision_time, former._robot
         rows = {int(i): row for row, i in enumerate(former._indices)}
         for row, i in enumerate(self._indices.tolist()):
-            if i in kept:
-                self._plan[row] = former._plan[rows[kept[i]]]
-                self._velocities[row] = former._velocities[rows[kept[i]]]
+            if i in pairs:
+                self._plan[row] = former._plan[rows[pairs[i]]]
+                self._velocities[row] = former._velocities[rows[pairs[i]]]
 
     def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
         """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""

@@ -55,9 +55,9 @@ class Rectangle(NamedTuple):
         """Return whether both have a cell in common."""
         return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
-    def holds(self, place: Floats) -> bool:
-        """Return whether a place (2,) [m] lies in this rectangle."""
-        x, y = (place / CELL_M).tolist()
+    def holds(self, point: Floats) -> bool:
+        """Return whether a point (2,) [m] lies in this rectangle."""
+        x, y = (point / CELL_M).tolist()
         return bool(self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1)
 
 

@@ -77,7 +77,7 @@ SafetyNumbers = tuple[float, float, float, float, float]  # and a Safety
 @njit(cache=True, error_model="numpy")
 def best_command(
     window: WindowNumbers,
-    shares: tuple[Floats, Floats],
+    fractions: tuple[Floats, Floats],
     subgoal: Floats,
     points: Floats,
     box: tuple[float, float, float],
@@ -87,7 +87,7 @@ def best_command(
 ) -> tuple[float, float, float, float]:
     """Return `best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
     # Sample what can be reached in a period, and choose among all pairs of v and ω.
-    v, omega, alpha = tried(window, shares, Estimate(*estimate).period, points, box, movers)
+    v, omega, alpha = tried(window, fractions, Estimate(*estimate).period, points, box, movers)
     best = best_twist(v, omega, alpha, subgoal, points, box, estimate, safety, movers)
     return best[0], best[1], best[2], v[0]
 
@@ -95,7 +95,7 @@ def best_command(
 @njit(cache=True, error_model="numpy")
 def tried(
     window: WindowNumbers,
-    shares: tuple[Floats, Floats],
+    fractions: tuple[Floats, Floats],
     period: float,
     points: Floats,
     box: tuple[float, float, float],
@@ -103,7 +103,7 @@ def tried(
 ) -> tuple[Floats, Floats, float]:
     """Speeds v ≥ 0 (V,) and turn rates (W,) within a period [m/s, rad/s], and the turn acceleration in use [rad/s²].
 
-    The turn rate nearest to 0 is set to 0 if 0 is among them. shares: of v (V,) from 0 to 1, of ω (W,) from −1 to 1.
+    The turn rate nearest to 0 is set to 0 if 0 is among them. fractions: of v (V,) from 0 to 1, of ω (W,) from −1 to 1.
     """
     twist, lowest, highest, alphas, calm, calm_clearance, commanded = window
     alpha = alphas[1]
@@ -112,13 +112,13 @@ def tried(
         alpha = calm
     # Speeds within one period of acceleration, without reversing.
     slowest = max(max(twist[0] - alphas[0] * period, 0.0), lowest[0])
-    v = slowest + (max(min(twist[0] + alphas[0] * period, highest[0]), slowest) - slowest) * shares[0]
+    v = slowest + (max(min(twist[0] + alphas[0] * period, highest[0]), slowest) - slowest) * fractions[0]
     # Turn rates within `alpha` of the interval from the measured to the commanded rate, and within the full
     # acceleration of the measured one.
     from_low, from_high = min(twist[1], commanded), max(twist[1], commanded)
     low = max(from_low - alpha * period, twist[1] - alphas[1] * period, lowest[1])
     high = min(from_high + alpha * period, twist[1] + alphas[1] * period, highest[1])
-    omega = (low + high) / 2.0 + (high - low) / 2.0 * shares[1]
+    omega = (low + high) / 2.0 + (high - low) / 2.0 * fractions[1]
     if low <= 0.0 <= high:
         omega[np.abs(omega).argmin()] = 0.0
     return v, omega, alpha

@@ -25,7 +25,7 @@ def way_out(
     box: tuple[float, float, float],
     margin: float,
     room: float,
-    place: Floats,
+    goal: Floats,
     backwards: bool,
 ) -> tuple[NDArray[np.int8], bool]:
     """Find a few steps (K, 2) to where the centre is at least `room` [m] from all points; return them and True.
@@ -34,7 +34,7 @@ def way_out(
     right, or 0. points (M, 2): in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m], which
     keeps `margin` [m]; a point that is nearer already must not come any nearer. backwards: whether the robot can
     drive backwards. The search is breadth-first, up to 1.5 m from the robot and over `_POSES` poses. If it finds no
-    such place, it returns steps that lead to within `_ARRIVAL` of the `place` (2,) [m], or none, and False.
+    such place, it returns steps that lead to within `_ARRIVAL` of the `goal` (2,) [m], or none, and False.
     """
     r_max = math.hypot(box[0], box[1]) + box[2]
     nearby = _nearest_first(points, (_RADIUS + 1) * _CELL + max(room, r_max + margin))
@@ -65,10 +65,10 @@ def way_out(
                 continue
             is_visited[cell] = True
             steps[count, 0], steps[count, 1], parents[count] = ahead, turn, head
-            # Done at the first pose with room; the first pose close to `place` is the second choice.
+            # Done at the first pose with room; the first pose close to `goal` is the second choice.
             if _has_room(nearby, poses[count], room):
                 return _from_start(steps, parents, count), True
-            if arrived == 0 and (x - place[0]) ** 2 + (y - place[1]) ** 2 < _ARRIVAL * _ARRIVAL:
+            if arrived == 0 and (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < _ARRIVAL * _ARRIVAL:
                 arrived = count
             count += 1
         head += 1

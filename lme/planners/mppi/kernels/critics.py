@@ -181,16 +181,16 @@ def path_angle(
     path: Floats,
     pose: tuple[float, float, float],
     at: int,
-    most: float,
+    max_angle: float,
     weight: float,
 ) -> None:
     """PathAngleCritic: angle at the end of a trajectory between its heading and point `at` of the path.
 
-    Adds nothing if the robot, at `pose`, faces that point within `most` [rad].
+    Adds nothing if the robot, at `pose`, faces that point within `max_angle` [rad].
     """
     x, y = path[at, 0], path[at, 1]
     # The robot faces the point already.
-    if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < most:
+    if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < max_angle:
         return
     for n in range(len(costs)):
         # Angle between the last heading and the direction from the last pose to the point.

@@ -103,8 +103,8 @@ def constrain(sequence: Floats, limits: VelocityLimits, dt: float) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def smooth(sequence: Floats, before: Floats) -> Floats:
-    """Apply a Savitzky–Golay filter to the sequence (T, 2), but its last. before (4, 2): the controls before it."""
+def smooth(sequence: Floats, sent: Floats) -> Floats:
+    """Apply a Savitzky–Golay filter to the sequence (T, 2), but its last. sent (4, 2): the controls before it."""
     end = len(sequence) - 1
     if end < _SHORTEST - 1:
         return sequence.copy()
@@ -116,7 +116,7 @@ def smooth(sequence: Floats, before: Floats) -> Floats:
             total = 0.0
             for m in range(len(_FILTER)):
                 i = k + m - _LEAD
-                total += _FILTER[m] * (before[i, axis] if i < 0 else sequence[min(i, end), axis])
+                total += _FILTER[m] * (sent[i, axis] if i < 0 else sequence[min(i, end), axis])
             smoothed[k, axis] = total
     return smoothed
 
