@@ -101,7 +101,7 @@ def permitted(
     people and for points, and the period [s]. bounds: radius [m], v_max [m/s], and the robot's share of an evasion.
     """
     horizon, wall_horizon, dt = times
-    radius, v_max, share = bounds
+    radius, v_max, responsibility = bounds
     lines = np.empty((len(points) + len(people), 4))
     hard = 0
     # Static points give hard half-planes, which come first in `lines`.
@@ -114,8 +114,8 @@ def permitted(
     count = hard
     for k in range(len(people)):
         reach = radius + people[k, 4]
-        beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, share, lines[count])
+        beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, responsibility, lines[count])
         count += 1
     # The velocity in all half-planes, and no faster than v_max, that is nearest to the wanted one.
-    velocity_found: tuple[float, float] = best_velocity(lines[:count], hard, v_max, preferred)
-    return velocity_found
+    permitted_velocity: tuple[float, float] = best_velocity(lines[:count], hard, v_max, preferred)
+    return permitted_velocity

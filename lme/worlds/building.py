@@ -20,7 +20,7 @@ from lme.worlds.rules import DrawnRules, check_chosen
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task
 
-_SHARED = [each.name for each in fields(DrawnRules) if each.name != "worlds"]  # keys of each building's room
+_SHARED = [key.name for key in fields(DrawnRules) if key.name != "worlds"]  # keys of each building's room
 
 
 @dataclass(slots=True)

@@ -82,7 +82,7 @@ class _Scene(NamedTuple):
     observation: Observation
     route: Route
     view: LidarView
-    seen: Ranges
+    free_ranges: Ranges
     points: Floats
 
 
@@ -166,7 +166,7 @@ class MotionTubes:
     def _follow(self, scene: _Scene) -> Twist:
         """Drive the best tube; brake if there is none."""
         config, twist, dt = self._config, scene.observation.ramp_start, self._dt
-        tube = self._tubes.ahead(scene.route, twist, scene.view, scene.seen)
+        tube = self._tubes.ahead(scene.route, twist, scene.view, scene.free_ranges)
         if tube is None:
             self._state = _Manoeuvre.STOP
             return self._brake(scene)
@@ -190,7 +190,9 @@ class MotionTubes:
     def _stop(self, scene: _Scene) -> Twist:
         """Brake until a tube is free; at a standstill, recover."""
         v, omega = scene.observation.ramp_start
-        if v > -_STANDSTILL and self._tubes.ahead(scene.route, Twist(v, omega), scene.view, scene.seen):
+        if v > -_STANDSTILL and self._tubes.ahead(
+            scene.route, Twist(v, omega), scene.view, scene.free_ranges
+        ):
             self._state = _Manoeuvre.FOLLOW
             return self._follow(scene)
         if max(abs(v), abs(omega)) > _STANDSTILL:
@@ -271,7 +273,7 @@ class MotionTubes:
 
     def _can_drive_ahead(self, scene: _Scene) -> bool:
         """Return whether enough tubes are free, and one ends near the path (authors' public code: within one bin)."""
-        tube = self._tubes.ahead(scene.route, scene.observation.ramp_start, scene.view, scene.seen)
+        tube = self._tubes.ahead(scene.route, scene.observation.ramp_start, scene.view, scene.free_ranges)
         return tube is not None and tube.share >= self._config.free_low and tube.bin <= 1
 
     def _backward_curvature(self, scene: _Scene) -> float | None:
