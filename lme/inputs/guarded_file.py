@@ -105,7 +105,7 @@ def read_yaml(path: Path) -> object:
     except InputError:
         raise
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
+        raise InputError(f"{path}: not valid YAML in UTF-8 ({' '.join(str(error).split())[:200]})") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
@@ -177,7 +177,3 @@ class _UniqueKeys(SafeLoader):  # type: ignore[misc]
                 keys.add(key.value)
         mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return mapping
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

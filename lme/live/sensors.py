@@ -122,7 +122,13 @@ class LiveSensors:
                 self._moving_stamps[child] = max(min(stamp, now_ns), self._moving_stamps.get(child, 0))
             self._moving |= {*self._moving_stamps}
         if self._pose_message is None:
-            self._take_tf_pose(message, now_ns)
+            # Without a topic of poses, tf gives them. Other frames begin a new track.
+            frames = tf_frames(self._config, self.tree)
+            if frames != self._tf_frames:
+                self._tf_frames, self.track = frames, Track()
+            sample = None if frames is None else tf_pose(message, self.tree, frames)
+            if sample is not None:
+                self._add(sample, now_ns)
 
     @property
     def frames(self) -> Frames:
@@ -167,14 +173,6 @@ class LiveSensors:
                 raise NotReadyError(f"no transform of {name}")
             if now_ns - self._moving_stamps[name] > self._stale:
                 raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
-
-    def _take_tf_pose(self, message: Any, now_ns: int) -> None:
-        frames = tf_frames(self._config, self.tree)
-        if frames != self._tf_frames:
-            self._tf_frames, self.track = frames, Track()
-        sample = None if frames is None else tf_pose(message, self.tree, frames)
-        if sample is not None:
-            self._add(sample, now_ns)
 
     def _add(self, sample: Sample, now_ns: int) -> None:
         stamp = self._stamp("pose", sample.header, now_ns)

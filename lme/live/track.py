@@ -44,7 +44,9 @@ class Track:
         self._poses.append(pose)
         self._twists.append(twist)
         if len(self._stamps) > _TRIMMED_AT:
-            self._trim()
+            # Drop what is older than `_KEPT`.
+            first = bisect_left(self._stamps, self._stamps[-1] - _KEPT)
+            del self._stamps[:first], self._poses[:first], self._twists[:first]
 
     def forget_twists(self) -> None:
         """Take the velocity at the poses so far from their slope."""
@@ -102,7 +104,3 @@ class Track:
             return Twist(0.0, 0.0)
         motion = relative(self._poses[k], self._poses[j])
         return Twist(motion.x / seconds, motion.yaw / seconds)
-
-    def _trim(self) -> None:
-        first = bisect_left(self._stamps, self._stamps[-1] - _KEPT)
-        del self._stamps[:first], self._poses[:first], self._twists[:first]

@@ -20,7 +20,7 @@ from lme.perception.blind_arc import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
-from lme.types import Bools, Floats, Guidance, Observation, Twist
+from lme.types import Floats, Guidance, Observation, Twist
 
 _LEAST_CELL = 0.01  # [m] a finer grid would take longer than a control period
 
@@ -100,20 +100,15 @@ class VfhPlus:
         yaw = observation.odometry.yaw
         points = self._blind.points(observation)
         config, distance = self._config, math.hypot(x, y)
-        # Primary histogram, then the binary one with hysteresis.
+        # Primary histogram, then the binary one with hysteresis (first and second stage).
         cells = active_cells(points, config.cell_size, min(config.window, distance + self._radius))
         density = polar_density(cells, yaw, self._radius, config.window, config.peak, self._num_sectors)
-        self._blocked = self._binary(density)
+        self._blocked = (density > config.density_high) | (self._blocked & (density >= config.density_low))
         target = yaw + math.atan2(y, x)
         # Masked histogram and choice of a direction.
         direction, stop = self._direction(cells, target, observation)
         desired = self._drive(direction, stop, density, distance, observation)
         return self._guard.guard(desired, observation, points)
-
-    def _binary(self, density: Floats) -> Bools:
-        """Binary polar histogram with hysteresis (second stage)."""
-        config = self._config
-        return (density > config.density_high) | (self._blocked & (density >= config.density_low))
 
     def _direction(self, cells: Floats, target: float, observation: Observation) -> tuple[float | None, bool]:
         """Direction relative to the heading [rad], None if all are blocked, and whether to stop first."""

@@ -167,13 +167,11 @@ class TargetEstimate:
         if self._exact:
             return to_robot(self._goal, pose)
         if self._rate is None or time >= self._due - 1e-9:
-            self._fix = to_world(to_robot(self._goal, self._estimated(pose)), odometry)
+            # See the goal from the pose that localisation reports.
+            estimate = Pose(*(np.asarray(pose) + self._rng.normal(0.0, self._deviation)).tolist())
+            self._fix = to_world(to_robot(self._goal, estimate), odometry)
             self._due = (math.floor(time * self._rate + 1e-9) + 1) / self._rate if self._rate else math.inf
         return to_robot(self._fix, odometry)
-
-    def _estimated(self, pose: Pose) -> Pose:
-        """Pose that localisation reports."""
-        return Pose(*(np.asarray(pose) + self._rng.normal(0.0, self._deviation)).tolist())
 
 
 def slip_factors(slip: float, rng: np.random.Generator) -> tuple[float, float]:

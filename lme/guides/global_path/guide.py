@@ -101,7 +101,12 @@ class GlobalPath:
         route = self._route
         assert route is not None
         _follow(route, observation.odometry)
-        switched = previous is not None and previous is not route and self._switched(route, previous)
+        # A new route is a switch if it departs from the old one by more than the robot's width.
+        switched = (
+            previous is not None
+            and previous is not route
+            and departs(route.points, previous.points[previous.index :], 2.0 * self._robot.r)
+        )
         ahead = to_robot(route.points[route.index + 1 :], observation.odometry)
         path = np.vstack([_ORIGIN, ahead])
         subgoal = self._farthest_visible(path, observation) if route.reaches_target else _ORIGIN
@@ -186,10 +191,6 @@ class GlobalPath:
                 return np.array(ahead[free[-1]])
         step = min(math.ceil(robot.r / _SPACING_M), len(ahead))
         return np.array(ahead[step - 1])
-
-    def _switched(self, route: _Route, previous: _Route) -> bool:
-        """Return whether the route departs from the old one by more than the robot's width."""
-        return departs(route.points, previous.points[previous.index :], 2.0 * self._robot.r)
 
 
 def _follow(route: _Route, pose: Pose) -> None:

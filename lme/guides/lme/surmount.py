@@ -39,7 +39,8 @@ def find_blockage(
     rule "corridor": the sector of the nearest scan point within r of the segment O–T;
     "line_of_sight": the sector that the ray towards T hits before T. A closed ring has no ends to pass.
     """
-    owner = _blocking_point(points, target, radius, rule)
+    blocking_point = nearest_near_segment if rule == "corridor" else _point_on_ray
+    owner = int(blocking_point(points, target, radius))
     if owner < 0:
         return None
     sector, closed = _sector_of(points, owner, 2.0 * radius, full_circle)
@@ -76,12 +77,6 @@ def sector_points(points: Floats, sector: Sequence[int] | Ints) -> Floats:
     if first <= last:
         return points[first : last + 1]
     return np.concatenate((points[first:], points[: last + 1]))
-
-
-def _blocking_point(points: Floats, target: Floats, radius: float, rule: str) -> int:
-    if rule == "corridor":
-        return int(nearest_near_segment(points, target, radius))
-    return _point_on_ray(points, target, radius)
 
 
 def _point_on_ray(points: Floats, target: Floats, radius: float) -> int:

@@ -46,7 +46,12 @@ def find_weights(weights: str) -> Path:
     if path.is_file():
         return path
     if path.is_dir():
-        return _of_run(path)
+        if not (path / WEIGHTS).is_file():
+            raise InputError(
+                f"weights is {path}: holds no {WEIGHTS}; must be the directory of a finished lme train; "
+                "resume that training to finish it"
+            )
+        return path / WEIGHTS
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.yaml"))}
     if weights in registered:
         return registered[weights]
@@ -93,12 +98,3 @@ def shipped_networks() -> dict[str, Path]:
 
 def _shipped(folder: str, ending: str) -> dict[str, Path]:
     return {path.stem: path for path in sorted((resource_dir("conf") / folder).glob(f"*.{ending}"))}
-
-
-def _of_run(directory: Path) -> Path:
-    if not (directory / WEIGHTS).is_file():
-        raise InputError(
-            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train; "
-            "resume that training to finish it"
-        )
-    return directory / WEIGHTS

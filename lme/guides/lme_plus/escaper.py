@@ -125,7 +125,10 @@ class LocalMinimumEscaperPlus:
             subgoal = to_robot(self._subgoal, sight.pose)
         assert subgoal is not None
         decision = Decision(subgoal, choice, blocked)
-        view, parameters = self._view(observation, sight), self._parameters
+        # View for the explanation: the points of the scan and the target, without a history or a blockage.
+        radius = self._robot.footprint.r_min + self._config.margin
+        view = View(self._memory.seen, observation.target, radius, _NO_POINTS, None, "every")
+        parameters = self._parameters
         return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _choose(self, subgoal: Floats | None, scores: Floats, new: int) -> Choice:
@@ -134,11 +137,6 @@ class LocalMinimumEscaperPlus:
             return Choice.FIRST
         distance, parameters = math.hypot(*subgoal.tolist()), self._parameters
         return choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
-
-    def _view(self, observation: Observation, sight: Sight) -> View:
-        """View for an explanation: the points of the scan and the target; LME+ has no history and no blockage."""
-        radius = self._robot.footprint.r_min + self._config.margin
-        return View(self._memory.seen, observation.target, radius, _NO_POINTS, None, "every")
 
     def _look(self, observation: Observation) -> tuple[Sight, Floats]:
         """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""

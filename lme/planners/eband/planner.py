@@ -17,7 +17,7 @@ from lme.planners.eband.kernels import hidden
 from lme.planners.polyline import exit_point
 from lme.planners.stopping import until_rest
 from lme.robots import Robot
-from lme.types import Floats, Guidance, Observation, Pose, Twist
+from lme.types import Floats, Guidance, Observation, Twist
 
 _NO_EDGES = np.empty((0, 4))
 _AT_REST = np.zeros((1, 3))
@@ -99,7 +99,10 @@ class EBand:
     def _follow(self, observation: Observation) -> tuple[float, float]:
         """Velocity and turn rate along the band."""
         config, limits, dt = self._config, observation.limits, self._robot.dt
-        x, y, remaining = self._aim(observation.odometry)
+        # Aim at the point where the band leaves the bubble around the robot; `remaining` is the length of the band to
+        # its end or tear. A band that is torn at the robot still includes the next bubble.
+        line = to_robot(self.band.centres[: max(self.band.chain, 2)], observation.odometry)
+        x, y, remaining = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
         if math.hypot(x, y) < _ARRIVED:
             return 0.0, 0.0
         error, omega_max = math.atan2(y, x), min(config.omega_max, limits.omega_max)
@@ -112,15 +115,6 @@ class EBand:
         if error != 0.0:  # so that the arc at this turn rate reaches the aim
             fastest = min(fastest, max_turn * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
         return approach(remaining, observation.ramp_start.v, fastest, limits.alpha_v, dt), turn
-
-    def _aim(self, pose: Pose) -> tuple[float, float, float]:
-        """Point where the band leaves the bubble around the robot, and length of the band to its end or tear [m].
-
-        A band that is torn at the robot still includes the next bubble.
-        """
-        line = to_robot(self.band.centres[: max(self.band.chain, 2)], pose)
-        x, y, remaining = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
-        return x, y, remaining
 
     def _allowed(self) -> float:
         """Velocity limit in the bubble around the robot [m/s]; v_min if the band is torn there."""

@@ -192,8 +192,11 @@ class MinTime:
         )
 
     def _situation_ahead(self, situation: _Situation, limits: Limits) -> _Situation:
-        """Return the situation in which the next command takes effect."""
-        return self._predicted(situation, limits) if self._check.under_way else situation
+        """Return the situation in which the next command takes effect, in the robot frame of that time."""
+        if not self._check.under_way:
+            return situation
+        pose, twist = self._predict(situation.twist, limits)
+        return _shifted(situation, pose, self._config.latency)._replace(twist=twist)
 
     def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
         """Return the points that do not move (M, 2), and the movers (P, 5)."""
@@ -203,11 +206,6 @@ class MinTime:
         points = scan_points if guidance.points is None else guidance.points
         is_mover, movers = movers_among(points, scan_points, observation.pedestrians, WIDEST)
         return points[~is_mover], movers
-
-    def _predicted(self, situation: _Situation, limits: Limits) -> _Situation:
-        """Return the situation after the latency, in the robot frame of that time."""
-        pose, twist = self._predict(situation.twist, limits)
-        return _shifted(situation, pose, self._config.latency)._replace(twist=twist)
 
     def _predict(self, start: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Predict pose, in the current robot frame, and twist for when the next command takes effect."""

@@ -99,7 +99,9 @@ class RosDwa:
             return
         if not guidance.blocked:
             path = guidance.path if guidance.path is not None else np.vstack([np.zeros(2), guidance.subgoal])
-            self._path = to_world(_dense(path, self._config.costmap.cell_size), observation.odometry)
+            # Points at most a cell apart; the ends stay.
+            ahead = stretch(path, 0.0, math.inf, self._config.costmap.cell_size)
+            self._path = to_world(np.vstack([path[:1], ahead]), observation.odometry)
             self._planned, self._state = self._time, _State.CONTROLLING
             if self._no_plan:
                 self._recovery = 0
@@ -168,8 +170,3 @@ class _Turn:
 def _headings(begin: float, turn: float) -> Iterator[float]:
     """Headings during a turn [rad]."""
     return (begin + k * _STEP for k in range(math.ceil(turn / _STEP)))
-
-
-def _dense(path: Floats, spacing: float) -> Floats:
-    """Insert points into the polyline (K, 2) so that they are at most `spacing` [m] apart; its ends stay."""
-    return np.vstack([path[:1], stretch(path, 0.0, math.inf, spacing)])

@@ -126,21 +126,13 @@ class StoppingCheck:
     def _clearances(
         self, candidates: Floats, state: StoppingState, twist: Twist, sufficient: float
     ) -> Floats:
-        start = state.points, _plain(twist), self._sent_commands()
+        sent = np.array(self.under_way, dtype=np.float64) if self.under_way else _NO_COMMANDS
+        # Plain tuples, since a named one is a different type to Numba.
+        start, motion = (
+            (float(twist[0]), float(twist[1])),
+            (*StoppingMotion(state.limits.bounds, *self._times),),
+        )
         clearances: Floats = stopping_clearances(
-            *start, candidates, self._motion(state.limits), self._box, sufficient
+            state.points, start, sent, candidates, motion, self._box, sufficient
         )
         return clearances
-
-    def _sent_commands(self) -> Floats:
-        if not self.under_way:
-            return _NO_COMMANDS
-        return np.array(self.under_way, dtype=np.float64)
-
-    def _motion(self, limits: Limits) -> tuple[tuple[float, float, float, float], float, float, float]:
-        """Return the motion as a plain tuple, since a named one is a different type to Numba."""
-        return (*StoppingMotion(limits.bounds, *self._times),)
-
-
-def _plain(twist: Twist) -> tuple[float, float]:
-    return float(twist[0]), float(twist[1])

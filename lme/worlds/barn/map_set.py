@@ -106,7 +106,10 @@ class Barn:
         """Choose the worlds; `task` reads the files. Raises InputError if a requested world does not exist."""
         self.config = config
         self._files = None if config.source is None else find_worlds(config.source)
-        self._numbers = self._chosen()
+        self._numbers = config.numbers(self._subset())
+        absent = [number for number in self._numbers if not self._exists(number)]
+        if absent:
+            raise InputError(self._describe_missing(absent))
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -147,14 +150,6 @@ class Barn:
             speed=OPTIMAL_SPEED_M_S,
             measures=_measures(layout),
         )
-
-    def _chosen(self) -> tuple[int, ...]:
-        """Numbers of `worlds` or of the subset. Raises InputError that names those that do not exist."""
-        numbers = self.config.numbers(self._subset())
-        absent = [number for number in numbers if not self._exists(number)]
-        if absent:
-            raise InputError(self._describe_missing(absent))
-        return numbers
 
     def _subset(self) -> Iterable[int]:
         config = self.config
