@@ -128,10 +128,8 @@ class StoppingCheck:
     ) -> Floats:
         sent = np.array(self.under_way, dtype=np.float64) if self.under_way else _NO_COMMANDS
         # Plain tuples, since a named one is a different type to Numba.
-        start, motion = (
-            (float(twist[0]), float(twist[1])),
-            (*StoppingMotion(state.limits.bounds, *self._times),),
-        )
+        start = float(twist[0]), float(twist[1])
+        motion = (*StoppingMotion(state.limits.bounds, *self._times),)
         clearances: Floats = stopping_clearances(
             state.points, start, sent, candidates, motion, self._box, sufficient
         )
