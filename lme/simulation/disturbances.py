@@ -21,7 +21,8 @@ _NOT_NEGATIVE = (
     "latency",
     "odometry_age",
     "lag",
-    "natural_frequency",
+    "natural_frequency_v",
+    "natural_frequency_omega",
     "ripple_v",
     "ripple_omega",
     "tilt",
@@ -40,7 +41,10 @@ class Disturbances:
     latency: float = 0.0  # [s] from a command to its effect
     odometry_age: float = 0.0  # [s] of the measured pose and twist
     lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
-    natural_frequency: float = 0.0  # [rad/s] with which legs follow that, as a second-order response; 0: none
+    natural_frequency_v: float = (
+        0.0  # [rad/s] with which legs follow that in v, as a second-order response; 0: none
+    )
+    natural_frequency_omega: float = 0.0  # [rad/s] and in ω
     overshoot_v: float = 0.0  # [-] of this response to a step in v, as a share of the step
     overshoot_omega: float = 0.0  # [-] and to a step in ω
     ripple_v: float = 0.0  # [m/s] standard deviation of the measured speed of a walking robot
@@ -64,6 +68,11 @@ class Disturbances:
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
             require("sim.goal_rate", self.goal_rate, at_least=0.0)
+
+    @property
+    def has_gait(self) -> bool:
+        """Return whether legs follow the command, in v or in ω."""
+        return self.natural_frequency_v > 0.0 or self.natural_frequency_omega > 0.0
 
 
 class Delay:

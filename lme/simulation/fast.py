@@ -122,7 +122,7 @@ class FastSimulator:
     def _make_substepper(self, task: Task, crowd: Crowd, body: Body) -> Substepper | None:
         """Return a substepper if one is needed."""
         robot, config = self._robot, self._config
-        if not (len(crowd) or config.latency or config.lag or config.natural_frequency or config.slip):
+        if not (len(crowd) or config.latency or config.lag or config.has_gait or config.slip):
             return None
         self._substeps = self._count_substeps(crowd)
         return Substepper(task, robot, config, self._rng.spawn(1)[0], crowd, body)

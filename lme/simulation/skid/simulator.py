@@ -114,7 +114,7 @@ class SkidSimulator:
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
         self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
         self._pieces = 1
-        if len(self._crowd) or self._config.latency or self._config.natural_frequency:
+        if len(self._crowd) or self._config.latency or self._config.has_gait:
             self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
 
     def _drive(self, time: float, duration: float, factors: tuple[float, float]) -> State:
