@@ -117,11 +117,11 @@ def check(name: str, value: float) -> None:
     if usual.low <= value <= usual.high:
         return
     hint = f"; {usual.hint}" if usual.hint else ""
-    said = f"{name} is {_with_unit(value, usual)}"
+    statement = f"{name} is {_with_unit(value, usual)}"
     normal = f"usually {_between(usual.low, usual.high, usual)}{hint}"
     if not usual.least <= value <= usual.most:
-        raise InputError(f"{said}: must be {_between(usual.least, usual.most, usual)}, and is {normal}")
-    warnings.warn(f"{said}: it is {normal}", stacklevel=2)
+        raise InputError(f"{statement}: must be {_between(usual.least, usual.most, usual)}, and is {normal}")
+    warnings.warn(f"{statement}: it is {normal}", stacklevel=2)
 
 
 def check_fields(values: Any) -> None:
@@ -134,16 +134,15 @@ def check_fields(values: Any) -> None:
 
 def check_mount(argument: str, x: float, y: float, reach: float) -> None:
     """Check a sensor's place on a robot. reach: from the base to the farthest point of the outline [m]."""
-    away, usual, most = math.hypot(x, y), reach + _BEYOND, reach + _FAR
-    said = (
-        f"{config_key(argument)} is mounted {away:.3g} m from the base of a robot that ends at {reach:.3g} m"
-    )
-    if away > most:
+    distance, usual, max_distance = math.hypot(x, y), reach + _BEYOND, reach + _FAR
+    mounted = f"{config_key(argument)} is mounted {distance:.3g} m"
+    statement = f"{mounted} from the base of a robot that ends at {reach:.3g} m"
+    if distance > max_distance:
         raise InputError(
-            f"{said}: must be at most {most:.3g} m from it, and is usually at most {usual:.3g} m; {_MM}"
+            f"{statement}: must be at most {max_distance:.3g} m from it, and is usually at most {usual:.3g} m; {_MM}"
         )
-    if away > usual:
-        warnings.warn(f"{said}: it is usually at most {usual:.3g} m from it; {_MM}", stacklevel=2)
+    if distance > usual:
+        warnings.warn(f"{statement}: it is usually at most {usual:.3g} m from it; {_MM}", stacklevel=2)
 
 
 def _with_unit(value: float, usual: Usual) -> str:

@@ -145,9 +145,9 @@ class FastSimulator:
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival."""
         obstacles = (self._circles, self._edges)
-        passed, clearance, contact, arrived = until_event(travel, self._task, self._box, *obstacles)
-        time = start_time + dt * len(passed) / len(travel)
-        return State(Pose(*passed[-1].tolist()), twist, time, passed, clearance, contact, arrived)
+        driven, clearance, contact, arrived = until_event(travel, self._task, self._box, *obstacles)
+        time = start_time + dt * len(driven) / len(travel)
+        return State(Pose(*driven[-1].tolist()), twist, time, driven, clearance, contact, arrived)
 
     def _observe(self) -> Observation:
         state = self.state

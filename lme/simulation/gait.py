@@ -55,16 +55,16 @@ class GaitResponse:
 
     def follow(self, command: tuple[float, float], dt: float) -> tuple[float, float]:
         """Return distance [m] and turn [rad] in the next `dt` [s] under a command v [m/s], ω [rad/s]."""
-        moved, reached = [0.0, 0.0], [0.0, 0.0]
+        motion, reached = [0.0, 0.0], [0.0, 0.0]
         for axis in range(2):
             if self._frequencies[axis] == 0.0:
-                moved[axis], reached[axis] = command[axis] * dt, command[axis]
+                motion[axis], reached[axis] = command[axis] * dt, command[axis]
                 continue
             state = (self.twist[axis], self._rates[axis], command[axis])
             transition = _transition(self._frequencies[axis], self._dampings[axis], dt)
-            moved[axis], reached[axis], self._rates[axis] = (transition @ state).tolist()
+            motion[axis], reached[axis], self._rates[axis] = (transition @ state).tolist()
         self.twist = Twist(*reached)
-        return moved[0], moved[1]
+        return motion[0], motion[1]
 
 
 def response_of(config: Disturbances) -> GaitResponse | None:

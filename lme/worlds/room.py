@@ -59,7 +59,8 @@ class Room:
     def __init__(self, config: RoomConfig) -> None:
         """Read the map. Raises InputError for an invalid file, or one with too little free space."""
         path = _path(config)
-        source = (path, path.stat().st_mtime_ns, _size(config), config.unknown)
+        size = None if config.size is None else (config.size[0], config.size[1])
+        source = (path, path.stat().st_mtime_ns, size, config.unknown)
         radius = STAGE_RADIUS if config.radius is None else config.radius
         self.config = config
         self._name = config.name or path.stem
@@ -166,7 +167,3 @@ def _path(config: RoomConfig) -> Path:
     if config.name not in shipped:
         raise argument_error(f"name is {config.name!r}: must be one of {', '.join(shipped)}, or give path")
     return resource_dir("maps") / config.name / DRAWING
-
-
-def _size(config: RoomConfig) -> tuple[float, float] | None:
-    return None if config.size is None else (config.size[0], config.size[1])

@@ -156,8 +156,8 @@ class SkidSimulator:
         if rate is None:
             return self.state.pose
         age = (self.state.time + self._scan_phase) % (1.0 / rate)
-        back = round(age / self._config.check_time)
-        return Pose(*travel[max(len(travel) - 1 - back, 0)].tolist())
+        num_back = round(age / self._config.check_time)
+        return Pose(*travel[max(len(travel) - 1 - num_back, 0)].tolist())
 
 
 def _check(robot: Robot) -> None:

@@ -227,7 +227,7 @@ def own(tmp_path):
         ("v_max: 2.0", "", "robot.v_max has no value"),
         ("num_beams: 720", "num_beams: 7.5", "robot.lidar.num_beams is 7.5: must be a whole number"),
         ("num_beams: 720", "num_beams: 0", "robot.lidar.num_beams is 0"),
-        ("contact: null", "contact: ${oc.env:PATH}", "robot.contact is '"),
+        ("v_max: 2.0", "v_max: 2.0\ncontact: ${oc.env:PATH}", "robot.contact is '"),
         ("v_max: 2.0", "v_max: ${x", "v_max is ${x: must be an interpolation with its closing brace"),
         (
             "num_beams: 720",
