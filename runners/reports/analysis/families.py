@@ -20,15 +20,15 @@ def families_section(frame: pd.DataFrame) -> str:
     """Return the section of table.md; empty if the records have no families. frame: records of one or more runs."""
     if FAMILY not in frame:
         return ""
-    found = frame[frame[FAMILY].notna()]
+    episodes = frame[frame[FAMILY].notna()]
     # A row for each combination of values and family.
     keys = ["system", *row_keys(frame), FAMILY]
-    texts = found.assign(**{key: as_text(found[key]) for key in keys})
+    texts = episodes.assign(**{key: as_text(episodes[key]) for key in keys})
     rows = [[*map(str, values), *_figures(group)] for values, group in texts.groupby(keys, sort=False)]
     names = [key.capitalize() if key.isidentifier() else key for key in keys[:-1]]
     header = [*names, "Family", "Success", "95 % CI", "Collision", "Timeout", "n"]
     rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
-    stands_in = (found[FAMILY] == STAND_IN).any()
+    stands_in = (episodes[FAMILY] == STAND_IN).any()
     note = (
         f"\n{STAND_IN} are generated: no maps of real buildings were given (map.paths).\n"
         if stands_in

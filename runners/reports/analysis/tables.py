@@ -42,8 +42,8 @@ Column = tuple[str, ...]  # its header, then a cell for each row
 
 def title(frame: pd.DataFrame) -> str:
     """Return what all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
-    shown = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
-    values = {key: str(frame[key].iloc[0]) for key in shown if frame[key].nunique() == 1}
+    columns = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
+    values = {key: str(frame[key].iloc[0]) for key in columns if frame[key].nunique() == 1}
     common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
     return " · ".join([*common, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
 
@@ -58,7 +58,9 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
     # Name the columns that are means over successes, as far as they are shown.
     means = list(
         dict.fromkeys(
-            each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out
+            success_metric.header.split()[0]
+            for success_metric in METRICS
+            if success_metric.of_successes and success_metric.header not in left_out
         )
     )
     if means:
@@ -85,10 +87,12 @@ def _sources(rows: Sequence[Row]) -> dict[str, str]:
 
 def changed_notes(rows: Sequence[Row]) -> list[str]:
     """Return the notes on keys that differ from the files of their options."""
-    ours = [row for row in rows if not row.published_map]
-    if len({row.changes for row in ours}) == 1:
-        return [f"Changed: {ours[0].changes}."] if ours[0].changes else []
-    return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in ours if row.changes))
+    driven_rows = [row for row in rows if not row.published_map]
+    if len({row.changes for row in driven_rows}) == 1:
+        return [f"Changed: {driven_rows[0].changes}."] if driven_rows[0].changes else []
+    return list(
+        dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in driven_rows if row.changes)
+    )
 
 
 def _counted(frame: pd.DataFrame, column: str) -> str:
@@ -103,21 +107,21 @@ def _counted(frame: pd.DataFrame, column: str) -> str:
 def to_markdown(rows: Sequence[Row]) -> str:
     """Return the table in GitHub's Markdown, with notes below."""
     header, *lines = _cells(rows, " ± ")
-    first = 1 + len(rows[0].keys)
-    rule = ["---"] * first + ["---:"] * (len(header) - first)
+    label_columns = 1 + len(rows[0].keys)
+    rule = ["---"] * label_columns + ["---:"] * (len(header) - label_columns)
     table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
     return f"{table}\n\n" + "\n".join(f"{markdown_text(note)}  " for note in notes(rows)) + "\n"
 
 
 def to_csv(rows: Sequence[Row]) -> str:
     """Return the numbers of the table, not rounded; missing ones are empty. Changed keys have a column if any."""
-    changed = any(row.changes for row in rows)
+    has_changes = any(row.changes for row in rows)
     return csv_text(
         [
             {
                 "label": row.name,
                 **row.keys,
-                **({"changes": row.changes} if changed else {}),
+                **({"changes": row.changes} if has_changes else {}),
                 "global_planner": row.global_planner,
                 "episodes": row.episodes,
                 "worlds": row.worlds,
@@ -134,8 +138,8 @@ def to_html(rows: Sequence[Row]) -> str:
     header, *lines = ([html_text(cell) for cell in line] for line in _cells(rows, " ± "))
     head = "".join(f"<th>{cell}</th>" for cell in header)
     body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
-    below = "<br>\n".join(map(html_text, notes(rows)))
-    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{below}</p>"
+    footer = "<br>\n".join(map(html_text, notes(rows)))
+    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{footer}</p>"
 
 
 def to_latex(rows: Sequence[Row]) -> str:
@@ -143,12 +147,12 @@ def to_latex(rows: Sequence[Row]) -> str:
     import pandas as pd
 
     header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
-    first = 1 + len(rows[0].keys)
-    columns = f"@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}"
+    label_columns = 1 + len(rows[0].keys)
+    columns = f"@{{}}{'l' * label_columns}{'r' * (len(header) - label_columns)}@{{}}"
     table = pd.DataFrame(lines, columns=header).to_latex(index=False, escape=False, column_format=columns)
     comments = "".join(f"% {visible(note)}\n" for note in notes(rows))
-    below = "".join(f"\\par {latex_text(note)}\n" for note in changed_notes(rows))
-    return f"{comments}{table}{below}"
+    footer = "".join(f"\\par {latex_text(note)}\n" for note in changed_notes(rows))
+    return f"{comments}{table}{footer}"
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
@@ -161,14 +165,14 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
     from rich.text import Text
 
     columns, gap, left_out = _fit(rows, width)
-    below = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
-    caption = Text("\n".join(map(visible, below)))
+    footer = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
+    caption = Text("\n".join(map(visible, footer)))
     table = Table(title=Text(visible(heading)), caption=caption, caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
     # Text, not str: Rich would read a unit in brackets as markup.
     for number, (header, *_) in enumerate(columns):
-        left = number <= len(rows[0].keys)
-        table.add_column(Text(header), justify="left" if left else "right", overflow="fold")
+        is_label = number <= len(rows[0].keys)
+        table.add_column(Text(header), justify="left" if is_label else "right", overflow="fold")
     for row, line in zip(rows, list(zip(*columns, strict=True))[1:], strict=True):
         table.add_row(*map(Text, line), style="dim" if row.published_map else None)
     return table
@@ -187,9 +191,9 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
 
     `table.md` also says how long episodes timed out, and links to explainer pages of failed ones, if there are any.
     """
-    below = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
+    sections = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
     texts = {
-        "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{below}",
+        "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{sections}",
         "table.csv": to_csv(rows),
         "table.tex": to_latex(rows),
     }
@@ -209,11 +213,11 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
     keys = [key.capitalize() if key in GROUP_KEYS else visible(key) for key in rows[0].keys]
     lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]
     for row in rows:
-        first, *others = [_stat(row, metric, plus_minus) for metric in metrics]
+        success, *further_values = [_stat(row, metric, plus_minus) for metric in metrics]
         interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
         episodes = MISSING if row.episodes is None else str(row.episodes)
         values = [visible(value) or MISSING for value in row.keys.values()]
-        lines.append([visible(row.name), *values, first, interval, *others, episodes])
+        lines.append([visible(row.name), *values, success, interval, *further_values, episodes])
     if _compares_planners(rows):
         for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
             line.append(cell)
@@ -236,13 +240,13 @@ def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Colum
         return columns, GAP, []
     # Fold every column to its longest word, and omit one more column until the rest fits.
     columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
-    spare = _least_needed_first(columns[1:], len(rows[0].keys))
-    for count in range(len(spare) + 1):
-        folded = [_wrap(column) for column in columns if column not in spare[:count]]
+    omittable = _least_needed_first(columns[1:], len(rows[0].keys))
+    for count in range(len(omittable) + 1):
+        folded = [_wrap(column) for column in columns if column not in omittable[:count]]
         for gap in (GAP, 1):
             if _width(folded, gap) <= width:
-                return folded, gap, spare[:count]
-    return folded, gap, spare
+                return folded, gap, omittable[:count]
+    return folded, gap, omittable
 
 
 def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
@@ -254,7 +258,7 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
     metrics = {metric.header: metric for metric in METRICS}
     ranked = []
     # Rank by need, the least needed first; equal ranks go from right to left.
-    for place, column in enumerate(columns):
+    for position, column in enumerate(columns):
         metric = metrics.get(column[0])
         if _is_constant(column) and column[0] != INTERVAL_HEADER:
             rank = 0 if metric is None else 1
@@ -262,8 +266,8 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
             rank = 4
         else:
             rank = 2 if metric.spare else 3
-        if column[0] != METRICS[0].header and (place >= keys or rank == 0):
-            ranked.append((rank, -place, column))
+        if column[0] != METRICS[0].header and (position >= keys or rank == 0):
+            ranked.append((rank, -position, column))
     return [column for *_, column in sorted(ranked)]
 
 
@@ -275,16 +279,16 @@ def _is_constant(column: Column) -> bool:
 
 def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
     """Return lines that name the omitted columns and say where to find them."""
-    same = [
+    constant = [
         f"{header} {next(cell for cell in cells if cell != MISSING)}"
         for header, *cells in left_out
         if _is_constant((header, *cells))
     ]
-    lines = [f"The same in every row with a value: {', '.join(same)}."] if same else []
-    others = [column[0] for column in left_out if not _is_constant(column)]
-    if others:
+    lines = [f"The same in every row with a value: {', '.join(constant)}."] if constant else []
+    left_out_headers = [column[0] for column in left_out if not _is_constant(column)]
+    if left_out_headers:
         lines.append(
-            f"Left out at {width} columns: {', '.join(others)}. "
+            f"Left out at {width} columns: {', '.join(left_out_headers)}. "
             "A wider terminal shows them, and so does `lme table RUN --format md`."
         )
     return lines
@@ -298,8 +302,8 @@ def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
 
 def _wrap(column: Column) -> Column:
     """Return the cells, wrapped to the width of their longest word."""
-    narrow = max(len(word) for cell in column for word in cell.split())
-    return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)
+    longest_word = max(len(word) for cell in column for word in cell.split())
+    return tuple("\n".join(textwrap.wrap(cell, longest_word, break_on_hyphens=False)) for cell in column)
 
 
 def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
