@@ -19,12 +19,15 @@ from runners.reports.explainer.write import asset, document_parts, write_html
 SUCCESS, METRIC = "success", "barn_metric"  # the figures with an interval
 _SHOWN_FILES = (".md", ".png", ".gif", ".mp4")
 _NOTES = (
-    "Below each map set, robot, simulator and crowd, with all their keys, are the systems that were driven there: a "
-    "guide, a planner and a filter with all theirs, and whom they see. Runs that differ in any key are never averaged.",
+    "Below each map set, robot, simulator and crowd, with all their keys, are the systems that were "
+    "driven there: a "
+    "guide, a planner and a filter with all theirs, and whom they see. Runs that differ in any key "
+    "are never averaged.",
     f"Interval of success: {INTERVAL_NOTE}",
     "Interval of the BARN metric: bootstrap over worlds; it has no width where all worlds agree.",
     f"Time is the mean over successful episodes. n: episodes; below it, worlds {TIMES} runs.",
-    "An unfinished run says how much of it was driven, and comes last. Of several runs of one job the newest finished "
+    "An unfinished run says how much of it was driven, and comes last. Of several runs of one job "
+    "the newest finished "
     "one is shown; it links to the others.",
 )
 
@@ -62,7 +65,7 @@ def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], pa
     """Write the page. problems: a line for each run that was left out. Raises InputError if it cannot be written."""
     from jinja2 import Environment, StrictUndefined
 
-    parts = document_parts("Leaderboard", ("index.css", "leaderboard.css"), ("leaderboard.js",))
+    document = document_parts("Leaderboard", ("index.css", "leaderboard.css"), ("leaderboard.js",))
     # Names and paths may come from somebody else's run: whatever the template shows is made visible, then escaped.
     environment = Environment(
         autoescape=True,
@@ -72,8 +75,8 @@ def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], pa
         lstrip_blocks=True,
     )
     page = environment.from_string(asset("leaderboard.html")).render(
-        head=parts["HEAD"],
-        script=parts["SCRIPT"],
+        head=document["HEAD"],
+        script=document["SCRIPT"],
         count=_count(entries),
         columns=COLUMNS,
         settings=list(_settings(entries, path.parent)),
@@ -92,17 +95,17 @@ def _count(entries: Sequence[BoardEntry]) -> str:
 def _settings(entries: Sequence[BoardEntry], page_dir: Path) -> Iterator[tuple[Any, list[dict[str, Any]]]]:
     """Yield each setting and its lines, by decreasing number of systems; the best success is the first line."""
     systems = Counter(setting for setting, _ in {(entry.setting, entry.system) for entry in entries})
-    shown, runs = defaultdict(list), defaultdict(list)
+    entries_by_setting, runs = defaultdict(list), defaultdict(list)
     for entry in entries:
         runs[entry.job].append(entry)
         if entry.shown:
-            shown[entry.setting].append(entry)
+            entries_by_setting[entry.setting].append(entry)
     # One line for each job that is to be shown.
     for setting in sorted(systems, key=lambda setting: (-systems[setting], setting)):
-        jobs = Counter(entry.system for entry in shown[setting])
+        jobs = Counter(entry.system for entry in entries_by_setting[setting])
         lines = [
             _line(entry, jobs[entry.system] > 1, runs[entry.job], page_dir)
-            for entry in sorted(shown[setting], key=_worst_last)
+            for entry in sorted(entries_by_setting[setting], key=_worst_last)
         ]
         yield setting, lines
 
@@ -113,9 +116,9 @@ def _worst_last(entry: BoardEntry) -> tuple[bool, float, float]:
     return bool(entry.row.unfinished), success, metric
 
 
-def _line(entry: BoardEntry, several: bool, runs: Sequence[BoardEntry], page_dir: Path) -> dict[str, Any]:
+def _line(entry: BoardEntry, has_jobs: bool, runs: Sequence[BoardEntry], page_dir: Path) -> dict[str, Any]:
     """Return the parts of a line. several: whether its system has other jobs in the setting. runs: all of its job."""
-    job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if several else ()
+    job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if has_jobs else ()
     return {
         "label": entry.system.label,
         "name": entry.system.name,
@@ -135,10 +138,10 @@ def _cells(entry: BoardEntry) -> Iterator[_Cell]:
             continue
         mean = row.stats.get(column.key, (math.nan,))[0]
         low, high = intervals.get(column.key) or (math.nan, math.nan)
-        known = not math.isnan(mean)
+        has_value = not math.isnan(mean)
         yield _Cell(
-            f"{mean:.6f}" if known and not row.unfinished else "",
-            f"{mean:.{column.digits}f}" if known else DASH,
+            f"{mean:.6f}" if has_value and not row.unfinished else "",
+            f"{mean:.{column.digits}f}" if has_value else DASH,
             "" if math.isnan(low) else f"{low:.3f}{DASH}{high:.3f}",
         )
     yield _Cell(str(row.episodes), str(row.episodes), f"{row.worlds} {TIMES} {row.runs}")
@@ -151,8 +154,8 @@ def _facts(
 ) -> Iterator[tuple[str, list[tuple[str, str]]]]:
     """Yield what is known of a run: a name, and texts with addresses relative to the folder of the page."""
 
-    def link(path: Path, text: str = "", end: str = "") -> tuple[str, str]:
-        return text or str(path), html_address(os.path.relpath(path, page_dir)) + end
+    def link(path: Path, text: str = "", suffix: str = "") -> tuple[str, str]:
+        return text or str(path), html_address(os.path.relpath(path, page_dir)) + suffix
 
     yield "Directory", [link(entry.run_dir, end="/")]
     for reasons in folder(entry.run_dir):

@@ -51,8 +51,8 @@ def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
     """Drive one episode of a config as `lme eval` does, save it as GIF, and return its outcome."""
     trace = rerun(config, world, run)
     all_times = np.array([frame.time for frame in trace.frames])
-    every = math.ceil(len(all_times) / MOST_FRAMES)
-    pace = FilmPace(np.append(all_times[:-1:every], all_times[-1]), trace.robot.control_rate / every)
+    stride = math.ceil(len(all_times) / MOST_FRAMES)
+    pace = FilmPace(np.append(all_times[:-1:stride], all_times[-1]), trace.robot.control_rate / stride)
     screen = Screen([trace], [""], WIDTH_PX)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
     return Outcome(trace.episode.outcome)
@@ -76,11 +76,11 @@ class Screen:
         """Lay out the panels. labels: above panels, empty for none. width_px: at most. note: text before the key."""
         boxes = same_size([_box(trace, traces) for trace in traces])
         page = (width_px / DPI, TALL * width_px / DPI)
-        around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
-        columns = best_columns(len(traces), aspect_of(boxes[0]), page, around)
-        width = panel_width(columns, len(traces), aspect_of(boxes[0]), page, around)
+        margins = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
+        columns = best_columns(len(traces), aspect_of(boxes[0]), page, margins)
+        width = panel_width(columns, len(traces), aspect_of(boxes[0]), page, margins)
         self._figure = new_figure(*page, DPI, layout=None)
-        rows = lay_out(self._figure, wrapped(boxes, columns), width, around)
+        rows = lay_out(self._figure, wrapped(boxes, columns), width, margins)
         all_axes = [axes for row in rows for axes in row]
         self._panels = [
             _Panel(axes, trace, label, candidates)
@@ -88,8 +88,8 @@ class Screen:
         ]
         text = " · ".join(filter(None, [note, KEY, CANDIDATES_KEY if candidates else ""]))
         lines = textwrap.fill(text, int(self._figure.get_figwidth() / LETTER_IN))
-        top = (around.footer + 0.06) / self._figure.get_figheight()
-        self._figure.text(0.5, top, lines, ha="center", va="top", fontsize=7, color=INK)
+        bottom_text_y = (margins.footer + 0.06) / self._figure.get_figheight()
+        self._figure.text(0.5, bottom_text_y, lines, ha="center", va="top", fontsize=7, color=INK)
         self._still: Any = None
 
     def pictures(self, times: Sequence[float] | Floats) -> Iterator[Picture]:
@@ -98,8 +98,8 @@ class Screen:
 
     def sample(self, times: Floats) -> list[Picture]:
         """Return a few pictures, evenly spread over the times."""
-        chosen = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
-        return list(self.pictures(times[chosen]))
+        indices = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
+        return list(self.pictures(times[indices]))
 
     def at(self, time_s: float) -> Picture:
         """Return the picture at this time, (height, width, 3)."""
@@ -156,6 +156,10 @@ class _Panel:
 
 def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
     """Return the box of the world that is shown, which is the same for all episodes in the world."""
-    here = [each for each in traces if (each.config.map, each.world) == (trace.config.map, trace.world)]
-    ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
-    return common_box([trace.task], np.vstack(ways))
+    traces_in_world = [
+        other_trace
+        for other_trace in traces
+        if (other_trace.config.map, other_trace.world) == (trace.config.map, trace.world)
+    ]
+    paths = [np.array([frame.pose[:2] for frame in other_trace.frames]) for other_trace in traces_in_world]
+    return common_box([trace.task], np.vstack(paths))
