@@ -44,15 +44,15 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     callbacks.on_run_start(config=config, config_name=composer.config_name)
     callbacks.callbacks.append(_Masked())
     context = HydraContext(config_loader=composer.loader, callbacks=callbacks)
-    result = run_job(
+    job_return = run_job(
         hydra_context=context,
         task_function=task,
         config=config,
         job_dir_key="hydra.run.dir",
         job_subdir_key=None,
     )
-    callbacks.on_run_end(config=config, config_name=composer.config_name, job_return=result)
-    return int(result.return_value)
+    callbacks.on_run_end(config=config, config_name=composer.config_name, job_return=job_return)
+    return int(job_return.return_value)
 
 
 def _sweep(
@@ -60,12 +60,12 @@ def _sweep(
 ) -> int:
     """Run the jobs of a plan with Hydra's sweeper and launcher."""
     config = composer.compose(plan.overrides, RunMode.MULTIRUN)
-    own = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
-    _set(config, own)
+    settings = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
+    _set(config, settings)
     callbacks = Callbacks(config)
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
     # Hand the checked configs over to the loader; the plan drops its own, so that none is kept twice.
-    loader = _Planned(composer, plan, own)
+    loader = _Planned(composer, plan, settings)
     plan.configs.clear()
     callbacks.callbacks += [loader, _Masked()]
     # Let the sweeper run the jobs, here or through a launcher.
@@ -103,12 +103,12 @@ class _Planned(ConfigLoaderImpl, Callback):
     The configs of a job are dropped once it has run, since those of a thousand jobs take half a gigabyte.
     """
 
-    def __init__(self, composer: Composer, plan: Plan, own: Mapping[str, Any]) -> None:
+    def __init__(self, composer: Composer, plan: Plan, settings: Mapping[str, Any]) -> None:
         """Store the jobs' configs. own: keys of Hydra's own part that every job has."""
         super().__init__(composer.loader.get_search_path())
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer
-        self._own = own
+        self._own = settings
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         """Return the config of one job. In a very large sweep, some jobs have not been composed yet."""
@@ -124,7 +124,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         job_return.cfg = None
         if job_return.status == JobStatus.COMPLETED and job_return.return_value == 0:
             job_return.hydra_cfg = None  # names the job that failed
-        for key in [key for key, known in self._configs.items() if known is config]:
+        for key in [key for key, job_config in self._configs.items() if job_config is config]:
             del self._configs[key]
 
 

@@ -162,10 +162,10 @@ def _sorted_out(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     if not logs:
         raise InputError("give the log of a drive, e.g. lme maps build drive.bag")
     try:
-        given: Any = OmegaConf.to_container(OmegaConf.from_dotlist(settings))
+        parsed_settings: Any = OmegaConf.to_container(OmegaConf.from_dotlist(settings))
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error
-    return logs, given
+    return logs, parsed_settings
 
 
 def _default_output(log: Path) -> Path:

@@ -19,13 +19,14 @@ def explain_os_error(error: BaseException) -> str:
     if not isinstance(error, OSError):
         return ""
     # Full disks and quotas first: they can happen to any file.
-    full = what_is_full(error, error.filename or "a file")
-    if full:
-        return f"{full}: finished work is kept; free some space and add resume=true"
+    full_disk = what_is_full(error, error.filename or "a file")
+    if full_disk:
+        return f"{full_disk}: finished work is kept; free some space and add resume=true"
     if error.errno == errno.ENOENT and _NO_TEMPORARY in str(error.strerror):
-        places = str(error.strerror).partition("[")[2].rstrip("]")
+        directories = str(error.strerror).partition("[")[2].rstrip("]")
         return (
-            f"no temporary file can be written in {places}: free some space there, set TMPDIR to a folder that can be "
+            f"no temporary file can be written in {directories}: free some space there, set TMPDIR to "
+            "a folder that can be "
             "written, or raise ulimit -f"
         )
     if error.errno == errno.ENOENT and error.filename and not Path(str(error.filename)).parent.exists():

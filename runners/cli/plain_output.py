@@ -15,12 +15,12 @@ _KEPT = "\n\t"
 @contextlib.contextmanager
 def plain_output() -> Iterator[None]:
     """Make control codes visible in what the block prints on standard output and standard error."""
-    before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (_Plain(stream) if stream is not None else stream for stream in before)
+    original_streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (_Plain(stream) if stream is not None else stream for stream in original_streams)
     try:
         yield
     finally:
-        sys.stdout, sys.stderr = before
+        sys.stdout, sys.stderr = original_streams
 
 
 class _Plain:

@@ -44,9 +44,9 @@ class Submitted:
         for job in jobs if self.folder else ():
             if int(job.return_value):
                 assert job.hydra_cfg is not None
-                own, words = job.hydra_cfg.hydra.job, " ".join(job.overrides or ())
-                log = Path(self.folder.replace(_ID, own.id)) / f"{own.id}_0_log.err"
-                print(f"lme {self.name}: job {own.num} failed ({words}): see {log}", file=sys.stderr)
+                job_settings, words = job.hydra_cfg.hydra.job, " ".join(job.overrides or ())
+                log = Path(self.folder.replace(_ID, job_settings.id)) / f"{job_settings.id}_0_log.err"
+                print(f"lme {self.name}: job {job_settings.num} failed ({words}): see {log}", file=sys.stderr)
 
     @contextlib.contextmanager
     def explain_errors(self) -> Iterator[None]:
@@ -56,8 +56,8 @@ class Submitted:
         except RuntimeError as error:
             if not _is_of_submitit(error):
                 raise
-            what = " ".join(str(error).splitlines()[:2])  # the log of the job follows
-            raise LauncherError(f"{what}; output of the jobs: {self._output_folder}") from error
+            summary = " ".join(str(error).splitlines()[:2])  # the log of the job follows
+            raise LauncherError(f"{summary}; output of the jobs: {self._output_folder}") from error
 
     @property
     def _output_folder(self) -> Path:

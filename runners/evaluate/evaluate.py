@@ -50,23 +50,25 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
             f"crowd is {job.choices['crowd']}: must be none where the map draws a robot for every episode"
         )
     # Keys that the map set draws must not be given as well.
-    told = {
+    reported = {
         "planner.latency",
         "filter.latency",
         *(f"sim.{key}" for key in maps.drawn(maps.numbers[0]).disturbances),
     }
     for key, value in {**_chosen_robot(job), **job.changes}.items():
-        if key in told or key.partition(".")[0] == "robot":
+        if key in reported or key.partition(".")[0] == "robot":
             raise InputError(
                 f"{key} is {value}: must be left out where the map draws it for every episode (map.ranges)"
             )
     if job.config.record is Record.mcap:
         raise InputError(
-            "record is mcap: must be none where the map draws a robot for every episode, as a recording holds one robot"
+            "record is mcap: must be none where the map draws a robot for every episode, as a "
+            "recording holds one robot"
         )
     if "no_latency" in job.choices.get("ablation", ""):
         raise InputError(
-            "ablation is no_latency: must be another one where the map draws the delay, which a planner then knows"
+            "ablation is no_latency: must be another one where the map draws the delay, which a "
+            "planner then knows"
         )
 
 
@@ -97,8 +99,8 @@ def evaluate(job: Job[EvalConfig]) -> None:
         if limits := build.describe_limits(job.config, frame):
             print(limits)
         print(f"Records, tables and pictures: {job.run_dir}")
-        for place in failures.folder(job.run_dir):
-            print(f"Why the robot went there: {place / failures.INDEX}")
+        for directory in failures.folder(job.run_dir):
+            print(f"Why the robot went there: {directory / failures.INDEX}")
         tracking.finish(metrics(frame), artifacts)
 
 
@@ -136,13 +138,13 @@ def drive(
         EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
     ):
         # Skip the episodes of an earlier run, and append each result to the log as it comes.
-        done = writer.done()
-        bar.skip(len(done))
-        if done:
+        driven_keys = writer.done()
+        bar.skip(len(driven_keys))
+        if driven_keys:
             labels = _recorded(labels, run_dir)
         payload = EpisodePayload(config, labels, _recordings(config, run_dir))
-        todo = (key for key in _by_run(maps, config.runs) if key not in done)
-        for result in executor.map(initialise, payload, todo):
+        remaining_keys = (key for key in _by_run(maps, config.runs) if key not in driven_keys)
+        for result in executor.map(initialise, payload, remaining_keys):
             writer.append(result)
             bar.add(result.record.outcome)
         writer.merge()
@@ -150,8 +152,8 @@ def drive(
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
     """Return the labels of the run's records: a resumed run keeps its names, even if files in `conf/` changed."""
-    first = read_episodes([run_dir]).iloc[0].dropna()
-    return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
+    episode = read_episodes([run_dir]).iloc[0].dropna()
+    return RunLabels(**{key: str(episode.get(key, label)) for key, label in asdict(labels).items()})
 
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:

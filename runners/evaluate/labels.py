@@ -40,10 +40,10 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
 
 def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
     """Return the label of the chosen system if this is its pair, else that of the named pair."""
-    changed = any(key.startswith(("guide.", "planner.")) for key in job.changes)
-    known = systems.systems(job.folders)
-    chosen = [system for name, system in known.items() if name == job.choices.get("system")]
-    return systems.label(guide, planner, [*chosen, *known.values()], changed)
+    has_changes = any(key.startswith(("guide.", "planner.")) for key in job.changes)
+    all_systems = systems.systems(job.folders)
+    chosen_systems = [system for name, system in all_systems.items() if name == job.choices.get("system")]
+    return systems.label(guide, planner, [*chosen_systems, *all_systems.values()], has_changes)
 
 
 def _chosen(group: str, job: Job[DriveConfig]) -> str:

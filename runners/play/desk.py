@@ -57,7 +57,7 @@ class Desk:
         """
         ticket: Any = None
         # Whatever the message does is taken back if it fails.
-        before = self.session.state()
+        previous_state = self.session.state()
         try:
             fields = Fields(text)
             ticket = fields.value("ticket")
@@ -65,9 +65,9 @@ class Desk:
             news = list(self._news())
         except (Exception, SystemExit) as error:  # whatever fails, the page goes on
             yield json.dumps({"type": "error", "text": _said(error)})
-            if self.session.revision != before["revision"]:  # the page has not been sent the change
+            if self.session.revision != previous_state["revision"]:  # the page has not been sent the change
                 self._told = _NOTHING
-            self.session.restore(before)
+            self.session.restore(previous_state)
             news, self._more = list(self._news()), []
         # Send the change itself first, then what the message asked for.
         yield from news
@@ -79,28 +79,28 @@ class Desk:
     def _news(self) -> Iterator[Reply]:
         """Yield what the page does not know yet."""
         session = self.session
-        told = self._told
-        if told != session.revision:
+        sent_revision = self._told
+        if sent_revision != session.revision:
             yield from self._situation()
         for number, (lane, sender) in enumerate(zip(session.lanes, self._senders, strict=True)):
-            about = {"type": "frames", "revision": session.revision, "lane": number}
+            header = {"type": "frames", "revision": session.revision, "lane": number}
             while sender.sent < len(lane.frames):
-                yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), about)
-        if told != session.revision:
+                yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), header)
+        if sent_revision != session.revision:
             yield json.dumps({"type": "settled"})  # all parts of the drawing are consistent again
 
     def _situation(self) -> Iterator[Reply]:
         # The page keeps its frames and worlds only if it knows the revision before this one.
         session = self.session
-        kept = session.kept if self._told == session.revision - 1 else 0
-        if kept == 0:
+        num_kept = session.kept if self._told == session.revision - 1 else 0
+        if num_kept == 0:
             self._senders, self._worlds = [Sender() for _ in session.lanes], set()
         for sender in self._senders:
-            sender.forget(kept)
+            sender.forget(num_kept)
         self._told = session.revision
-        self._worlds = {step for step in self._worlds if step < kept}
+        self._worlds = {step for step in self._worlds if step < num_kept}
         # Send the situation, then every world that the page has lost or never had.
-        yield json.dumps(situation(session, kept))
+        yield json.dumps(situation(session, num_kept))
         for step, drawing in sorted(session.script.drawings.items()):
             if step not in self._worlds:
                 self._worlds.add(step)
@@ -142,8 +142,14 @@ class Desk:
         lane = fields.integer("lane", len(session.lanes) - 1)
         step = min(self._step(fields), len(session.lanes[lane].frames) - 1)
         layers = fields.some_of("layers", LAYERS)
-        about = {"type": "detail", "revision": session.revision, "lane": lane, "step": step, "layers": layers}
-        self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
+        header = {
+            "type": "detail",
+            "revision": session.revision,
+            "lane": lane,
+            "step": step,
+            "layers": layers,
+        }
+        self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, header))
 
     def _save(self, fields: Fields) -> None:
         """Save the session as a file of the requested kind, and reply with its path."""

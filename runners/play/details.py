@@ -18,14 +18,14 @@ LAYERS = ("memory", "times", "arcs")
 
 
 def detail_message(
-    lane: Lane, step: int, tasks: Tasks, layers: Collection[str], about: dict[str, Any]
+    lane: Lane, step: int, tasks: Tasks, layers: Collection[str], header_fields: dict[str, Any]
 ) -> bytes:
     """Return those of the requested layers that the decision has.
 
     memory: obstacle points that the guide knows, in the robot frame. times: expected times on a grid, in the frame in
     which `pose` is the pose of the robot. arcs: commands that the planner tried, with their costs.
     """
-    packer, header = Packer(), dict(about)
+    packer, header = Packer(), dict(header_fields)
     frame = lane.frames[min(step, len(lane.frames) - 1)]
     moment = frame.moment
     if isinstance(moment, TracedStep):

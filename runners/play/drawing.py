@@ -62,13 +62,17 @@ class Sketch:
         """Return a sketch with an item that replaces any item or part of the base of its name. Raises InputError."""
         if name not in self.items and len(self.items) >= MOST_ITEMS:
             raise InputError(f"the drawing has {MOST_ITEMS} items: must not be more; erase some first")
-        others = [other for key, other in self.items.items() if key != name]
-        if item.kind == MOVERS and sum(other.kind == MOVERS for other in others) >= MOST_MOVERS:
+        other_items = [drawn_item for key, drawn_item in self.items.items() if key != name]
+        if (
+            item.kind == MOVERS
+            and sum(drawn_item.kind == MOVERS for drawn_item in other_items) >= MOST_MOVERS
+        ):
             raise InputError(f"the drawing has {MOST_MOVERS} movers: must not be more; erase some first")
-        points = sum(map(_num_points, others)) + _num_points(item)
+        points = sum(map(_num_points, other_items)) + _num_points(item)
         if points > MOST_POINTS_IN_ALL:
             raise InputError(
-                f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some items first"
+                f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some "
+                "items first"
             )
         _world_of({name: item})  # raises InputError for a wrong item
         erased = self.erased | {name} if name in set(self._parts()) else self.erased
@@ -94,8 +98,8 @@ class Sketch:
     def task(self) -> Task:
         """Return the sketch as a task; the base itself if it is untouched."""
         # The path length and the times of the base no longer hold once anything is changed.
-        same = self.start == Pose(*map(float, self.base.start)) and self.goal == _point(self.base.goal)
-        if same and not self.erased and not self.items:
+        is_unmoved = self.start == Pose(*map(float, self.base.start)) and self.goal == _point(self.base.goal)
+        if is_unmoved and not self.erased and not self.items:
             return self.base
         return replace(
             self.base,
@@ -109,15 +113,15 @@ class Sketch:
 
     def world(self) -> World:
         """Return the world of base and drawing together, the base's parts first."""
-        base, drawn = self.base.world, _world_of(self.items)
+        base, drawn_world = self.base.world, _world_of(self.items)
         return World(
-            circles=np.vstack([base.circles[self._kept("c", len(base.circles))], drawn.circles]),
-            segments=np.vstack([base.segments[self._kept("s", len(base.segments))], drawn.segments]),
+            circles=np.vstack([base.circles[self._kept("c", len(base.circles))], drawn_world.circles]),
+            segments=np.vstack([base.segments[self._kept("s", len(base.segments))], drawn_world.segments]),
             polygons=(
                 *(base.polygons[i] for i in self._kept("p", len(base.polygons))),
-                *drawn.polygons,
+                *drawn_world.polygons,
             ),
-            movers=(*(base.movers[i] for i in self._kept("m", len(base.movers))), *drawn.movers),
+            movers=(*(base.movers[i] for i in self._kept("m", len(base.movers))), *drawn_world.movers),
         )
 
     def parts(self) -> Iterator[tuple[str, Item]]:
@@ -206,5 +210,5 @@ def _entry_of(mover: Mover) -> Entry:
     return entry
 
 
-def _point(place: Floats) -> tuple[float, float]:
-    return float(place[0]), float(place[1])
+def _point(position: Floats) -> tuple[float, float]:
+    return float(position[0]), float(position[1])

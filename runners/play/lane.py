@@ -111,12 +111,18 @@ class Lane:
             return
         # Go back to the latest snapshot up to the step, or to the beginning.
         former = self.frames[:step]
-        self._snapshots = {at: kept for at, kept in self._snapshots.items() if 0 < at <= step}
-        at = max(self._snapshots, default=0)
-        self.frames, self._command = former[:at], None
-        if at:
-            self._world = tasks[max(begun for begun in tasks if begun < at or not begun)].world
-            self._running = self._copied(self._snapshots[at], tasks)
+        self._snapshots = {
+            snapshot_step: snapshot
+            for snapshot_step, snapshot in self._snapshots.items()
+            if 0 < snapshot_step <= step
+        }
+        snapshot_step = max(self._snapshots, default=0)
+        self.frames, self._command = former[:snapshot_step], None
+        if snapshot_step:
+            self._world = tasks[
+                max(task_step for task_step in tasks if task_step < snapshot_step or not task_step)
+            ].world
+            self._running = self._copied(self._snapshots[snapshot_step], tasks)
         # Drive on to the step, but show the frames that were recorded first.
         while len(self.frames) < step:
             self.extend(tasks)
@@ -132,15 +138,15 @@ class Lane:
 
         There is none at the end of a drive, or if the episode cannot be copied.
         """
-        before = [at for at in self._snapshots if at <= step]
-        if not before or isinstance(self.frames[step].moment, TraceEnd):
+        snapshots = [snapshot_step for snapshot_step in self._snapshots if snapshot_step <= step]
+        if not snapshots or isinstance(self.frames[step].moment, TraceEnd):
             return None
         # Drive a copy of the latest snapshot on to the step, through every change of the task.
-        episode = self._copied(self._snapshots[max(before)], tasks).episode
-        for at in range(max(before), step + 1):
-            if at and at in tasks:
-                episode.change(tasks[at])
-            if at < step:
+        episode = self._copied(self._snapshots[max(snapshots)], tasks).episode
+        for replayed_step in range(max(snapshots), step + 1):
+            if replayed_step and replayed_step in tasks:
+                episode.change(tasks[replayed_step])
+            if replayed_step < step:
                 episode.move(episode.decide())
         return episode
 
@@ -180,16 +186,18 @@ class Lane:
         guidance, observation, state = navigator.guidance, navigator.observation, simulator.state
         assert guidance is not None
         assert observation is not None
-        why = explanations.new()
+        explanation = explanations.new()
         subgoal = to_world(guidance.subgoal, state.pose)
-        step = TracedStep(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
-        return Frame(step, state, movers, self._sentence(why), episode.decision_us)
+        step = TracedStep(
+            state.time, state.pose, observation, subgoal, guidance, command, obstacles, explanation
+        )
+        return Frame(step, state, movers, self._sentence(explanation), episode.decision_us)
 
-    def _sentence(self, why: Explanation | None) -> str:
-        if why is None:
+    def _sentence(self, explanation: Explanation | None) -> str:
+        if explanation is None:
             return ""
-        before = self.frames[-1].moment if self.frames else None
-        return reason(why, before.explanation if isinstance(before, TracedStep) else None)
+        previous = self.frames[-1].moment if self.frames else None
+        return reason(explanation, previous.explanation if isinstance(previous, TracedStep) else None)
 
     def _keep(self, step: int, tasks: Tasks) -> None:
         """Keep a copy of the drive before what happens at a step. A drive that cannot be copied has no snapshots."""
@@ -198,11 +206,11 @@ class Lane:
         except _NO_COPY:
             self._snapshots = {}
         if len(self._snapshots) > MOST_SNAPSHOTS:
-            for at in sorted(self._snapshots)[1 : -MOST_SNAPSHOTS // 3 : 2]:  # the first one stays
-                del self._snapshots[at]
+            for dropped_step in sorted(self._snapshots)[1 : -MOST_SNAPSHOTS // 3 : 2]:  # the first one stays
+                del self._snapshots[dropped_step]
 
     def _copied(self, running: _Running, tasks: Tasks) -> _Running:
-        shared = {id(part): part for task in tasks.values() for part in _parts(task)}
+        shared = {id(piece): piece for task in tasks.values() for piece in _parts(task)}
         return copy.deepcopy(running, shared)
 
 

@@ -31,12 +31,12 @@ def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
     """Read the drawings by step, on a task. Raises InputError for a damaged file."""
     try:
         drawings = read_json(path)["drawings"]
-        found = {int(step): _sketch(task, plain) for step, plain in drawings.items()}
+        sketches = {int(step): _sketch(task, mapping) for step, mapping in drawings.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: is damaged ({error}): the changes of this drive are lost") from error
-    if 0 not in found:
+    if 0 not in sketches:
         raise InputError(f"{path}: is damaged (no drawing at step 0): the changes of this drive are lost")
-    return found
+    return sketches
 
 
 def _plain(drawing: Sketch) -> dict[str, Any]:
@@ -49,8 +49,10 @@ def _plain(drawing: Sketch) -> dict[str, Any]:
     }
 
 
-def _sketch(task: Task, plain: Mapping[str, Any]) -> Sketch:
-    x, y = map(float, plain["goal"])
-    items = {name: item_of(item["kind"], item["entry"]) for name, item in plain["items"].items()}
-    start = Pose(*map(float, plain["start"]))
-    return replace(Sketch.of(task), start=start, goal=(x, y), erased=frozenset(plain["erased"]), items=items)
+def _sketch(task: Task, mapping: Mapping[str, Any]) -> Sketch:
+    x, y = map(float, mapping["goal"])
+    items = {name: item_of(item["kind"], item["entry"]) for name, item in mapping["items"].items()}
+    start = Pose(*map(float, mapping["start"]))
+    return replace(
+        Sketch.of(task), start=start, goal=(x, y), erased=frozenset(mapping["erased"]), items=items
+    )

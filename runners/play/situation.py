@@ -27,13 +27,13 @@ LIDAR_KEYS = ("num_beams", "fov", "range_max", "noise_std")
 _MOST_NUMBERS = 5000  # most worlds that are listed
 
 
-def situation(session: Session, kept: int) -> dict[str, Any]:
+def situation(session: Session, num_kept: int) -> dict[str, Any]:
     """Return the session's state after a change. kept: number of frames that the page may keep."""
     setup = session.script.setup
     return {
         "type": "situation",
         "revision": session.revision,
-        "kept": kept,
+        "kept": num_kept,
         "step": session.shown,
         "lanes": [head(lane) for lane in session.lanes],
         "words": list(setup.source.words) if setup.source else [],

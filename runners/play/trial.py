@@ -54,10 +54,10 @@ def try_words(source: Source, changes: Mapping[str, object]) -> None:
     """
     # Values within the limits of the sliders are harmless; any other number makes a trial necessary.
     numbers = {key: _numbers(value) for key, value in changes.items() if key not in _HARMLESS}
-    for key, (least, most) in LIMITS.items():
+    for key, (lowest, highest) in LIMITS.items():
         for number in numbers.pop(key, []):
-            if not least <= number <= most:
-                raise InputError(f"{key} is {number:g}: lme play takes {least:g} to {most:g}")
+            if not lowest <= number <= highest:
+                raise InputError(f"{key} is {number:g}: lme play takes {lowest:g} to {highest:g}")
     if any(numbers.values()):
         _try(source)
 
@@ -68,13 +68,17 @@ def _numbers(value: object) -> list[float]:
 
 def _try(source: Source) -> None:
     with server.context() as context:
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_drive, args=(theirs, source), daemon=True)
+        receiver, sender = context.Pipe()
+        process = context.Process(target=_drive, args=(sender, source), daemon=True)
         process.start()
-        theirs.close()
+        sender.close()
     # Wait for the process, then for the first steps. It is killed in any case.
     try:
-        problem = ours.recv() if ours.poll(START_S) and ours.recv() and ours.poll(LONGEST_S) else _TOO_LONG
+        problem = (
+            receiver.recv()
+            if receiver.poll(START_S) and receiver.recv() and receiver.poll(LONGEST_S)
+            else _TOO_LONG
+        )
     except EOFError:
         problem = "these words end the process that drives them, perhaps for want of memory"
     finally:
@@ -84,7 +88,10 @@ def _try(source: Source) -> None:
         raise InputError(problem)
 
 
-_TOO_LONG = f"these words need more than {LONGEST_S:g} s for the first {STEPS} steps: choose values nearer to the usual"
+_TOO_LONG = (
+    f"these words need more than {LONGEST_S:g} s for the first {STEPS} steps: choose values nearer to the "
+    "usual"
+)
 
 
 def _drive(page: Connection, source: Source) -> None:

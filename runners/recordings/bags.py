@@ -95,17 +95,19 @@ class Bag:
 
     def topics(self) -> list[Topic]:
         """Return all topics, sorted by name."""
-        found: dict[str, tuple[set[str], int]] = {}
+        types_and_counts: dict[str, tuple[set[str], int]] = {}
         # A topic may have several connections, such as one for each publisher.
         for connection in self._reader.connections:
-            types, count = found.get(connection.topic, (set(), 0))
+            types, count = types_and_counts.get(connection.topic, (set(), 0))
             if connection.msgcount and not count:
                 types = set()  # the types so far were announced, but had no message
             if connection.msgcount or not count:
                 types = types | {connection.msgtype}
-            found[connection.topic] = types, count + connection.msgcount
+            types_and_counts[connection.topic] = types, count + connection.msgcount
         seconds = max(self.duration_s, 1e-9)
-        return [Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(found.items())]
+        return [
+            Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(types_and_counts.items())
+        ]
 
     def messages(
         self, topics: Collection[str], start: int | None = None, stop: int | None = None
@@ -114,19 +116,22 @@ class Bag:
 
         Raises InputError if the file is damaged, or if messages of one topic are of several types.
         """
-        wanted = [c for c in self._reader.connections if c.topic in topics]
-        if not wanted:
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        if not connections:
             return
         # A topic of several types cannot be read as one, except tf, whose two types have the same fields.
         for topic in self.topics():
-            alike = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
-            if topic.name in topics and not alike:
+            has_one_layout = len(topic.types) == 1 or {*topic.types} <= {
+                *messages.TF
+            }  # which have the same fields
+            if topic.name in topics and not has_one_layout:
                 raise InputError(
-                    f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}: choose another "
+                    f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}: "
+                    "choose another "
                     "topic, or keep one type in a copy of the recording"
                 )
         try:
-            for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
+            for connection, recorded, raw in self._reader.messages(connections, start=start, stop=stop):
                 if connection.topic not in topics:
                     raise ValueError("its index and its messages name different topics")
                 if raw[:4] == _ZSTD_MAGIC:
@@ -150,11 +155,11 @@ def _open(path: Path) -> Any:
         reader.open()
     except Exception as error:  # rosbags raises AssertionError on some bags of 2010, struct.error on others
         raise _unreadable(path, error, "not readable as a recording") from error
-    wrong = _what_is_wrong(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
-    if wrong:
+    fault = _what_is_wrong(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
+    if fault:
         with suppress(Exception):
             reader.close()
-        raise InputError(f"bag {path}: {wrong}")
+        raise InputError(f"bag {path}: {fault}")
     return reader
 
 
@@ -165,11 +170,11 @@ def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
     if not reader.message_count:
         return "has no messages"
     # Only the topics that a replay may read have to be encoded and defined as in ROS.
-    wanted = (c for c in reader.connections if c.msgtype in (*_READ, *messages.TF))
-    encodings = {(c.topic, getattr(c.ext, "serialization_format", "cdr")) for c in wanted}
-    other = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
-    if other is not None:
-        return f"{other[0]} is encoded as {other[1]}: must be cdr, the encoding of ROS 2"
+    connections = (c for c in reader.connections if c.msgtype in (*_READ, *messages.TF))
+    encodings = {(c.topic, getattr(c.ext, "serialization_format", "cdr")) for c in connections}
+    foreign = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
+    if foreign is not None:
+        return f"{foreign[0]} is encoded as {foreign[1]}: must be cdr, the encoding of ROS 2"
     odd = _odd_type(reader.typestore.fielddefs, standard)
     return f"defines {odd} differently from ROS, or is damaged" if odd else ""
 
@@ -179,17 +184,19 @@ def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
 
     Both arguments map the name of a type to (constants, fields); a field is a name and a type. ROS 1 has more fields.
     """
-    todo, seen = [*_READ], set[str]()
+    remaining, visited = [*_READ], set[str]()
     # Walk from the types that are read to the types of their fields, each once.
-    while todo:
-        name = todo.pop()
+    while remaining:
+        name = remaining.pop()
         names = messages.TF if name in messages.TF else (name,)
         fields = standard[name][1]
-        for own in names:
-            if own in defined and not {*map(repr, fields)} <= {*map(repr, defined[own][1])}:
-                return own
-        seen.add(name)
-        todo += [part for part in _parts(fields) if part in standard and part not in seen]
+        for name_of_type in names:
+            if name_of_type in defined and not {*map(repr, fields)} <= {*map(repr, defined[name_of_type][1])}:
+                return name_of_type
+        visited.add(name)
+        remaining += [
+            component for component in _parts(fields) if component in standard and component not in visited
+        ]
     return ""
 
 
@@ -216,8 +223,8 @@ def _to_open(path: Path) -> Path:
     # rosbags opens a folder by its metadata.yaml, so that has to name the storage.
     metadata, problem = path / "metadata.yaml", "the folder has no metadata.yaml"
     if metadata.is_file():
-        named = _STORAGE.search(metadata.read_text(encoding="utf-8", errors="replace"))
-        if named and named[1] in ("mcap", "sqlite3"):
+        storage = _STORAGE.search(metadata.read_text(encoding="utf-8", errors="replace"))
+        if storage and storage[1] in ("mcap", "sqlite3"):
             return path
         problem = "its metadata.yaml names no storage that can be read (storage_identifier: mcap or sqlite3)"
     # Without it, a single recording in the folder leaves no doubt.

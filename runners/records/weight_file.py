@@ -23,7 +23,7 @@ _PACKAGES = ("numpy", "numba", "optuna")
 def write_weights(
     config: TrainConfig,
     values: Mapping[str, float],
-    about: Mapping[str, Any],
+    metadata: Mapping[str, Any],
     run_dir: Path,
     name: str,
     note: str,
@@ -37,9 +37,9 @@ def write_weights(
     content = {
         "name": name,
         "parameters": parameters,
-        **({"settings": others} if (others := _others(values)) else {}),
+        **({"settings": other_settings} if (other_settings := _others(values)) else {}),
         "robot": config.robot.name,
-        **about,
+        **metadata,
         "seed": config.seed,
         "versions": versions(*_PACKAGES),
     }
@@ -52,11 +52,11 @@ def write_weights(
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:
     """Return the guide's parameters with the values found; {} for a guide without parameters."""
-    found = {
+    searched = {
         key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
     }
-    given = {name: float(value) for name, value in config.guide.get("parameters", {}).items()}
-    return given | found
+    fixed = {name: float(value) for name, value in config.guide.get("parameters", {}).items()}
+    return fixed | searched
 
 
 def check_name(name: str, study: str) -> None:

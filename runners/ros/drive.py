@@ -23,7 +23,7 @@ from runners.ros.transport import Transport
 def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     """Drive the robot until an exception, such as KeyboardInterrupt."""
     config = job.config
-    own: NodeConfig = configured(config.live, "live")[1]
+    node_config: NodeConfig = configured(config.live, "live")[1]
     topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
 
     def navigator(robot: Robot) -> Navigator:
@@ -35,8 +35,8 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     )
     # Connect the driver to ROS.
     measured = topics.twist == "measured"
-    driver = LiveDriver(navigator, config.robot, own, scan, frames, measured_twists=measured)
-    node = Node(own, transport, topics, driver, config.robot.dt)
+    driver = LiveDriver(navigator, config.robot, node_config, scan, frames, measured_twists=measured)
+    node = Node(node_config, transport, topics, driver, config.robot.dt)
     node.listen(_StatePrinter().take)
     version = transport.version
     action = f" or the action {topics.action_in(version)}" if node.serves_action else ""

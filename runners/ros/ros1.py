@@ -21,7 +21,8 @@ from runners.ros.transport import HANDLING, ActionGoal, Delivery, Publisher, Tak
 DEBIAN = Path("/usr/lib/python3/dist-packages")  # where Debian and Ubuntu install ROS 1
 INSTALL = (
     "apt-get install --no-install-recommends ros-core python3-rospy python3-actionlib python3-move-base-msgs "
-    "python3-nav-msgs python3-tf2-msgs python3-visualization-msgs python3-diagnostic-msgs (Debian 12, Ubuntu 22.04 "
+    "python3-nav-msgs python3-tf2-msgs python3-visualization-msgs python3-diagnostic-msgs (Debian "
+    "12, Ubuntu 22.04 "
     "and later), or source the setup.bash of a ROS 1 workspace"
 )
 _QUEUE = 1  # a robot needs only the newest message
@@ -76,8 +77,10 @@ class Ros1:
         try:
             return getattr(importlib.import_module(f"{package}.msg"), name)
         except ImportError as error:
-            wanted = f"python3-{package.replace('_', '-')}"
-            raise InputError(f"{kind} needs the package {package}: apt-get install {wanted}") from error
+            debian_package = f"python3-{package.replace('_', '-')}"
+            raise InputError(
+                f"{kind} needs the package {package}: apt-get install {debian_package}"
+            ) from error
 
     def stamp(self, time: int) -> Any:
         """Return a message's time from nanoseconds."""
@@ -94,10 +97,10 @@ class Ros1:
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
         """Return a publisher. latched: later subscribers receive the last message."""
-        made = self._rospy.Publisher(
+        ros_publisher = self._rospy.Publisher(
             topic, self.type(kind), queue_size=_QUEUE, latch=latched, tcp_nodelay=True
         )
-        return TopicPublisher(made.publish, made.get_num_connections)
+        return TopicPublisher(ros_publisher.publish, ros_publisher.get_num_connections)
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -136,8 +139,8 @@ class Ros1:
         # Wait for the first message, then deliver without waiting until none is left.
         with contextlib.suppress(queue.Empty):
             self._inbox.get(timeout=max(timeout, 0.0))()
-            end = time.monotonic() + HANDLING
-            while time.monotonic() < end:
+            deadline = time.monotonic() + HANDLING
+            while time.monotonic() < deadline:
                 self._inbox.get_nowait()()
 
     def close(self) -> None:

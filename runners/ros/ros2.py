@@ -15,7 +15,8 @@ from runners.ros.transport import HANDLING, ActionGoal, Delivery, Publisher, Tak
 
 INSTALL = (
     "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-geometry-msgs ros-sensor-msgs ros-nav-msgs ros-std-msgs "
-    "ros-visualization-msgs ros-diagnostic-msgs ros-rosgraph-msgs, or source the setup.bash of a ROS 2 workspace "
+    "ros-visualization-msgs ros-diagnostic-msgs ros-rosgraph-msgs, or source the setup.bash of a ROS "
+    "2 workspace "
     "whose Python is 3.11 or later"
 )
 _DEPTH = 100  # queue size
@@ -63,7 +64,8 @@ class Ros2:
             return getattr(importlib.import_module(f"{package}.msg"), name)
         except ImportError as error:
             raise InputError(
-                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} if there is such a "
+                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} if "
+                "there is such a "
                 "package, or source the setup.bash of a ROS 2 workspace"
             ) from error
 
@@ -98,8 +100,8 @@ class Ros2:
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         profile = QoSProfile(depth=1, durability=durability)
-        made = self._node.create_publisher(self.type(kind), topic, profile)
-        return TopicPublisher(made.publish, made.get_subscription_count)
+        ros_publisher = self._node.create_publisher(self.type(kind), topic, profile)
+        return TopicPublisher(ros_publisher.publish, ros_publisher.get_subscription_count)
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -150,16 +152,16 @@ class Ros2:
 
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
-        before = self._handled
+        handled_before = self._handled
         # Wait once, then deliver without waiting as long as messages come.
         self._executor.spin_once(timeout_sec=max(timeout, 0.0))
-        end = time.monotonic() + HANDLING
-        while self._handled != before and time.monotonic() < end:
-            before = self._handled
+        deadline = time.monotonic() + HANDLING
+        while self._handled != handled_before and time.monotonic() < deadline:
+            handled_before = self._handled
             self._executor.spin_once(timeout_sec=0.0)
         # Do what the action server has requested.
-        later, self._later = self._later, []
-        for call in later:
+        pending, self._later = self._later, []
+        for call in pending:
             call()
 
     def close(self) -> None:

@@ -30,25 +30,34 @@ def main(argv: list[str]) -> int:
 
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
-    found = compare_runs(read_episodes(runs))
-    shown = compare_report.to_markdown(found) if arguments.format == "md" else compare_report.to_text(found)
-    print(shown, end="")
-    place = arguments.into or _default_folder(arguments.runs, runs)
-    files = _write(found, place)
-    said = f"Tables and pictures: {', '.join(path.name for path in files)} in {place}"
-    print(said, file=sys.stderr if arguments.format == "md" else sys.stdout)
+    comparisons = compare_runs(read_episodes(runs))
+    text = (
+        compare_report.to_markdown(comparisons)
+        if arguments.format == "md"
+        else compare_report.to_text(comparisons)
+    )
+    print(text, end="")
+    directory = arguments.into or _default_folder(arguments.runs, runs)
+    files = _write(comparisons, directory)
+    message = f"Tables and pictures: {', '.join(path.name for path in files)} in {directory}"
+    print(message, file=sys.stderr if arguments.format == "md" else sys.stdout)
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
     notes = (
-        "The first run is the reference. Every other run is compared with it over the episodes that both have: the\n"
-        "same world, the same number of the run. Worlds that only one has are left out, and counted. Runs are named\n"
-        "by what differs between them: system, weights, ablation, changed keys. What may make a comparison unfair,\n"
+        "The first run is the reference. Every other run is compared with it over the episodes that "
+        "both have: the\n"
+        "same world, the same number of the run. Worlds that only one has are left out, and counted. "
+        "Runs are named\n"
+        "by what differs between them: system, weights, ablation, changed keys. What may make a "
+        "comparison unfair,\n"
         "such as another robot, simulator, time limit or seed, is said below the table.\n"
         "\n"
-        "A difference comes with a 95 % bootstrap interval over worlds, and with a p from a sign-flip permutation\n"
-        "test over worlds, adjusted by Holm over all runs compared; * marks p below 0.05. Two runs are drawn against\n"
+        "A difference comes with a 95 % bootstrap interval over worlds, and with a p from a "
+        "sign-flip permutation\n"
+        "test over worlds, adjusted by Holm over all runs compared; * marks p below 0.05. Two runs "
+        "are drawn against\n"
         "each other, a dot per world; more as a heat map of runs by worlds.\n"
         "\n"
         "Runs that are not finished can be compared: what they have counts."
@@ -65,26 +74,26 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _default_folder(given: Sequence[Path], runs: Sequence[Path]) -> Path:
+def _default_folder(paths: Sequence[Path], runs: Sequence[Path]) -> Path:
     """Return the directory of a sweep that was given alone, else a new directory."""
     from runners.records.run_directories import ROOT
 
-    if len(given) == 1 and list(given) != list(runs):
-        return given[0]
+    if len(paths) == 1 and list(paths) != list(runs):
+        return paths[0]
     return ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
 
 
-def _write(found: Sequence[RunComparison], place: Path) -> list[Path]:
+def _write(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
     """Write the files and return their paths. Raises InputError if that cannot be done."""
     from lme.errors import InputError
     from runners.reports.analysis import compare_report
     from runners.reports.plots.compare_runs import compare_figures
 
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        pictures = compare_figures(found, place)
-        return [*compare_report.write(found, pictures, place), *pictures]
+        directory.mkdir(parents=True, exist_ok=True)
+        pictures = compare_figures(comparisons, directory)
+        return [*compare_report.write(comparisons, pictures, directory), *pictures]
     except OSError as error:
         raise InputError(
-            f"cannot write to {place} ({error.strerror}): what is printed above is all"
+            f"cannot write to {directory} ({error.strerror}): what is printed above is all"
         ) from None
