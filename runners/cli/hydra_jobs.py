@@ -104,7 +104,7 @@ class _Planned(ConfigLoaderImpl, Callback):
     """
 
     def __init__(self, composer: Composer, plan: Plan, settings: Mapping[str, Any]) -> None:
-        """Store the jobs' configs. own: keys of Hydra's own part that every job has."""
+        """Store the jobs' configs. settings: keys of Hydra's own part that every job has."""
         super().__init__(composer.loader.get_search_path())
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer

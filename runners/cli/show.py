@@ -20,7 +20,7 @@ from runners.config.urls import masked_text
 
 
 def config(composed: DictConfig, kind: str, package: str | None, resolve: bool) -> None:
-    """Print a composed config as YAML. what: job, hydra or all. package: the dotted key of the part to print alone.
+    """Print a composed config as YAML. kind: job, hydra or all. package: the dotted key of the part to print alone.
 
     Raises InputError for a missing key, or for an interpolation of a missing key.
     """

@@ -62,13 +62,11 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
             )
     if job.config.record is Record.mcap:
         raise InputError(
-            "record is mcap: must be none where the map draws a robot for every episode, as a "
-            "recording holds one robot"
+            "record is mcap: must be none where the map draws a robot for every episode, as a recording holds one robot"
         )
     if "no_latency" in job.choices.get("ablation", ""):
         raise InputError(
-            "ablation is no_latency: must be another one where the map draws the delay, which a "
-            "planner then knows"
+            "ablation is no_latency: must be another one where the map draws the delay, which a planner then knows"
         )
 
 

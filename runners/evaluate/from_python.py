@@ -140,8 +140,7 @@ def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
         plan = command_line.plan(composer, words, multirun=False, typed=words)
         if plan.multirun:
             raise InputError(
-                f"{' '.join(words)}: a sweep of {plan.num_jobs} jobs: lme.evaluate drives one; call "
-                "it for each, "
+                f"{' '.join(words)}: a sweep of {plan.num_jobs} jobs: lme.evaluate drives one; call it for each, "
                 "or use lme eval"
             )
         (job,) = command_line.validated(plan, composer, validate)

@@ -71,8 +71,7 @@ class Sketch:
         points = sum(map(_num_points, other_items)) + _num_points(item)
         if points > MOST_POINTS_IN_ALL:
             raise InputError(
-                f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some "
-                "items first"
+                f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some items first"
             )
         _world_of({name: item})  # raises InputError for a wrong item
         erased = self.erased | {name} if name in set(self._parts()) else self.erased

@@ -112,17 +112,13 @@ class Lane:
         # Go back to the latest snapshot up to the step, or to the beginning.
         former = self.frames[:step]
         self._snapshots = {
-            snapshot_step: snapshot
-            for snapshot_step, snapshot in self._snapshots.items()
-            if 0 < snapshot_step <= step
+            start: snapshot for start, snapshot in self._snapshots.items() if 0 < start <= step
         }
-        snapshot_step = max(self._snapshots, default=0)
-        self.frames, self._command = former[:snapshot_step], None
-        if snapshot_step:
-            self._world = tasks[
-                max(task_step for task_step in tasks if task_step < snapshot_step or not task_step)
-            ].world
-            self._running = self._copied(self._snapshots[snapshot_step], tasks)
+        start = max(self._snapshots, default=0)
+        self.frames, self._command = former[:start], None
+        if start:
+            self._world = tasks[max(change for change in tasks if change < start or not change)].world
+            self._running = self._copied(self._snapshots[start], tasks)
         # Drive on to the step, but show the frames that were recorded first.
         while len(self.frames) < step:
             self.extend(tasks)

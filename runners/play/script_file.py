@@ -49,10 +49,8 @@ def _plain(drawing: Sketch) -> dict[str, Any]:
     }
 
 
-def _sketch(task: Task, mapping: Mapping[str, Any]) -> Sketch:
-    x, y = map(float, mapping["goal"])
-    items = {name: item_of(item["kind"], item["entry"]) for name, item in mapping["items"].items()}
-    start = Pose(*map(float, mapping["start"]))
-    return replace(
-        Sketch.of(task), start=start, goal=(x, y), erased=frozenset(mapping["erased"]), items=items
-    )
+def _sketch(task: Task, entry: Mapping[str, Any]) -> Sketch:
+    x, y = map(float, entry["goal"])
+    items = {name: item_of(item["kind"], item["entry"]) for name, item in entry["items"].items()}
+    start = Pose(*map(float, entry["start"]))
+    return replace(Sketch.of(task), start=start, goal=(x, y), erased=frozenset(entry["erased"]), items=items)

@@ -221,7 +221,7 @@ class Session:
         self.shown = min(past.step, self.last)
 
     def _play(self, script: Script, step: int, gesture: str, shown_step: int | None = None) -> None:
-        """Replace the script by one with the same drawings before a step. shown: the step at which it was chosen."""
+        """Replace the script by one with the same drawings before a step. shown_step: where it was chosen."""
         past = _Past(self.script, step if shown_step is None else min(shown_step, self.last), gesture)
         # The same systems up to the step: rewind the lanes and drive on from there. Else begin again.
         if script.setup is self.script.setup and script.begin == self.script.begin and step:

@@ -28,7 +28,7 @@ _MOST_NUMBERS = 5000  # most worlds that are listed
 
 
 def situation(session: Session, num_kept: int) -> dict[str, Any]:
-    """Return the session's state after a change. kept: number of frames that the page may keep."""
+    """Return the session's state after a change. num_kept: number of frames that the page may keep."""
     setup = session.script.setup
     return {
         "type": "situation",

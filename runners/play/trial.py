@@ -68,16 +68,14 @@ def _numbers(value: object) -> list[float]:
 
 def _try(source: Source) -> None:
     with server.context() as context:
-        receiver, sender = context.Pipe()
-        process = context.Process(target=_drive, args=(sender, source), daemon=True)
+        parent, child = context.Pipe()
+        process = context.Process(target=_drive, args=(child, source), daemon=True)
         process.start()
-        sender.close()
+        child.close()
     # Wait for the process, then for the first steps. It is killed in any case.
     try:
         problem = (
-            receiver.recv()
-            if receiver.poll(START_S) and receiver.recv() and receiver.poll(LONGEST_S)
-            else _TOO_LONG
+            parent.recv() if parent.poll(START_S) and parent.recv() and parent.poll(LONGEST_S) else _TOO_LONG
         )
     except EOFError:
         problem = "these words end the process that drives them, perhaps for want of memory"
@@ -88,10 +86,7 @@ def _try(source: Source) -> None:
         raise InputError(problem)
 
 
-_TOO_LONG = (
-    f"these words need more than {LONGEST_S:g} s for the first {STEPS} steps: choose values nearer to the "
-    "usual"
-)
+_TOO_LONG = f"these words need more than {LONGEST_S:g} s for the first {STEPS} steps: choose values nearer to the usual"
 
 
 def _drive(page: Connection, source: Source) -> None:

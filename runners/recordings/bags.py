@@ -95,19 +95,17 @@ class Bag:
 
     def topics(self) -> list[Topic]:
         """Return all topics, sorted by name."""
-        types_and_counts: dict[str, tuple[set[str], int]] = {}
+        contents: dict[str, tuple[set[str], int]] = {}
         # A topic may have several connections, such as one for each publisher.
         for connection in self._reader.connections:
-            types, count = types_and_counts.get(connection.topic, (set(), 0))
+            types, count = contents.get(connection.topic, (set(), 0))
             if connection.msgcount and not count:
                 types = set()  # the types so far were announced, but had no message
             if connection.msgcount or not count:
                 types = types | {connection.msgtype}
-            types_and_counts[connection.topic] = types, count + connection.msgcount
+            contents[connection.topic] = types, count + connection.msgcount
         seconds = max(self.duration_s, 1e-9)
-        return [
-            Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(types_and_counts.items())
-        ]
+        return [Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(contents.items())]
 
     def messages(
         self, topics: Collection[str], start: int | None = None, stop: int | None = None
@@ -121,13 +119,10 @@ class Bag:
             return
         # A topic of several types cannot be read as one, except tf, whose two types have the same fields.
         for topic in self.topics():
-            has_one_layout = len(topic.types) == 1 or {*topic.types} <= {
-                *messages.TF
-            }  # which have the same fields
-            if topic.name in topics and not has_one_layout:
+            uniform = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
+            if topic.name in topics and not uniform:
                 raise InputError(
-                    f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}: "
-                    "choose another "
+                    f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}: choose another "
                     "topic, or keep one type in a copy of the recording"
                 )
         try:
@@ -190,13 +185,11 @@ def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
         name = remaining.pop()
         names = messages.TF if name in messages.TF else (name,)
         fields = standard[name][1]
-        for name_of_type in names:
-            if name_of_type in defined and not {*map(repr, fields)} <= {*map(repr, defined[name_of_type][1])}:
-                return name_of_type
+        for kind in names:
+            if kind in defined and not {*map(repr, fields)} <= {*map(repr, defined[kind][1])}:
+                return kind
         visited.add(name)
-        remaining += [
-            component for component in _parts(fields) if component in standard and component not in visited
-        ]
+        remaining += [field for field in _parts(fields) if field in standard and field not in visited]
     return ""
 
 

@@ -148,8 +148,7 @@ def _scans(path: Path) -> list[_Scan]:
                 raise InputError(f"log {path}, line {number}: {error}") from error
             except (ValueError, IndexError, OverflowError):
                 mistake = InputError(
-                    f"log {path}, line {number}: {kind}: must hold a scan, a pose and a time, all of "
-                    "them numbers"
+                    f"log {path}, line {number}: {kind}: must hold a scan, a pose and a time, all of them numbers"
                 )
     # Keep the kind that occurs most.
     largest = max(scans_by_kind.values(), key=len)
@@ -218,8 +217,7 @@ def _flaser_angles(count: int, resolution: float | None) -> tuple[float, float]:
         increment, fov = resolution, (count - 1) * resolution
     else:
         raise InputError(
-            f"{FLASER} has {count} beams, and its field of view is not known: must be a usual number "
-            "(181 or 361 over "
+            f"{FLASER} has {count} beams, and its field of view is not known: must be a usual number (181 or 361 over "
             f"180°, 401 over 100°, 541 or 1081 over 270°, 682 over 240°), or be preceded by a line such as "
             f"'PARAM {_RESOLUTION} 0.5' with the degrees between its beams; lines {ROBOTLASER} say their own"
         )
@@ -238,8 +236,8 @@ def _robotlaser(fields: Sequence[str]) -> _Scan:
         raise ValueError(fields[:8])
     farthest = farthest if 0.0 < farthest < math.inf else RANGE_MAX
     # Five numbers on speed and safety follow the two poses.
-    trailing = fields[9 + count + remissions :]
-    return _scan((start_angle, increment, farthest), fields[8 : 8 + count], trailing, time_at=11)
+    tail = fields[9 + count + remissions :]
+    return _scan((start_angle, increment, farthest), fields[8 : 8 + count], tail, time_at=11)
 
 
 def _count(field: str) -> int:
@@ -250,16 +248,14 @@ def _count(field: str) -> int:
 
 
 def _scan(
-    geometry: tuple[float, float, float], ranges: Sequence[str], trailing: Sequence[str], time_at: int
+    geometry: tuple[float, float, float], ranges: Sequence[str], tail: Sequence[str], time_at: int
 ) -> _Scan:
-    """Return a scan. rest: the poses of laser and robot, then other fields, with the time at index `time_at`."""
-    poses = np.array(trailing[:6], dtype=np.float64)
+    """Return a scan. trailing: the poses of laser and robot, then other fields, with the time at index `time_at`."""
+    poses = np.array(tail[:6], dtype=np.float64)
     if len(poses) < 6 or not np.isfinite(poses).all():
-        raise ValueError(trailing[:6])
+        raise ValueError(tail[:6])
     laser, robot = Pose(*poses[:3].tolist()), Pose(*poses[3:].tolist())
-    return _Scan(
-        round(float(trailing[time_at]) * SECOND), geometry, np.array(ranges, np.float32), laser, robot
-    )
+    return _Scan(round(float(tail[time_at]) * SECOND), geometry, np.array(ranges, np.float32), laser, robot)
 
 
 def _stamped(scans: list[_Scan]) -> list[_Scan]:
@@ -287,10 +283,8 @@ def _header(stamp: int, frame: str) -> SimpleNamespace:
 
 def _transform(stamp: int, mount: Pose) -> SimpleNamespace:
     position, orientation = _parts(mount)
-    translation_and_rotation = SimpleNamespace(translation=position, rotation=orientation)
-    return SimpleNamespace(
-        header=_header(stamp, _BASE), child_frame_id=_LASER, transform=translation_and_rotation
-    )
+    motion = SimpleNamespace(translation=position, rotation=orientation)
+    return SimpleNamespace(header=_header(stamp, _BASE), child_frame_id=_LASER, transform=motion)
 
 
 def _parts(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:

@@ -127,7 +127,7 @@ class Driver:
         return self.log
 
     def _decide(self, next_message: Message | None) -> None:
-        """Decide on the scans whose poses are known. coming: the next message; None at the end."""
+        """Decide on the scans whose poses are known. next_message: the next message; None at the end."""
         for message, motion, posture in self._scans.ready(next_message):
             if motion is None:
                 self.log.skipped["no pose"] += 1

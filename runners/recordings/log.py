@@ -68,21 +68,17 @@ def log_config(values: Mapping[str, Any], robot: str | None) -> LogConfig:
 
     Raises InputError for a wrong key or value.
     """
-    known_keys = (*_PARTS, *_SCALARS)
+    keys = (*_PARTS, *_SCALARS)
     for key in values:
-        if key not in known_keys:
-            raise InputError(
-                f"{key} is unknown: {nearest(key, known_keys)}must be one of {', '.join(known_keys)}"
-            )
-    sections: dict[str, Any] = {
-        key: fill_dataclass(_PARTS[key], values.get(key) or {}, key) for key in _PARTS
-    }
+        if key not in keys:
+            raise InputError(f"{key} is unknown: {nearest(key, keys)}must be one of {', '.join(keys)}")
+    nested: dict[str, Any] = {key: fill_dataclass(_PARTS[key], values.get(key) or {}, key) for key in _PARTS}
     for key in _SCALARS[:2]:
         value = values.get(key)
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise InputError(f"{key} is {value!r}: must be a number of seconds")
     scalars = {key: values[key] for key in _SCALARS if values.get(key) is not None}
-    return LogConfig(**sections, **scalars, robot=robot)
+    return LogConfig(**nested, **scalars, robot=robot)
 
 
 class DriveLog:

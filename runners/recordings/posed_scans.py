@@ -30,8 +30,7 @@ class Order:
         if self._last is not None and stamp < self._last - _JITTER:
             back = (self._last - stamp) / SECOND
             raise InputError(
-                f"topics: the time of {self._topic} goes backwards by {back:.3g} s (stamp "
-                f"{stamp / SECOND:.3f} s): "
+                f"topics: the time of {self._topic} goes backwards by {back:.3g} s (stamp {stamp / SECOND:.3f} s): "
                 "use clock=recorded, or cut the recording with start= and end="
             )
         is_later = self._last is None or stamp > self._last

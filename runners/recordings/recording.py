@@ -130,8 +130,7 @@ class Recording:
         # A pose without any orientation cannot be used at all; a wrong twist can be left out.
         if headings and not any(headings):
             raise InputError(
-                f"bag {self.bag.path}: {pose.name}: its quaternion is zero, so it does not say where "
-                "the robot heads: "
+                f"bag {self.bag.path}: {pose.name}: its quaternion is zero, so it does not say where the robot heads: "
                 "record its orientation, or choose other poses with topics.pose"
             )
         contradiction = check.contradiction(at_end=True)
@@ -159,58 +158,46 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
     Warns of twists that contradict the poses.
     """
     # Read the static transforms, then the first messages until they suffice.
-    beginning = _Beginning(topics)
+    opening = _Beginning(topics)
     for message in _statics(bag, topics):
-        beginning.tree.update(message.content)
+        opening.tree.update(message.content)
     for message in bag.messages(topics.names):
-        beginning.take(message)
-        if beginning.complete and (
-            message.recorded - bag.start > _LOOK_S * SECOND or beginning.mounted(frames)
-        ):
+        opening.take(message)
+        if opening.complete and (message.recorded - bag.start > _LOOK_S * SECOND or opening.mounted(frames)):
             break
-    if not beginning.scans:
+    if not opening.scans:
         raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} has no messages")
     # tf does not connect the frames after all: take another topic of poses.
-    if topics.pose is None and tf_frames(frames, beginning.tree) is None:
+    if topics.pose is None and tf_frames(frames, opening.tree) is None:
         topics = topics._replace(pose=other_pose(bag, topics))
         return inspect(bag, topics, frames, clock)
     # Choose the frames and the clock, and measure the rate of the scans.
-    chosen_frames = beginning.frames(frames)
-    headers, offset = beginning.clock(clock, chosen_frames)
-    stamps = [stamp_of(m.content.header) if headers else m.recorded for m in beginning.scans]
+    names = opening.frames(frames)
+    headers, offset = opening.clock(clock, names)
+    stamps = [stamp_of(m.content.header) if headers else m.recorded for m in opening.scans]
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
     # Find the lidar's geometry and its mount.
-    scan = _usual_scan(bag, topics, beginning.scans)
+    scan = _usual_scan(bag, topics, opening.scans)
     came_from = frame(scan.content.header.frame_id)
-    mount = beginning.tree.lookup(chosen_frames.base, came_from)
-    carrier = carrier_of(came_from, chosen_frames, beginning.tree)
+    mount = opening.tree.lookup(names.base, came_from)
+    carrier = carrier_of(came_from, names, opening.tree)
     recording = Recording(
-        bag,
-        topics,
-        chosen_frames,
-        headers,
-        offset,
-        mount,
-        carrier,
-        rate,
-        scan,
-        beginning.tree,
-        topics.measured_twists,
+        bag, topics, names, headers, offset, mount, carrier, rate, scan, opening.tree, topics.measured_twists
     )
     recording.check_poses()
     return recording
 
 
-def _usual_scan(bag: Bag, topics: Topics, first_messages: list[Message]) -> Message:
+def _usual_scan(bag: Bag, topics: Topics, scans_at_start: list[Message]) -> Message:
     """Return the first scan with the usual frame and geometry; the very first may be short, or of another lidar.
 
     Of the geometries that are not rare, it has the widest; among several equally wide, the most frequent.
     """
     if topics.scan.type != LASER_SCAN:
-        return first_messages[0]
+        return scans_at_start[0]
     # Sample scans from all parts of the recording, and keep those of the most frequent frame.
-    scans = list(first_messages)
+    scans = list(scans_at_start)
     for section in range(1, _PARTS):
         start = bag.start + section * (bag.end - bag.start) // _PARTS
         scans += islice(bag.messages([topics.scan.name], start), _SCANS)
@@ -219,16 +206,12 @@ def _usual_scan(bag: Bag, topics: Topics, first_messages: list[Message]) -> Mess
     scans = [scan for scan in scans if frame(scan.content.header.frame_id) == frame_id and is_whole(scan)]
     # Choose the geometry: not rare, as wide as the widest up to two beams, and then the most frequent.
     counts = Counter(map(_geometry, scans))
-    usual_geometries = [
-        candidate for candidate, count in counts.items() if count >= _RARE * len(scans)
-    ] or list(counts)
-    if not usual_geometries:
-        return first_messages[0]
-    widest = max(fov for _, _, fov in usual_geometries)
-    as_wide = [
-        candidate for candidate in usual_geometries if candidate[2] >= widest - 2.0 * abs(candidate[1])
-    ]
-    geometry = max(as_wide or usual_geometries, key=lambda candidate: counts[candidate])
+    usual = [shape for shape, count in counts.items() if count >= _RARE * len(scans)] or list(counts)
+    if not usual:
+        return scans_at_start[0]
+    widest = max(fov for _, _, fov in usual)
+    as_wide = [shape for shape in usual if shape[2] >= widest - 2.0 * abs(shape[1])]
+    geometry = max(as_wide or usual, key=lambda shape: counts[shape])
     return next(scan for scan in scans if _geometry(scan) == geometry)
 
 
@@ -264,10 +247,8 @@ class _Beginning:
             self._pose = message
         elif message.topic in self._topics.tf:
             self.tree.update(message.content)
-            for transform in message.content.transforms:
-                self._tf_ahead[frame(transform.child_frame_id)] = message.recorded - stamp_of(
-                    transform.header
-                )
+            for tf in message.content.transforms:
+                self._tf_ahead[frame(tf.child_frame_id)] = message.recorded - stamp_of(tf.header)
 
     @property
     def complete(self) -> bool:

@@ -49,18 +49,15 @@ def replay_table(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
 def headings_ahead(poses: Floats, ahead: float) -> Floats:
     """Return the bearing [rad] from each pose (T, 3) to the next at least `ahead` [m] away, (T,); NaN without one."""
     bearings = np.full(len(poses), np.nan)
-    ahead_index = 0
+    j = 0
     # The later position only moves forward, so the search takes linear time.
     for k, (x, y, yaw) in enumerate(poses):
-        ahead_index = max(ahead_index, k)
-        while (
-            ahead_index < len(poses)
-            and math.hypot(poses[ahead_index, 0] - x, poses[ahead_index, 1] - y) < ahead
-        ):
-            ahead_index += 1
-        if ahead_index == len(poses):
+        j = max(j, k)
+        while j < len(poses) and math.hypot(poses[j, 0] - x, poses[j, 1] - y) < ahead:
+            j += 1
+        if j == len(poses):
             break
-        bearing = math.atan2(poses[ahead_index, 1] - y, poses[ahead_index, 0] - x) - yaw
+        bearing = math.atan2(poses[j, 1] - y, poses[j, 0] - x) - yaw
         bearings[k] = math.remainder(bearing, math.tau)
     return bearings
 

@@ -65,9 +65,9 @@ class RerunFile:
         self._points("robot", position[None], self._radius, _BLUE)
         self._points("subgoal", to_world(step.subgoal, pose)[None], 0.06, _ORANGE)
         self._points("goal", to_world(step.target, pose)[None], 0.08, _GREEN)
-        heading_vector = to_world(np.array([2 * self._radius, 0.0]), pose) - position
+        arrow = to_world(np.array([2 * self._radius, 0.0]), pose) - position
         arrows = self._rerun.Arrows3D(
-            origins=_flat(position[None]), vectors=_flat(heading_vector[None]), colors=[_BLUE]
+            origins=_flat(position[None]), vectors=_flat(arrow[None]), colors=[_BLUE]
         )
         self._stream.log("map/heading", arrows)
         self._way = [*self._way[-1:], (pose.x, pose.y)]

@@ -55,25 +55,23 @@ def retrace(path: Path) -> Trace:
             )
         if not episode.live:
             return rerun(episode.config, episode.world, episode.run)
-        *moments, final_moment = _moments(bag, episode)
+        *moments, final = _moments(bag, episode)
         states = [message.content.data for message in bag.messages([STATE])][-1]
     if not moments:
         raise InputError(f"bag {path}: has no decisions")
     # Decide again on everything that was seen, then put the trace together.
     steps = _decide_again(path, episode, moments)
-    rows = [_row(episode.config.robot, moment) for moment in (*moments, final_moment)]
-    trace_end = TraceEnd(
-        final_moment.time, final_moment.observation.odometry, final_moment.observation, _NOTHING
-    )
-    drive = Drive(_outcome(states, final_moment, episode.goal_tolerance), final_moment.time, np.array(rows))
+    rows = [_row(episode.config.robot, moment) for moment in (*moments, final)]
+    ending = TraceEnd(final.time, final.observation.odometry, final.observation, _NOTHING)
+    drive = Drive(_outcome(states, final, episode.goal_tolerance), final.time, np.array(rows))
     config, robot = episode.config, episode.config.robot
-    return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, trace_end, drive)
+    return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, ending, drive)
 
 
-def _outcome(state_text: str, final_moment: _Moment, tolerance: float | None) -> str:
-    """Return how the drive ended. said: the driver's last state; a safety stop if the simulator ended first."""
+def _outcome(state_text: str, final: _Moment, tolerance: float | None) -> str:
+    """Return how the drive ended. state_text: the driver's last state; a safety stop if the simulator ended first."""
     state = state_text.partition(":")[0]
-    distance = float(np.hypot(*final_moment.observation.target))
+    distance = float(np.hypot(*final.observation.target))
     if state in (LiveState.ARRIVED, LiveState.CANCELLED):
         return state
     return str(LiveState.ARRIVED) if distance <= (tolerance or 0.0) else f"{distance:.2f} m from the goal"
@@ -98,10 +96,8 @@ def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
         pose = pose_of(odometry.content, ODOMETRY)
         goal = to_world(observation.target, observation.odometry)
         unseen = observation.scan._replace(ranges=np.full_like(observation.scan.ranges, np.inf))
-        last_observation = Observation(
-            unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose
-        )
-        yield _Moment((odometry.recorded - start_stamp) / SECOND, None, last_observation, None)
+        final = Observation(unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose)
+        yield _Moment((odometry.recorded - start_stamp) / SECOND, None, final, None)
 
 
 def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observation:
@@ -127,8 +123,7 @@ def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) 
         command = navigator.act(unseen, decision_time)
         if command != recorded:
             raise InputError(
-                f"bag {path}: the decision at {time:.1f} s differs from the recorded one: another "
-                "version of lme made "
+                f"bag {path}: the decision at {time:.1f} s differs from the recorded one: another version of lme made "
                 "the recording, or the guide or planner failed before it"
             )
         observation = navigator.observation

@@ -189,8 +189,7 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
     )
     if requested:
         raise InputError(
-            f"{requested[0]}: lme made this recording, so it is replayed with its own robot, guide "
-            "and planner; "
+            f"{requested[0]}: lme made this recording, so it is replayed with its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
     # Take over the system. Where people truly were is not known here: then this config says where they come from.

@@ -121,8 +121,7 @@ def _without_several_types(bag: Bag, all_topics: Sequence[Topic], command: Chose
     if len(types) == 1:
         return command
     warnings.warn(
-        f"bag {bag.path}: the commands on {command.name} are left out, because they are of several "
-        f"types: {_or(types)}",
+        f"bag {bag.path}: the commands on {command.name} are left out, because they are of several types: {_or(types)}",
         stacklevel=2,
     )
     return None

@@ -65,8 +65,7 @@ def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Ta
         lacking_columns = [name for name in names if name not in table.column_names]
         if lacking_columns or (not columns and len(names) < table.num_columns):
             raise InputError(
-                "the runs have different columns, perhaps because different versions of lme recorded "
-                "them: export "
+                "the runs have different columns, perhaps because different versions of lme recorded them: export "
                 "each alone, or choose --columns that all have"
             )
         yield table.select(names)

@@ -70,9 +70,9 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
 
     Raises InputError if that cannot be done.
     """
-    for run_input in (run_input for run_input in inputs if _copies(run_input, directory) is None):
-        for name, file in run_input.files.items():
-            copy_path = directory / FOLDER / run_input.digest / name
+    for entry in (entry for entry in inputs if _copies(entry, directory) is None):
+        for name, file in entry.files.items():
+            copy_path = directory / FOLDER / entry.digest / name
             if not file.copy:
                 continue
             try:
@@ -93,7 +93,7 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
 
 def sentence(inputs: Sequence[Input]) -> str:
     """Return the notice at the start of a run that anyone who is sent its folder gets these files; empty for none."""
-    files = {file.source: file for run_input in inputs for file in run_input.files.values()}
+    files = {file.source: file for entry in inputs for file in entry.files.values()}
     kept_names = dict.fromkeys(Path(source).name for source, file in files.items() if file.copy)
     large_names = dict.fromkeys(Path(source).name for source, file in files.items() if not file.copy)
     clauses = (
@@ -129,9 +129,9 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
         ):  # the config records the parameters of a weight set themselves
             return value
         # A text is an input of the run if key and value agree; other files must be inside, shipped or trusted.
-        run_input = inputs_by_value.get((last_part(key), value))
-        if run_input is not None:
-            return _place(run_input, directory)
+        entry = inputs_by_value.get((last_part(key), value))
+        if entry is not None:
+            return _place(entry, directory)
         _refuse_outside(key, value, directory)
         return value
 
@@ -152,29 +152,29 @@ def as_at_launch(config: C, inputs: Sequence[Input], directory: Path) -> C:
     return replace(config, **located(groups, changed, directory))  # type: ignore[type-var]
 
 
-def changed_files(run_input: Input) -> list[str]:
+def changed_files(entry: Input) -> list[str]:
     """Return the files that are now missing or differ from what they were at launch."""
-    return [file.source for file in run_input.files.values() if not _is_same(file)]
+    return [file.source for file in entry.files.values() if not _is_same(file)]
 
 
-def is_gone(run_input: Input) -> bool:
+def is_gone(entry: Input) -> bool:
     """Return whether a run's own code is no longer there to import."""
-    return run_input.key == CODE and not _is_importable(run_input)
+    return entry.key == CODE and not _is_importable(entry)
 
 
-def is_lost(run_input: Input) -> bool:
+def is_lost(entry: Input) -> bool:
     """Return whether a value that named a file or folder at launch names none here."""
-    return run_input.key not in (CODE, OPTIONS) and path_of(run_input.key, run_input.given) is None
+    return entry.key not in (CODE, OPTIONS) and path_of(entry.key, entry.given) is None
 
 
 def check_unchanged(saved: Sequence[Input], current: Sequence[Input], directory: Path) -> None:
     """Raise InputError, naming the file, unless a run that is resumed reads the same content as before.
 
-    saved: inputs of the run in this directory, or of its whole sweep. now: inputs of the same command line today.
+    saved: inputs of the run in this directory, or of its whole sweep. current: inputs of the same command line today.
     """
-    for run_input, name in differing(saved, current):
-        file = run_input.files[name]
-        copy = f"; the run holds its copy, {FOLDER}/{run_input.digest}/{name}" if file.copy else ""
+    for entry, name in differing(saved, current):
+        file = entry.files[name]
+        copy = f"; the run holds its copy, {FOLDER}/{entry.digest}/{name}" if file.copy else ""
         raise InputError(
             f"{directory}: {file.source} has changed since the run began, so it cannot be resumed: "
             f"restore the file, or start again in another directory{copy}"
@@ -183,19 +183,19 @@ def check_unchanged(saved: Sequence[Input], current: Sequence[Input], directory:
 
 def differing(saved: Sequence[Input], current: Sequence[Input]) -> list[tuple[Input, str]]:
     """Return the files that both have read and that differ, as the saved input and the name of the file in it."""
-    today = {(run_input.key, run_input.given): run_input.files for run_input in current}
+    today = {(entry.key, entry.given): entry.files for entry in current}
     return [
-        (run_input, name)
-        for run_input in saved
-        for name, file in run_input.files.items()
-        for current_file in [today.get((run_input.key, run_input.given), {}).get(name)]
+        (entry, name)
+        for entry in saved
+        for name, file in entry.files.items()
+        for current_file in [today.get((entry.key, entry.given), {}).get(name)]
         if current_file is not None and current_file.sha256 != file.sha256
     ]
 
 
 def options_folder(inputs: Sequence[Input], directory: Path) -> Path | None:
     """Return the copy of the user's own options that a run has used; None if it has none."""
-    options = next((run_input for run_input in inputs if run_input.key == OPTIONS), None)
+    options = next((entry for entry in inputs if entry.key == OPTIONS), None)
     return None if options is None else _copies(options, directory)
 
 
@@ -205,13 +205,13 @@ def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = Fa
     is_running: whether the run is that of this process, which loaded the code before it changed. Raises InputError if
     another version of it is loaded already.
     """
-    for run_input in (run_input for run_input in inputs if run_input.key == CODE):
-        folder = _copies(run_input, directory)
-        if folder is None or (not changed_files(run_input) and _is_importable(run_input)):
+    for entry in (entry for entry in inputs if entry.key == CODE):
+        folder = _copies(entry, directory)
+        if folder is None or (not changed_files(entry) and _is_importable(entry)):
             continue
         if not is_running:
-            _check_loaded(run_input)
-        changed_sources = [source for source in changed_files(run_input) if os.path.exists(source)]  # noqa: PTH110
+            _check_loaded(entry)
+        changed_sources = [source for source in changed_files(entry) if os.path.exists(source)]  # noqa: PTH110
         _say_copy(changed_sources, folder)
         if str(folder) not in sys.path:
             sys.path.insert(0, str(folder))  # before today's versions; worker processes inherit it
@@ -226,20 +226,20 @@ def from_record(values: Any) -> list[Input]:
     loaded = []
     for value in values:
         files = {name: InputFile(**file) for name, file in value["files"].items()}
-        run_input = Input(**{**value, "files": files})
+        entry = Input(**{**value, "files": files})
         texts = [
-            run_input.key,
-            run_input.given,
-            run_input.name,
+            entry.key,
+            entry.given,
+            entry.name,
             *(text for file in files.values() for text in (file.source, file.copy)),
         ]
-        names = [PurePosixPath(name) for name in (run_input.name, *files)]
+        names = [PurePosixPath(name) for name in (entry.name, *files)]
         is_inside = all(not name.is_absolute() and ".." not in name.parts for name in names)
         if not (
-            is_inside and all(isinstance(text, str) for text in texts) and _DIGEST.fullmatch(run_input.digest)
+            is_inside and all(isinstance(text, str) for text in texts) and _DIGEST.fullmatch(entry.digest)
         ):
             raise ValueError(value)
-        loaded.append(run_input)
+        loaded.append(entry)
     return loaded
 
 
@@ -284,37 +284,31 @@ def content_of(path: Path) -> bytes:
     return yaml.safe_dump({**content, "image": Path(picture).name}, allow_unicode=True).encode()
 
 
-def _place(run_input: Input, directory: Path) -> str:
+def _place(entry: Input, directory: Path) -> str:
     """Return the path to read an input from: its own if the file is unchanged and may be used, else its copy's."""
-    changed_sources = changed_files(run_input)
-    if (
-        not changed_sources
-        and _is_at_home(run_input)
-        and (trust.is_trusted(directory) or not _is_copied(run_input))
-    ):
-        return run_input.given
-    folder = _copies(run_input, directory)
+    changed_sources = changed_files(entry)
+    if not changed_sources and _is_at_home(entry) and (trust.is_trusted(directory) or not _is_copied(entry)):
+        return entry.given
+    folder = _copies(entry, directory)
     if folder is None:
         reason = (
-            f"no {FOLDER}/{run_input.digest}"
-            if _is_copied(run_input)
-            else "only a checksum of it, as it is large"
+            f"no {FOLDER}/{entry.digest}" if _is_copied(entry) else "only a checksum of it, as it is large"
         )
         raise InputError(
-            f"{directory}: its {run_input.key} is {run_input.given}, which is missing or has changed, "
+            f"{directory}: its {entry.key} is {entry.given}, which is missing or has changed, "
             f"and the run has {reason}"
         )
     _say_copy([source for source in changed_sources if os.path.exists(source)], folder)  # noqa: PTH110
-    return str(folder / run_input.name)
+    return str(folder / entry.name)
 
 
-def _is_at_home(run_input: Input) -> bool:
+def _is_at_home(entry: Input) -> bool:
     """Return whether the value leads to the same files as at launch; from another folder it may not."""
-    path = path_of(run_input.key, run_input.given)
-    if path is None or not run_input.files:
+    path = path_of(entry.key, entry.given)
+    if path is None or not entry.files:
         return False
-    file = path if path.is_file() else path / next(iter(run_input.files))
-    return str(file.absolute()) in {file.source for file in run_input.files.values()}
+    file = path if path.is_file() else path / next(iter(entry.files))
+    return str(file.absolute()) in {file.source for file in entry.files.values()}
 
 
 def _say_copy(sources: Sequence[str], folder: Path) -> None:
@@ -323,14 +317,14 @@ def _say_copy(sources: Sequence[str], folder: Path) -> None:
         warnings.warn(f"{subject} changed since the run: its copy in {folder} is used", stacklevel=2)
 
 
-def _copies(run_input: Input, directory: Path) -> Path | None:
+def _copies(entry: Input, directory: Path) -> Path | None:
     """Return the checked folder with the copies of an input; None if there is none. Raises InputError for damage."""
     run_folder = directory.absolute()
     for parent in (run_folder, *run_folder.parents[:_ABOVE]):
-        folder = parent / FOLDER / run_input.digest
-        if not folder.is_dir() or not _is_copied(run_input):
+        folder = parent / FOLDER / entry.digest
+        if not folder.is_dir() or not _is_copied(entry):
             continue
-        for name, file in run_input.files.items():
+        for name, file in entry.files.items():
             path = folder / name
             is_inside = path.resolve().is_relative_to(parent.resolve() / FOLDER)
             if not (is_inside and _is_regular(path) and sha_of(path) == file.copy):
@@ -341,8 +335,8 @@ def _copies(run_input: Input, directory: Path) -> Path | None:
     return None
 
 
-def _is_copied(run_input: Input) -> bool:
-    return all(file.copy for file in run_input.files.values())
+def _is_copied(entry: Input) -> bool:
+    return all(file.copy for file in entry.files.values())
 
 
 def _refuse_outside(key: str, value: str, directory: Path) -> None:
@@ -362,17 +356,17 @@ def is_shipped(path: Path) -> bool:
     return any(resolved.is_relative_to(resource_dir(name).resolve()) for name in ("conf", "maps"))
 
 
-def _is_importable(run_input: Input) -> bool:
+def _is_importable(entry: Input) -> bool:
     """Return whether today's Python finds the sources of a run's own code where they were."""
-    sources = {file.source for file in run_input.files.values()}
-    tops = {name.partition("/")[0].removesuffix(".py") for name in run_input.files}
+    sources = {file.source for file in entry.files.values()}
+    tops = {name.partition("/")[0].removesuffix(".py") for name in entry.files}
     specs = [PathFinder.find_spec(top, None) for top in tops]
     return all(spec is not None and (spec.origin is None or spec.origin in sources) for spec in specs)
 
 
-def _check_loaded(run_input: Input) -> None:
+def _check_loaded(entry: Input) -> None:
     """Raise InputError if another version of a run's own code is loaded, such as that of the previous run."""
-    for name, file in run_input.files.items():
+    for name, file in entry.files.items():
         module = sys.modules.get(name.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
         origin = getattr(module, "__file__", None)
         if origin and not (_is_regular(Path(origin)) and sha_of(Path(origin)) == file.copy):

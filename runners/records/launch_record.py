@@ -165,9 +165,9 @@ def recorded_config(
     """Return the typed config from what `identity` returned, which may come from anyone.
 
     Everything that is built from a run is built from this config. directory: that of the run or the recording; None
-    for one that this process has made. kept: the files that the run has read; the paths lead to their copies. Raises
-    InputError if the config is incomplete, and UntrustedError if it names code that is not lme's, or a file outside
-    the run.
+    for one that this process has made. saved_inputs: the files that the run has read; the paths lead to their copies.
+    Raises InputError if the config is incomplete, and UntrustedError if it names code that is not lme's, or a file
+    outside the run.
     """
     names = [field.name for field in dataclasses.fields(RecordedConfig)]
     config_values = {name: values[name] for name in names if name in values}
@@ -190,7 +190,7 @@ def launch_of(
 ) -> Launch:
     """Return the launch of a run, or of a sweep's jobs.
 
-    overrides: those that decide results. kept: the files that the run reads; None to search for them.
+    overrides: those that decide results. saved_inputs: the files that the run reads; None to search for them.
     """
     from runners.config import build
 
@@ -254,7 +254,7 @@ def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def directory_error(directory: Path, action: str, error: OSError) -> InputError:
-    """Return the error of a directory that cannot be "read" or "written"; what: one of these words."""
+    """Return the error of a directory that cannot be "read" or "written"; action: one of these words."""
     return InputError(
         f"output directory {directory}: cannot be {action} ({error.strerror}): "
         "choose another with hydra.run.dir=PATH"

@@ -125,7 +125,7 @@ def lacks_steps(run_dir: Path) -> bool:
 
 
 def keys_not_in(log: AppendLog, stored: Collection[EpisodeKey]) -> set[EpisodeKey]:
-    """Return the keys of the append log that are not `done`."""
+    """Return the keys of the append log that are not `stored`."""
     return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in stored}
 
 
@@ -143,7 +143,7 @@ def trajectory_table(
 ) -> pa.Table:
     """Return the control steps of the run's Parquet file and append log, sorted; each episode's only once.
 
-    wanted: the episodes; None for all.
+    selected: the episodes; None for all.
     """
     import pyarrow as pa
 

@@ -154,8 +154,7 @@ class RecordWriter:
 
     def _gone(self) -> RecordsWriteError:
         return RecordsWriteError(
-            f"{self._run_dir}: its records are gone: they were deleted while the run wrote them; "
-            "start it again"
+            f"{self._run_dir}: its records are gone: they were deleted while the run wrote them; start it again"
         )
 
     def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:

@@ -71,22 +71,14 @@ def _outdated(saved: Launch, launch: Launch, directory: Path) -> InputError:
             f"resume its jobs one by one, {resume_command(launch.command, directory / '0')} and so on "
             f"({lme_command('table', directory)} tabulates all), or {advice}"
         )
-    changed_sources = [
-        run_input.files[name].source for run_input, name in inputs.differing(saved.inputs, launch.inputs)
-    ]
-    source_text = f" ({shortened(changed_sources)})" if changed_sources else ""
+    sources = [entry.files[name].source for entry, name in inputs.differing(saved.inputs, launch.inputs)]
+    source_text = f" ({shortened(sources)})" if sources else ""
     return InputError(f"{directory}: holds {description}: {_OUTDATED}{source_text}; {advice}")
 
 
 def _changes(saved: Launch, launch: Launch) -> str:
     pairs = zip(saved.configs, launch.configs, strict=True)
-    return shortened(
-        list(
-            dict.fromkeys(
-                change for saved_config, config in pairs for change in differences(saved_config, config)
-            )
-        )
-    )
+    return shortened(list(dict.fromkeys(change for old, new in pairs for change in differences(old, new))))
 
 
 def _same_command_line(saved: Launch, launch: Launch) -> bool:
@@ -115,11 +107,7 @@ def _holds_run(directory: Path) -> bool:
     for prefix in ("", "*/"):
         if any(True for name in _RESULTS for _ in directory.glob(f"{prefix}{name}")):
             return True
-        if any(
-            part_file.stat().st_size
-            for part_file in directory.glob(f"{prefix}parts/*")
-            if part_file.is_file()
-        ):
+        if any(file.stat().st_size for file in directory.glob(f"{prefix}parts/*") if file.is_file()):
             return True
     return False
 
@@ -144,18 +132,16 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
     return [jobs[number] for number in sorted(jobs) if number < num_jobs or holds_run(jobs[number])]
 
 
-def make_fresh(launch: Launch, requested: Path | None, root: Path = ROOT) -> Path:
+def make_fresh(launch: Launch, folder: Path | None, root: Path = ROOT) -> Path:
     """Make the directory of a new run, with its `launch.json` and copies of the user's own files; name these.
 
-    Returns `given`, or a new directory under `root`.
+    Returns `folder`, or a new directory under `root`.
 
     Raises InputError if it cannot be written, already holds a run, or belongs to a running process.
     """
-    if requested is not None and holds_run(requested):
-        raise InputError(f"{requested}: already holds a run: add resume=true or choose another directory")
-    directory = (
-        _new_directory(launch, root) if requested is None else _make_directory(requested, exist_ok=True)
-    )
+    if folder is not None and holds_run(folder):
+        raise InputError(f"{folder}: already holds a run: add resume=true or choose another directory")
+    directory = _new_directory(launch, root) if folder is None else _make_directory(folder, exist_ok=True)
     _check_free(directory)
     launch.write(directory, anew=True)
     inputs.keep(launch.inputs, directory)

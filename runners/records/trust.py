@@ -55,9 +55,7 @@ def is_trusted(directory: Path | None) -> bool:
     if directory is None:
         return None in _trusted
     resolved = directory.resolve()
-    return any(
-        trusted_folder is None or resolved.is_relative_to(trusted_folder) for trusted_folder in _trusted
-    )
+    return any(folder is None or resolved.is_relative_to(folder) for folder in _trusted)
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -112,8 +110,7 @@ def check_words(words: Sequence[str], directory: Path) -> None:
         outside = _OUTSIDE.search(f"={value}") or ".." in key
         if hydra or "${" in word or outside or _is_foreign(key, value) or _WRITTEN_OUT.search(value):
             raise UntrustedError(
-                f"{directory}: it was started with {word}, which can run code or read files that are "
-                "not the run's: "
+                f"{directory}: it was started with {word}, which can run code or read files that are not the run's: "
                 f"add {FLAG} to use it, if you trust whoever made the run"
             )
 

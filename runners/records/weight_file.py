@@ -30,7 +30,7 @@ def write_weights(
 ) -> Path:
     """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml if a guide can load it.
 
-    values: those of the best trial, by dotted config key. about: further entries of the file.
+    values: those of the best trial, by dotted config key. metadata: further entries of the file.
     note: what follows "Written by lme train" in its first line. Returns the path of the first file. Raises OSError.
     """
     parameters = best_parameters(config, values)

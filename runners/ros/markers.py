@@ -62,7 +62,7 @@ class Marker(NamedTuple):
 
 
 def markers(observation: Observation, guidance: Guidance, explanation: Explanation | None) -> list[Marker]:
-    """Return the markers of one decision. why: None for a guide that cannot explain, which has fewer markers."""
+    """Return the markers of one decision. A guide that cannot explain has fewer."""
     all_markers = [] if explanation is None else [*_explanation_markers(explanation)]
     if guidance.path is not None and len(guidance.path) > 1:
         all_markers.append(Marker("path", 0, Shape.LINE_STRIP, guidance.path, _PATH[None], _LINE))

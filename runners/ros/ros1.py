@@ -21,8 +21,7 @@ from runners.ros.transport import HANDLING, ActionGoal, Delivery, Publisher, Tak
 DEBIAN = Path("/usr/lib/python3/dist-packages")  # where Debian and Ubuntu install ROS 1
 INSTALL = (
     "apt-get install --no-install-recommends ros-core python3-rospy python3-actionlib python3-move-base-msgs "
-    "python3-nav-msgs python3-tf2-msgs python3-visualization-msgs python3-diagnostic-msgs (Debian "
-    "12, Ubuntu 22.04 "
+    "python3-nav-msgs python3-tf2-msgs python3-visualization-msgs python3-diagnostic-msgs (Debian 12, Ubuntu 22.04 "
     "and later), or source the setup.bash of a ROS 1 workspace"
 )
 _QUEUE = 1  # a robot needs only the newest message

@@ -15,8 +15,7 @@ from runners.ros.transport import HANDLING, ActionGoal, Delivery, Publisher, Tak
 
 INSTALL = (
     "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-geometry-msgs ros-sensor-msgs ros-nav-msgs ros-std-msgs "
-    "ros-visualization-msgs ros-diagnostic-msgs ros-rosgraph-msgs, or source the setup.bash of a ROS "
-    "2 workspace "
+    "ros-visualization-msgs ros-diagnostic-msgs ros-rosgraph-msgs, or source the setup.bash of a ROS 2 workspace "
     "whose Python is 3.11 or later"
 )
 _DEPTH = 100  # queue size
@@ -64,8 +63,7 @@ class Ros2:
             return getattr(importlib.import_module(f"{package}.msg"), name)
         except ImportError as error:
             raise InputError(
-                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} if "
-                "there is such a "
+                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} if there is such a "
                 "package, or source the setup.bash of a ROS 2 workspace"
             ) from error
 

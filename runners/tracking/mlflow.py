@@ -291,7 +291,7 @@ def close_sweep(sweep_dir: Path, state: str) -> None:
 
 def _close_sweep(uri: str, parent: str, state: str) -> None:
     client = open_client(uri)
-    for run_id in children(client, parent, RUNNING, most=1000):
+    for run_id in children(client, parent, RUNNING, max_results=1000):
         client.set_terminated(run_id, KILLED if state == FINISHED else state)
     if client.get_run(parent).info.status == RUNNING:
         client.set_terminated(parent, worst_state(client, parent, state))

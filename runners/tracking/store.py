@@ -63,8 +63,7 @@ def check_uri(key: str, uri: str) -> None:
     scheme, separator, _ = uri.partition(":")
     if not separator or scheme.partition("+")[0] not in SCHEMES:
         raise InputError(
-            f"{key} is {masked(uri)}: must be a database or a server, such as {DEFAULT_URI} or "
-            "http://host:5000"
+            f"{key} is {masked(uri)}: must be a database or a server, such as {DEFAULT_URI} or http://host:5000"
         )
 
 
@@ -190,14 +189,14 @@ def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> No
 
 
 def children(client: MlflowClient, parent: str, state: str, max_results: int = 1) -> list[str]:
-    """Return the ids of at most `most` runs of a sweep's jobs that are in this state."""
+    """Return the ids of at most `max_results` runs of a sweep's jobs that are in this state."""
     experiment = client.get_run(parent).info.experiment_id
     query = f"tags.`{PARENT}` = '{parent}' and attributes.status = '{state}'"
     return [run.info.run_id for run in client.search_runs([experiment], query, max_results=max_results)]
 
 
 def worst_state(client: MlflowClient, parent: str, parent_state: str) -> str:
-    """Return the worst state of the runs of a sweep's jobs, and of `own`."""
+    """Return the worst state of the runs of a sweep's jobs, and of `parent_state`."""
     return next(
         (state for state in (FAILED, KILLED) if parent_state == state or children(client, parent, state)),
         parent_state,

@@ -47,8 +47,8 @@ class Journal(BaseJournalBackend):
         if not self._waiting:
             return
         # The mark holds the number of its own line, so that missing or added lines are found.
-        last = self._entries[-1]
-        mark = {"op_code": _SET_STUDY_SYSTEM_ATTR, "worker_id": last["worker_id"], "study_id": 0}
+        last_entry = self._entries[-1]
+        mark = {"op_code": _SET_STUDY_SYSTEM_ATTR, "worker_id": last_entry["worker_id"], "study_id": 0}
         self.append_logs([{**mark, "system_attr": {_MARK: len(self._entries) + 1}}])
         with self._path.open("ab") as file:
             file.write("".join(f"{line}\n" for line in self._waiting).encode())
@@ -77,10 +77,11 @@ def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
     # Check that every mark is in the line that it names.
     for number, line in enumerate(lines, start=1):
         entry = _decode(line, path, number)
-        counted = (entry.get("system_attr") or {}).get(_MARK, number)
-        if counted != number:
+        expected_number = (entry.get("system_attr") or {}).get(_MARK, number)
+        if expected_number != number:
             raise InputError(
-                f"{path} line {number}: should be line {counted!r:.40}, so lines are missing or were added; "
+                f"{path} line {number}: should be line {expected_number!r:.40}, so lines are missing "
+                "or were added; "
                 "restore the file, or start another study"
             )
         yield entry

@@ -63,11 +63,11 @@ def _database(url: str) -> RDBStorage:
     from sqlalchemy.exc import IntegrityError, OperationalError, ProgrammingError
 
     # Name the driver, because SQLAlchemy 2.0 and 2.1 choose different ones.
-    named = url.replace("postgresql://", "postgresql+psycopg://", 1)
+    driver_url = url.replace("postgresql://", "postgresql+psycopg://", 1)
     for attempt in range(1, _CREATIONS + 1):
         try:
             return RDBStorage(
-                named,
+                driver_url,
                 engine_kwargs=_engine_options(url),
                 heartbeat_interval=HEARTBEAT_S,
                 grace_period=GRACE_S,
@@ -94,14 +94,14 @@ def _engine_options(url: str) -> dict[str, Any]:
 
 
 @contextmanager
-def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
+def _as_input_error(url: str, problem: str, advice: str) -> Iterator[None]:
     """Turn any error of the block into an InputError of one line."""
     try:
         yield
     except Exception as error:
         *_, cause = _causes(error)
         if isinstance(cause, ImportError) and cause.name is not None:
-            trouble, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
+            problem, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
         reason = " ".join(str(cause).split()) or type(cause).__name__
         if reveals_password(reason, url):
             reason = fault_of_password(url) or type(cause).__name__
@@ -109,7 +109,7 @@ def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
             advice = (
                 "its password is not kept with the run: give storage=URL again, or let the driver read it"
             )
-        raise InputError(f"storage is {masked(url)}: {trouble} ({reason[:200]}); {advice}") from None
+        raise InputError(f"storage is {masked(url)}: {problem} ({reason[:200]}); {advice}") from None
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:

@@ -30,13 +30,13 @@ class McapMessages:
     def text(self, data: str) -> Any:
         return self._make("std_msgs/msg/String", data)
 
-    def scan(self, now: int, frame: str, scan: LaserScan, period: float) -> Any:
+    def scan(self, time_ns: int, frame: str, scan: LaserScan, period: float) -> Any:
         ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
         angle_max = scan.angle_min + (len(ranges) - 1) * scan.angle_increment
         times = 0.0, period  # time between beams: none; between sweeps: a control period
         return self._make(
             "sensor_msgs/msg/LaserScan",
-            self._header(now, frame),
+            self._header(time_ns, frame),
             *(scan.angle_min, angle_max, scan.angle_increment),
             *times,
             *(scan.range_min, scan.range_max),
@@ -44,24 +44,33 @@ class McapMessages:
             np.empty(0, dtype=np.float32),
         )
 
-    def odometry(self, now: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
+    def odometry(self, time_ns: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
         exact = np.zeros(36)
-        known = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(pose), exact)
+        pose_with_covariance = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(pose), exact)
         moving = self._make("geometry_msgs/msg/TwistWithCovariance", self.twist(twist), exact)
-        return self._make("nav_msgs/msg/Odometry", self._header(now, frame), child, known, moving)
+        return self._make(
+            "nav_msgs/msg/Odometry", self._header(time_ns, frame), child, pose_with_covariance, moving
+        )
 
-    def transform(self, now: int, frame: str, child: str, pose: Pose) -> Any:
+    def transform(self, time_ns: int, frame: str, child: str, pose: Pose) -> Any:
         shift = self._make("geometry_msgs/msg/Vector3", pose.x, pose.y, 0.0)
-        moved = self._make("geometry_msgs/msg/Transform", shift, self._quaternion(pose.yaw))
-        stamped = self._make("geometry_msgs/msg/TransformStamped", self._header(now, frame), child, moved)
+        translation_and_rotation = self._make(
+            "geometry_msgs/msg/Transform", shift, self._quaternion(pose.yaw)
+        )
+        stamped = self._make(
+            "geometry_msgs/msg/TransformStamped",
+            self._header(time_ns, frame),
+            child,
+            translation_and_rotation,
+        )
         return self._make("tf2_msgs/msg/TFMessage", [stamped])
 
-    def pose_stamped(self, now: int, frame: str, pose: Pose) -> Any:
-        return self._make("geometry_msgs/msg/PoseStamped", self._header(now, frame), self._pose(pose))
+    def pose_stamped(self, time_ns: int, frame: str, pose: Pose) -> Any:
+        return self._make("geometry_msgs/msg/PoseStamped", self._header(time_ns, frame), self._pose(pose))
 
-    def point(self, now: int, frame: str, x: float, y: float) -> Any:
+    def point(self, time_ns: int, frame: str, x: float, y: float) -> Any:
         point = self._make("geometry_msgs/msg/Point", x, y, 0.0)
-        return self._make("geometry_msgs/msg/PointStamped", self._header(now, frame), point)
+        return self._make("geometry_msgs/msg/PointStamped", self._header(time_ns, frame), point)
 
     def twist(self, twist: Twist) -> Any:
         linear = self._make("geometry_msgs/msg/Vector3", float(twist.v), 0.0, 0.0)
@@ -75,8 +84,8 @@ class McapMessages:
     def _quaternion(self, yaw: float) -> Any:
         return self._make("geometry_msgs/msg/Quaternion", 0.0, 0.0, *half_angle(yaw))
 
-    def _header(self, now: int, frame: str) -> Any:
-        stamp = self._make("builtin_interfaces/msg/Time", *divmod(now, _SECOND))
+    def _header(self, time_ns: int, frame: str) -> Any:
+        stamp = self._make("builtin_interfaces/msg/Time", *divmod(time_ns, _SECOND))
         return self._make("std_msgs/msg/Header", stamp, frame)
 
     def _make(self, name: str, *fields: Any) -> Any:
@@ -97,8 +106,8 @@ def half_angle(yaw: float) -> tuple[float, float]:
     z and w are sine and cosine of half the yaw, rounded up or down if rounding to nearest loses the last bit.
     """
     z, w = math.sin(yaw / 2), math.cos(yaw / 2)
-    near = product(_with_float_neighbours(z), _with_float_neighbours(w))
-    return next((pair for pair in near if 2.0 * math.atan2(*pair) == yaw), (z, w))
+    neighbours = product(_with_float_neighbours(z), _with_float_neighbours(w))
+    return next((pair for pair in neighbours if 2.0 * math.atan2(*pair) == yaw), (z, w))
 
 
 def _with_float_neighbours(value: float) -> tuple[float, float, float]:
@@ -155,11 +164,11 @@ class McapFile:
         finally:
             shutil.rmtree(self._partial, ignore_errors=True)
 
-    def write(self, topic: str, message: Any, now: int) -> None:
-        """Add a message at the time `now` [ns]."""
+    def write(self, topic: str, message: Any, time_ns: int) -> None:
+        """Add a message at `time_ns`."""
         data = self.messages.store.serialize_cdr(message, self._topics[topic])
         try:
-            self._writer.write(self._connections[topic], now, data)
+            self._writer.write(self._connections[topic], time_ns, data)
         except OSError as error:
             raise self._unwritable(error) from error
 

@@ -48,41 +48,43 @@ def recording_path(folder: Path, key: EpisodeKey) -> Path:
 class DecisionWriter:
     """Writer of decisions to an open recording. about: JSON values for /lme, besides the bearings of the beams."""
 
-    def __init__(self, file: McapFile, about: Mapping[str, Any], robot: Robot) -> None:
+    def __init__(self, file: McapFile, metadata: Mapping[str, Any], robot: Robot) -> None:
         self._file, self._make = file, file.messages
-        self._about, self._robot = about, robot
+        self._about, self._robot = metadata, robot
         self._begun = False
 
-    def decision(self, observation: Observation, guidance: Guidance, now: int) -> None:
-        """Write the observation and the subgoal, at the time `now` [ns]."""
+    def decision(self, observation: Observation, guidance: Guidance, time_ns: int) -> None:
+        """Write the observation and the subgoal, at the time `time_ns`."""
         if not self._begun:
-            self._begin(observation.scan, now)
-        self.motion(observation.odometry, observation.twist, now)
+            self._begin(observation.scan, time_ns)
+        self.motion(observation.odometry, observation.twist, time_ns)
         write, make = self._file.write, self._make
         target, subgoal = observation.target, guidance.subgoal
-        write("/goal", make.pose_stamped(now, BASE, Pose(float(target[0]), float(target[1]), 0.0)), now)
-        write("/scan", make.scan(now, LASER, observation.scan, self._robot.dt), now)
-        write("/subgoal", make.point(now, BASE, float(subgoal[0]), float(subgoal[1])), now)
+        write(
+            "/goal", make.pose_stamped(time_ns, BASE, Pose(float(target[0]), float(target[1]), 0.0)), time_ns
+        )
+        write("/scan", make.scan(time_ns, LASER, observation.scan, self._robot.dt), time_ns)
+        write("/subgoal", make.point(time_ns, BASE, float(subgoal[0]), float(subgoal[1])), time_ns)
 
-    def motion(self, pose: Pose, twist: Twist, now: int) -> None:
+    def motion(self, pose: Pose, twist: Twist, time_ns: int) -> None:
         """Write a pose and a twist."""
-        self._file.write("/tf", self._make.transform(now, ODOM, BASE, pose), now)
-        self._file.write("/odom", self._make.odometry(now, ODOM, BASE, pose, twist), now)
+        self._file.write("/tf", self._make.transform(time_ns, ODOM, BASE, pose), time_ns)
+        self._file.write("/odom", self._make.odometry(time_ns, ODOM, BASE, pose, twist), time_ns)
 
-    def twist(self, topic: str, twist: Twist, now: int) -> None:
+    def twist(self, topic: str, twist: Twist, time_ns: int) -> None:
         """Write a command."""
-        self._file.write(topic, self._make.twist(twist), now)
+        self._file.write(topic, self._make.twist(twist), time_ns)
 
-    def text(self, topic: str, text: str, now: int) -> None:
+    def text(self, topic: str, text: str, time_ns: int) -> None:
         """Write a line of text."""
-        self._file.write(topic, self._make.text(text), now)
+        self._file.write(topic, self._make.text(text), time_ns)
 
-    def _begin(self, scan: LaserScan, now: int) -> None:
+    def _begin(self, scan: LaserScan, time_ns: int) -> None:
         self._begun = True
         beams = {name: float(value) for name, value in scan._asdict().items() if name != "ranges"}
-        self.text("/lme", json.dumps({**self._about, "version": lme.__version__, "scan": beams}), now)
-        mount = self._make.transform(now, BASE, LASER, self._robot.lidar.mount)
-        self._file.write("/tf_static", mount, now)
+        self.text("/lme", json.dumps({**self._about, "version": lme.__version__, "scan": beams}), time_ns)
+        mount = self._make.transform(time_ns, BASE, LASER, self._robot.lidar.mount)
+        self._file.write("/tf_static", mount, time_ns)
 
 
 class Recorder:
@@ -91,9 +93,9 @@ class Recorder:
     Use as a context manager around one episode; see `McapFile` and `DecisionWriter`.
     """
 
-    def __init__(self, path: Path, about: Mapping[str, Any], robot: Robot) -> None:
+    def __init__(self, path: Path, metadata: Mapping[str, Any], robot: Robot) -> None:
         self._file = McapFile(path, TOPICS, LATCHED, _ADVICE)
-        self._about, self._robot = about, robot
+        self._about, self._robot = metadata, robot
 
     def __enter__(self) -> Self:
         self._writer = DecisionWriter(self._file.__enter__(), self._about, self._robot)
@@ -106,9 +108,9 @@ class Recorder:
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
         """Write a control period: the observation, the subgoal and the command."""
-        now = round(state.time * _SECOND)
-        self._writer.decision(observation, guidance, now)
-        self._writer.twist("/cmd_vel", command, now)
+        time_ns = round(state.time * _SECOND)
+        self._writer.decision(observation, guidance, time_ns)
+        self._writer.twist("/cmd_vel", command, time_ns)
 
     def ended(self, observation: Observation, state: State) -> None:
         """Write the final pose. No decision follows it, so there is no scan."""

@@ -46,18 +46,13 @@ def main(argv: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     notes = (
-        "The first run is the reference. Every other run is compared with it over the episodes that "
-        "both have: the\n"
-        "same world, the same number of the run. Worlds that only one has are left out, and counted. "
-        "Runs are named\n"
-        "by what differs between them: system, weights, ablation, changed keys. What may make a "
-        "comparison unfair,\n"
+        "The first run is the reference. Every other run is compared with it over the episodes that both have: the\n"
+        "same world, the same number of the run. Worlds that only one has are left out, and counted. Runs are named\n"
+        "by what differs between them: system, weights, ablation, changed keys. What may make a comparison unfair,\n"
         "such as another robot, simulator, time limit or seed, is said below the table.\n"
         "\n"
-        "A difference comes with a 95 % bootstrap interval over worlds, and with a p from a "
-        "sign-flip permutation\n"
-        "test over worlds, adjusted by Holm over all runs compared; * marks p below 0.05. Two runs "
-        "are drawn against\n"
+        "A difference comes with a 95 % bootstrap interval over worlds, and with a p from a sign-flip permutation\n"
+        "test over worlds, adjusted by Holm over all runs compared; * marks p below 0.05. Two runs are drawn against\n"
         "each other, a dot per world; more as a heat map of runs by worlds.\n"
         "\n"
         "Runs that are not finished can be compared: what they have counts."

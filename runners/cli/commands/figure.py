@@ -71,8 +71,7 @@ def _check_swept(words: list[str]) -> None:
         is_single = key.partition(".")[0] in ("run", "world", "formats", "figure")
         if is_single and "," in value and not value.startswith(("[", "'", '"')):
             raise InputError(
-                f"{word}: one figure is drawn of all jobs, so this cannot be swept; several worlds "
-                "are a list, "
+                f"{word}: one figure is drawn of all jobs, so this cannot be swept; several worlds are a list, "
                 "world=[3,4], and -m sweeps what is driven: systems, maps, ablations"
             )
 

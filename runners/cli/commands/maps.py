@@ -58,8 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     description = (
         "The worlds of one map set: optimal time, time limit and measures, as lme eval drives them.\n"
         "Worlds given by number are also drawn, in a file whose path is printed.\n"
-        "Settings are the keys of conf/map/MAP.yaml, and robot=NAME or robot.KEY=VALUE: starts, "
-        "goals and times "
+        "Settings are the keys of conf/map/MAP.yaml, and robot=NAME or robot.KEY=VALUE: starts, goals and times "
         "depend on the robot."
     )
     examples = [example for example in EXAMPLES if " show " in example]

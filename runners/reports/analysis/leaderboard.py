@@ -266,7 +266,7 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
 
 
 def _with_repeats(unmarked: Sequence[BoardEntry]) -> list[BoardEntry]:
-    """Return the entries, each with what is known about other runs of its job. found: the newest first."""
+    """Return the entries, each with what is known about other runs of its job. unmarked: the newest first."""
     groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
     for entry in unmarked:
         groups.setdefault(entry.job, []).append(entry)

@@ -63,11 +63,7 @@ def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
     configs = [dict(flatten(launch.configs[0])) for launch in launches]
     keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
     values = {key: [config.get(key) for config in configs] for key in keys}
-    return {
-        key: key_values
-        for key, key_values in values.items()
-        if any(value != key_values[0] for value in key_values)
-    }
+    return {key: texts for key, texts in values.items() if any(value != texts[0] for value in texts)}
 
 
 def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
@@ -105,10 +101,8 @@ def _telling(runs: Sequence[ComparedRun]) -> list[str]:
     differing = {column: texts for column, texts in values.items() if len(set(texts)) > 1}
     if "system" in differing and set(differing.get("weights", ())) <= usual("weights"):
         differing.pop("weights", None)
-    representatives = {
-        (column.rpartition(".")[2], texts): column for column, texts in reversed(differing.items())
-    }
-    return [column for column in differing if column in representatives.values()]
+    columns = {(column.rpartition(".")[2], texts): column for column, texts in reversed(differing.items())}
+    return [column for column in differing if column in columns.values()]
 
 
 def _columns(runs: Sequence[ComparedRun]) -> list[str]:

@@ -75,23 +75,23 @@ def _with_pairs(worlds: frozenset[int], reference: ComparedRun, run: ComparedRun
     return worlds if any(world in worlds for world, _ in reference.episodes & run.episodes) else frozenset()
 
 
-def same_worlds(reference: ComparedRun, compared: ComparedRun) -> frozenset[int]:
+def same_worlds(reference: ComparedRun, other_run: ComparedRun) -> frozenset[int]:
     """Return the numbers under which both drove the same task.
 
     Tasks are the same if map set, start, goal and measures of the world are. A measure that only one of them has,
     such as the number of people, makes their worlds different.
     """
-    numbers = sorted(reference.worlds & compared.worlds)
-    if reference.text("map") != compared.text("map") or not numbers:
+    numbers = sorted(reference.worlds & other_run.worlds)
+    if reference.text("map") != other_run.text("map") or not numbers:
         return frozenset()
     # Compare start and goal where both record them, and all measures of the world.
-    columns = [name for name in _TASK if name in reference.frame and name in compared.frame]
+    columns = [name for name in _TASK if name in reference.frame and name in other_run.frame]
     measures = dict.fromkeys(
-        name for run in (reference, compared) for name in run.frame if name.startswith(_MEASURE)
+        name for run in (reference, other_run) for name in run.frame if name.startswith(_MEASURE)
     )
     first, second = (
         run.frame.drop_duplicates("world").set_index("world").reindex(numbers, columns=[*columns, *measures])
-        for run in (reference, compared)
+        for run in (reference, other_run)
     )
     is_same = np.ones(len(numbers), dtype=bool)
     for name in first:

@@ -129,18 +129,16 @@ def summarise(
     grouping = ["system", *keys]
     # Measure a row for each combination of values, and find the setting that it can be compared in.
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
-    driven_rows: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
+    own_rows: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
         name, setting = _named(group, systems), published.setting_of(group)
         reason = setting.why_none(name, figures) if setting else ""
         row = replace(row, ablated=_ablated(group, labels), unpublished=reason)
-        driven_rows.setdefault(name, []).append((row, setting))
+        own_rows.setdefault(name, []).append((row, setting))
     # Put the published figures behind the rows of their system.
-    settings = {setting: row for rows in driven_rows.values() for row, setting in rows if setting}
-    return [
-        row for name, rows in driven_rows.items() for row in _with_published(name, rows, settings, figures)
-    ]
+    settings = {setting: row for rows in own_rows.values() for row, setting in rows if setting}
+    return [row for name, rows in own_rows.items() for row in _with_published(name, rows, settings, figures)]
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
@@ -241,7 +239,7 @@ def as_text(column: pd.Series) -> pd.Series:
 
 def _with_published(
     name: str,
-    driven_rows: Sequence[tuple[Row, published.DrivenSetting | None]],
+    own_rows: Sequence[tuple[Row, published.DrivenSetting | None]],
     settings: Mapping[published.DrivenSetting, Row],
     figures: Mapping[tuple[str, published.PublishedSetting], published.Figures],
 ) -> Iterator[Row]:
@@ -249,21 +247,21 @@ def _with_published(
 
     settings: every setting of the records, with one of its rows. A system without rows gets its figures for all.
     """
-    for index, (row, setting) in enumerate(driven_rows):
+    for index, (row, setting) in enumerate(own_rows):
         yield row
-        published_figures = setting.figures_of(name, figures) if setting else None
+        source = setting.figures_of(name, figures) if setting else None
         if (
             setting
-            and published_figures
-            and setting not in (later_setting for _, later_setting in driven_rows[index + 1 :])
+            and source
+            and setting not in (later_setting for _, later_setting in own_rows[index + 1 :])
         ):
-            yield _published_row(published_figures, setting, row)
+            yield _published_row(source, setting, row)
     # A system without rows of its own: its figures for every setting of the records.
-    if not driven_rows:
-        for setting, driven_row in settings.items():
-            published_figures = setting.figures_of(name, figures)
-            if published_figures:
-                yield _published_row(published_figures, setting, driven_row)
+    if not own_rows:
+        for setting, own_row in settings.items():
+            source = setting.figures_of(name, figures)
+            if source:
+                yield _published_row(source, setting, own_row)
 
 
 def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
@@ -275,17 +273,15 @@ def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
     return [label, *names, *namesakes][-1]
 
 
-def _published_row(
-    published_figures: published.Figures, setting: published.DrivenSetting, driven_row: Row
-) -> Row:
-    keys = {key: value if key in ("map", "subset") else "" for key, value in driven_row.keys.items()}
+def _published_row(source: published.Figures, setting: published.DrivenSetting, own_row: Row) -> Row:
+    keys = {key: value if key in ("map", "subset") else "" for key, value in own_row.keys.items()}
     return Row(
-        label=f"{published_figures.label} (published)",
+        label=f"{source.label} (published)",
         keys=keys,
-        stats=published_figures.stats,
-        global_planner=GLOBAL_PLANNER["observed" if published_figures.global_planner else ""],
+        stats=source.stats,
+        global_planner=GLOBAL_PLANNER["observed" if source.global_planner else ""],
         published_map=setting.map,
-        source=published_figures.source,
+        source=source.source,
     )
 
 

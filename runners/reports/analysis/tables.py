@@ -58,9 +58,9 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
     # Name the columns that are means over successes, as far as they are shown.
     means = list(
         dict.fromkeys(
-            success_metric.header.split()[0]
-            for success_metric in METRICS
-            if success_metric.of_successes and success_metric.header not in left_out
+            column.header.split()[0]
+            for column in METRICS
+            if column.of_successes and column.header not in left_out
         )
     )
     if means:
@@ -87,12 +87,10 @@ def _sources(rows: Sequence[Row]) -> dict[str, str]:
 
 def changed_notes(rows: Sequence[Row]) -> list[str]:
     """Return the notes on keys that differ from the files of their options."""
-    driven_rows = [row for row in rows if not row.published_map]
-    if len({row.changes for row in driven_rows}) == 1:
-        return [f"Changed: {driven_rows[0].changes}."] if driven_rows[0].changes else []
-    return list(
-        dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in driven_rows if row.changes)
-    )
+    own_rows = [row for row in rows if not row.published_map]
+    if len({row.changes for row in own_rows}) == 1:
+        return [f"Changed: {own_rows[0].changes}."] if own_rows[0].changes else []
+    return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in own_rows if row.changes))
 
 
 def _counted(frame: pd.DataFrame, column: str) -> str:

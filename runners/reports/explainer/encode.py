@@ -163,10 +163,10 @@ def _scans(packer: Packer, stretch: Stretch) -> None:
     """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
     frames = stretch.frames
     points = _add_scan(packer, stretch)
-    steps = np.repeat(np.arange(len(frames)), [len(frame_points) for frame_points in points])
+    steps = np.repeat(np.arange(len(frames)), [len(cloud) for cloud in points])
     # Each cell belongs to the first step that saw it.
     placed = np.concatenate(
-        [to_world(frame_points, frame.pose) for frame_points, frame in zip(points, frames, strict=True)]
+        [to_world(cloud, frame.pose) for cloud, frame in zip(points, frames, strict=True)]
     )
     cells, first_rows = np.unique(cells_of(placed), axis=0, return_index=True)
     seen_at = steps[first_rows]
@@ -240,41 +240,37 @@ def _people(packer: Packer, stretch: Stretch) -> None:
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
     """Add the choice of every step, and the old subgoal that the best candidate was compared with."""
-    old_subgoals = np.array([NONE if explanation.old is None else explanation.old for explanation in reasons])
+    old_subgoals = np.array([NONE if reason.old is None else reason.old for reason in reasons])
     num_criteria = len(reasons[0].names)
     nothing = np.full(num_criteria, np.nan)
-    packer.add_integers("new", [explanation.new for explanation in reasons])
-    packer.add_integers("choice", [CHOICES.index(explanation.decision.choice) for explanation in reasons])
-    packer.add_integers("blocked", [explanation.decision.blocked for explanation in reasons])
+    packer.add_integers("new", [reason.new for reason in reasons])
+    packer.add_integers("choice", [CHOICES.index(reason.decision.choice) for reason in reasons])
+    packer.add_integers("blocked", [reason.decision.blocked for reason in reasons])
     packer.add_singles("old", old_subgoals)
     packer.add_doubles("old_distance", [math.hypot(x, y) for x, y in old_subgoals])
-    features = [
-        nothing if explanation.old_features is None else explanation.old_features for explanation in reasons
-    ]
+    features = [nothing if reason.old_features is None else reason.old_features for reason in reasons]
     packer.add_doubles("old_features", np.array(features))
 
 
 def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
-    _add_points_mm(packer, "candidates", [explanation.candidates for explanation in reasons])
+    _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
     for row, name in enumerate(reasons[0].names):
-        packer.add_doubles(
-            f"feature.{name}", np.concatenate([explanation.features[row] for explanation in reasons])
-        )
+        packer.add_doubles(f"feature.{name}", np.concatenate([reason.features[row] for reason in reasons]))
 
 
 def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
     """Add the sectors of the scan, the blocking one, and the recent positions."""
-    sectors = [explanation.sectors for explanation in reasons]
+    sectors = [reason.sectors for reason in reasons]
     packer.add_counts("sectors", sectors)
     packer.add_integers("sectors", np.concatenate(sectors))
-    packer.add_integers("blocking", [_blocking_sector(explanation) for explanation in reasons])
-    blockages = [explanation.view.blockage for explanation in reasons]
+    packer.add_integers("blocking", [_blocking_sector(reason) for reason in reasons])
+    blockages = [reason.view.blockage for reason in reasons]
     ends_at_first = [
         0 if blockage is None else np.array_equal(blockage.A, blockage.E1) for blockage in blockages
     ]
     packer.add_integers("a_is_e1", ends_at_first)
     packer.add_singles("b", np.array([NONE if blockage is None else blockage.B for blockage in blockages]))
-    history = [explanation.view.history for explanation in reasons]
+    history = [reason.view.history for reason in reasons]
     packer.add_counts("history", history)
     packer.add_singles("history", np.concatenate(history))
 

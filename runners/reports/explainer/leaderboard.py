@@ -19,15 +19,12 @@ from runners.reports.explainer.write import asset, document_parts, write_html
 SUCCESS, METRIC = "success", "barn_metric"  # the figures with an interval
 _SHOWN_FILES = (".md", ".png", ".gif", ".mp4")
 _NOTES = (
-    "Below each map set, robot, simulator and crowd, with all their keys, are the systems that were "
-    "driven there: a "
-    "guide, a planner and a filter with all theirs, and whom they see. Runs that differ in any key "
-    "are never averaged.",
+    "Below each map set, robot, simulator and crowd, with all their keys, are the systems that were driven there: a "
+    "guide, a planner and a filter with all theirs, and whom they see. Runs that differ in any key are never averaged.",
     f"Interval of success: {INTERVAL_NOTE}",
     "Interval of the BARN metric: bootstrap over worlds; it has no width where all worlds agree.",
     f"Time is the mean over successful episodes. n: episodes; below it, worlds {TIMES} runs.",
-    "An unfinished run says how much of it was driven, and comes last. Of several runs of one job "
-    "the newest finished "
+    "An unfinished run says how much of it was driven, and comes last. Of several runs of one job the newest finished "
     "one is shown; it links to the others.",
 )
 
@@ -116,9 +113,11 @@ def _worst_last(entry: BoardEntry) -> tuple[bool, float, float]:
     return bool(entry.row.unfinished), success, metric
 
 
-def _line(entry: BoardEntry, has_jobs: bool, runs: Sequence[BoardEntry], page_dir: Path) -> dict[str, Any]:
-    """Return the parts of a line. several: whether its system has other jobs in the setting. runs: all of its job."""
-    job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if has_jobs else ()
+def _line(
+    entry: BoardEntry, has_several_jobs: bool, runs: Sequence[BoardEntry], page_dir: Path
+) -> dict[str, Any]:
+    """Return the parts of a line. has_jobs: whether its system has other jobs in the setting. runs: all of its job."""
+    job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if has_several_jobs else ()
     return {
         "label": entry.system.label,
         "name": entry.system.name,

@@ -157,9 +157,7 @@ class _Panel:
 def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
     """Return the box of the world that is shown, which is the same for all episodes in the world."""
     traces_in_world = [
-        other_trace
-        for other_trace in traces
-        if (other_trace.config.map, other_trace.world) == (trace.config.map, trace.world)
+        peer for peer in traces if (peer.config.map, peer.world) == (trace.config.map, trace.world)
     ]
-    paths = [np.array([frame.pose[:2] for frame in other_trace.frames]) for other_trace in traces_in_world]
+    paths = [np.array([frame.pose[:2] for frame in peer.frames]) for peer in traces_in_world]
     return common_box([trace.task], np.vstack(paths))

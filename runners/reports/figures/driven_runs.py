@@ -74,10 +74,8 @@ def telling_step(trace: Trace) -> int:
     replaces the old one; it gains by c_t; it gains by a_mount; recent positions count.
     """
     reach = candidate_reach(trace)
-    sign_counts = [
-        0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps
-    ]
-    return sign_counts.index(max(sign_counts))
+    signs = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
+    return signs.index(max(signs))
 
 
 class Guided(NamedTuple):
@@ -309,17 +307,15 @@ def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
     ]
 
 
-def chosen_world(driven_run: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
+def chosen_world(source: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
     """Return (world, run number) of the episode to draw, in the first of `worlds`, or the first of all without any.
 
     Raises InputError if the run has no episode in that world.
     """
-    episode_keys = sorted(
-        zip(driven_run.frame["world"].astype(int), driven_run.frame["run"].astype(int), strict=True)
-    )
-    candidates = [key for key in episode_keys if not worlds or key[0] == worlds[0]]
+    keys = sorted(zip(source.frame["world"].astype(int), source.frame["run"].astype(int), strict=True))
+    candidates = [key for key in keys if not worlds or key[0] == worlds[0]]
     if not candidates:
-        numbers = sorted({world for world, _ in episode_keys})
+        numbers = sorted({world for world, _ in keys})
         listing = ", ".join(map(str, numbers[:12])) + (", …" if len(numbers) > 12 else "")
-        raise InputError(f"world is {worlds[0]}: {driven_run.run_dir} has only {listing}")
+        raise InputError(f"world is {worlds[0]}: {source.run_dir} has only {listing}")
     return candidates[0]

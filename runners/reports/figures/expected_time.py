@@ -53,10 +53,8 @@ def telling_step(trace: Trace) -> int:
 
     Without such a switch, it is the step with the longest detour.
     """
-    all_sights = sights(trace, len(trace.steps) - 1)
-    return max(
-        range(len(all_sights)), key=lambda step: (_switched(trace, step), _detour(all_sights[step]), -step)
-    )
+    views = sights(trace, len(trace.steps) - 1)
+    return max(range(len(views)), key=lambda step: (_switched(trace, step), _detour(views[step]), -step))
 
 
 LME_PLUS = Guided(LmePlus, "LME+", "lme_plus", telling_step)
@@ -141,21 +139,16 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     edges = grid.cell * np.arange(grid.size + 1)
     corners, centres = (_on_page(sight, edges + shift) for shift in (0.0, grid.cell / 2))
     # The colours span the times that can be seen, so that far cells do not pale the rest.
-    finite_times = np.ma.masked_invalid(times)
+    finite = np.ma.masked_invalid(times)
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     x, y = centres[:-1, :-1].transpose(2, 0, 1)
-    visible_times = finite_times[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
-    colour_range: dict[str, Any] = {"vmin": visible_times.min(), "vmax": visible_times.max()}
+    visible_times = finite[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
+    span: dict[str, Any] = {"vmin": visible_times.min(), "vmax": visible_times.max()}
     mesh = axes.pcolormesh(
-        *corners.transpose(2, 0, 1),
-        finite_times,
-        cmap=_pale_colormap(),
-        rasterized=True,
-        zorder=0,
-        **colour_range,
+        *corners.transpose(2, 0, 1), finite, cmap=_pale_colormap(), rasterized=True, zorder=0, **span
     )
-    levels = _levels(**colour_range)
-    lines = axes.contour(x, y, finite_times, levels=levels, colors=INK, linewidths=0.4, zorder=1)
+    levels = _levels(**span)
+    lines = axes.contour(x, y, finite, levels=levels, colors=INK, linewidths=0.4, zorder=1)
     # Label one line in NAMED.
     is_labelled = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
     axes.clabel(lines, levels[is_labelled], fontsize=7, fmt="%g s")

@@ -80,8 +80,7 @@ class FeaturePage:
         self._draw_key()
         low, high = percentiles
         text = (
-            f"{len(self._shot.why.candidates)} candidates. Colours end at percentiles {low:g} and "
-            f"{high:g}; an arrow "
+            f"{len(self._shot.why.candidates)} candidates. Colours end at percentiles {low:g} and {high:g}; an arrow "
             f"on a bar: values lie beyond.\n{self._describe_sector()}"
         )
         corner = EDGE_IN / PAGE_IN, 0.05 / self._height
@@ -101,20 +100,14 @@ class FeaturePage:
         )
 
     def _draw_key(self) -> None:
-        style = {
-            "frameon": False,
-            "fontsize": 7,
-            "labelcolor": INK,
-            "borderaxespad": 0.0,
-            "handlelength": 1.6,
-        }
+        font = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
         if not self._has_place:
             anchor = (0.5, (NOTE_IN + 0.02) / self._height)
-            draw_key(self.figure, self._key, anchor, "lower center", ncols=KEY_COLUMNS, **style)
+            draw_key(self.figure, self._key, anchor, "lower center", ncols=KEY_COLUMNS, **font)
             return
         x, y = self._corner(self._rows * self._columns - 1)
         anchor = (x / PAGE_IN, (y + self._tall) / self._height)
-        draw_key(self.figure, self._key, anchor, "upper left", labelspacing=0.35, **style)
+        draw_key(self.figure, self._key, anchor, "upper left", labelspacing=0.35, **font)
 
     def _corner(self, index: int) -> tuple[float, float]:
         """Return the lower left corner of a panel [in]; the grid is centred on the page."""

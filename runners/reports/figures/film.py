@@ -68,11 +68,9 @@ def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
             yield Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
     frames = quantized()
-    first_frame = next(frames)
+    image = next(frames)
     hundredths = max(round(100.0 / fps), 2)  # [0.01 s], the unit of a GIF; browsers ignore less than 2
-    first_frame.save(
-        path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False
-    )
+    image.save(path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False)
 
 
 def _palette(picture: Picture) -> Image.Image:
@@ -94,29 +92,18 @@ def _palette(picture: Picture) -> Image.Image:
 def _write_mp4(pictures: Iterable[Picture], path: Path, fps: float) -> None:
     """Pipe raw frames to ffmpeg, which pads the sides to even lengths, as yuv420p requires."""
     frames = iter(pictures)
-    first_frame = next(frames)
-    height, width = first_frame.shape[:2]
-    input_options = [
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-s",
-        f"{width}x{height}",
-        "-r",
-        f"{fps:g}",
-        "-i",
-        "-",
-    ]
-    output_options = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264", "-crf", QUALITY]
-    output_options += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-    command = [find_ffmpeg(), "-y", "-loglevel", "error", *input_options, *output_options, str(path)]
+    image = next(frames)
+    height, width = image.shape[:2]
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
+    mp4 = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264", "-crf", QUALITY]
+    mp4 += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    command = [find_ffmpeg(), "-y", "-loglevel", "error", *raw, *mp4, str(path)]
     # Send one frame after the other; if ffmpeg fails, the last line of its output is the reason.
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
         assert encoder.stderr is not None
         with contextlib.suppress(BrokenPipeError):  # ffmpeg gives the reason on standard error
-            for picture in chain([first_frame], frames):
+            for picture in chain([image], frames):
                 encoder.stdin.write(picture.tobytes())
         with contextlib.suppress(BrokenPipeError):
             encoder.stdin.close()

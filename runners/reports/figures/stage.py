@@ -144,11 +144,11 @@ def draw_mover_trails(axes: Axes, trace: Trace, last_frame: int) -> None:
     )
 
 
-def stage_keys(moment: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
-    """Return the entries of the key for a still `Stage`. when: such as "at 12.5 s". colour: of the robot."""
+def stage_keys(time_text: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
+    """Return the entries of the key for a still `Stage`. moment: such as "at 12.5 s". colour: of the robot."""
     from matplotlib.lines import Line2D
 
-    keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {moment}")]
+    keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {time_text}")]
     if scan:
         keys.append(Line2D([], [], **BEAM, label="laser beams"))
     if movers:

@@ -121,7 +121,7 @@ def _whisker(axes: Axes, line: int, low: float, high: float) -> None:
 
 
 def _label(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int, heading: str) -> None:
-    """Write the names of the rows, the heading and the key above, and the notes below. of: rows of the table."""
+    """Write the names of the rows, the heading and the key above, and the notes below. num_rows: rows of the table."""
     from matplotlib.patches import Patch
 
     shared = _shared_keys(rows)
@@ -146,7 +146,7 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int, headi
 
 
 def _notes(rows: Sequence[Row], num_rows: int) -> list[str]:
-    """Return the notes on the rows shown. of: number of rows in the table."""
+    """Return the notes on the rows shown. num_rows: number of rows in the table."""
     lines = []
     if len(rows) < num_rows:
         half = len(rows) // 2
