@@ -103,8 +103,8 @@ def main() -> None:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=[*ARGUMENTS])
         for name, words in CASES.items():
             rate, times = _measured(browser, words)
-            shown = ", ".join(f"{value:.0f}" for value in (*np.percentile(times, [50, 90]), max(times)))
-            print(f"{name:28}  {rate:10.0f}   {shown}", flush=True)
+            cells = ", ".join(f"{value:.0f}" for value in (*np.percentile(times, [50, 90]), max(times)))
+            print(f"{name:28}  {rate:10.0f}   {cells}", flush=True)
         browser.close()
 
 

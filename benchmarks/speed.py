@@ -88,12 +88,12 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
 
     def decide_all() -> None:
         navigator.reset(np.random.default_rng(0))
-        for seen in observations:
-            navigator.guide.guide(seen)
+        for scene in observations:
+            navigator.guide.guide(scene)
 
     least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
-    what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
-    yield f"| {what} | {least:.0f} / {median:.0f} µs |"
+    label = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
+    yield f"| {label} | {least:.0f} / {median:.0f} µs |"
     yield rate_row(f"`{name}`", Barn(BarnConfig()), navigator, simulator)
 
 
@@ -107,8 +107,8 @@ def skid_row() -> str:
 def rate_row(name: str, maps: MapSet, navigator: Navigator, simulator: Simulator) -> str:
     """A row with the median of three measurements of closed-loop steps per second."""
     rates = [closed_loop(maps, navigator, simulator) for _ in range(3)]
-    what = f"closed-loop steps, {name}: scan, decision, control, motion, collision"
-    return f"| {what} | {statistics.median(rates):,.0f} per second |"
+    label = f"closed-loop steps, {name}: scan, decision, control, motion, collision"
+    return f"| {label} | {statistics.median(rates):,.0f} per second |"
 
 
 def cloud_row() -> str:

@@ -44,13 +44,13 @@ def _drive(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
 
 
 def _spent(
-    places: list[tuple[Any, str]], maps: MapSet, navigator: Navigator, simulator: Simulator
+    methods: list[tuple[Any, str]], maps: MapSet, navigator: Navigator, simulator: Simulator
 ) -> dict[str, tuple[float, float]]:
     """Processor time [µs] and calls per step of the functions that are found in these places."""
     times: dict[str, list[int]] = {}
     best, least = {}, float("inf")
     with ExitStack() as patches:
-        for owner, name in [*places, (simulator, "step")]:
+        for owner, name in [*methods, (simulator, "step")]:
             patches.enter_context(patch.object(owner, name, _timed(getattr(owner, name), times)))
         for _ in range(_RUNS):
             times.clear()

@@ -52,10 +52,10 @@ class Watched:
     def driving(self) -> list[Sample]:
         """From the first new episode to the last. Only for a command that drives."""
         counts = [sample.episodes for sample in self.samples]
-        before = next(
+        first_count = next(
             (sample.episodes for sample in self.samples if sample.episodes), 0
         )  # of an earlier command
-        begin = next(place for place, count in enumerate(counts) if count > before)
+        begin = next(place for place, count in enumerate(counts) if count > first_count)
         return self.samples[begin : counts.index(max(counts)) + 1]
 
     @property
@@ -105,8 +105,8 @@ def watch(words: list[str], folder: Path, kill_at: int | None = None) -> Watched
             if kill_at is not None and log.lines >= kill_at:
                 process.kill()
             time.sleep(POLL_S)
-    wanted = 0 if kill_at is None else -signal.SIGKILL
-    assert process.returncode == wanted, (folder / "output.txt").read_text()
+    expected_status = 0 if kill_at is None else -signal.SIGKILL
+    assert process.returncode == expected_status, (folder / "output.txt").read_text()
     return Watched(samples, time.perf_counter() - begin)
 
 
@@ -137,5 +137,5 @@ def _memory(process: int) -> tuple[float, float]:
         status = Path(f"/proc/{process}/status").read_text()
     except OSError:
         return 0.0, 0.0
-    found = dict(re.findall(r"(VmRSS|VmHWM):\s+(\d+) kB", status))
-    return int(found.get("VmRSS", 0)) / 1024, int(found.get("VmHWM", 0)) / 1024
+    kilobytes = dict(re.findall(r"(VmRSS|VmHWM):\s+(\d+) kB", status))
+    return int(kilobytes.get("VmRSS", 0)) / 1024, int(kilobytes.get("VmHWM", 0)) / 1024

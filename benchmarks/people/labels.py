@@ -58,21 +58,23 @@ class Labels(NamedTuple):
 def read(path: Path) -> Recording:
     """The scans of a ROS recording with one topic. Raises InputError if it cannot be read."""
     with Bag(path) as bag:
-        return recording_of([each.content for each in bag.messages([topic.name for topic in bag.topics()])])
+        return recording_of(
+            [message.content for message in bag.messages([topic.name for topic in bag.topics()])]
+        )
 
 
 def recording_of(messages: Sequence[Any]) -> Recording:
     """The scans in messages of type LaserScan."""
-    first = messages[0]
+    scan = messages[0]
     stamps = [m.header.stamp for m in messages]
     ranges = np.array([m.ranges for m in messages], dtype=np.float64)
-    returned = np.isfinite(ranges) & (ranges > first.range_min) & (ranges < first.range_max)
+    returned = np.isfinite(ranges) & (ranges > scan.range_min) & (ranges < scan.range_max)
     return Recording(
         np.array([s.sec - stamps[0].sec + 1e-9 * s.nanosec for s in stamps]),
         np.where(returned | np.isnan(ranges), ranges, 0.0),
-        float(first.angle_min),
-        float(first.angle_increment),
-        float(first.range_max),
+        float(scan.angle_min),
+        float(scan.angle_increment),
+        float(scan.range_max),
     )
 
 
@@ -94,11 +96,13 @@ def _foreground_points(recording: Recording) -> list[Floats]:
     for beam in range(ranges.shape[1]):
         own = ranges[returned[:, beam], beam]
         levels = np.sort(own)
-        seen = np.searchsorted(levels, own + _SAME) - np.searchsorted(levels, own - _SAME)
-        share[returned[:, beam], beam] = seen / len(ranges)
+        num_like = np.searchsorted(levels, own + _SAME) - np.searchsorted(levels, own - _SAME)
+        share[returned[:, beam], beam] = num_like / len(ranges)
     angles = recording.angle_min + recording.angle_increment * np.arange(ranges.shape[1])
     xy = ranges[:, :, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return [points[own & (part < _BACKGROUND)] for points, own, part in zip(xy, returned, share, strict=True)]
+    return [
+        points[own & (shares < _BACKGROUND)] for points, own, shares in zip(xy, returned, share, strict=True)
+    ]
 
 
 def _clusters(points: Floats) -> list[Floats]:

@@ -47,8 +47,8 @@ class Score:
 
     def result(self) -> dict[str, float]:
         """recall, precision, mota; switches; false: tracks a scan; median and rms of the velocity's error [m/s]."""
-        wanted = ["recall", "precision", "mota", "num_switches", "num_false_positives"]
-        row = motmetrics.metrics.create().compute(self._log, metrics=wanted, name="all").iloc[0]
+        metrics = ["recall", "precision", "mota", "num_switches", "num_false_positives"]
+        row = motmetrics.metrics.create().compute(self._log, metrics=metrics, name="all").iloc[0]
         events = self._log.mot_events.reset_index()
         pairs = events[events.Type.isin(("MATCH", "SWITCH"))]
         errors = [
