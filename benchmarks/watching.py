@@ -55,7 +55,7 @@ class Watched:
         first_count = next(
             (sample.episodes for sample in self.samples if sample.episodes), 0
         )  # of an earlier command
-        begin = next(place for place, count in enumerate(counts) if count > first_count)
+        begin = next(index for index, count in enumerate(counts) if count > first_count)
         return self.samples[begin : counts.index(max(counts)) + 1]
 
     @property

@@ -45,7 +45,7 @@ class Drive(NamedTuple):
 def read_drive(path: Path) -> Drive:
     """Read a recording. Raises InputError if it cannot be read, or lacks labels, poses or the scanner's mount."""
     labels: list[tuple[int, Any]] = []
-    found: list[PosedScan] = []
+    posed_scans: list[PosedScan] = []
     with Bag(path) as bag:
         topics = choose(bag, BagTopicsConfig(), None)
         recording = inspect(bag, topics, FramesConfig(), "auto")
@@ -53,18 +53,18 @@ def read_drive(path: Path) -> Drive:
             raise InputError(f"bag {path}: no transform from {recording.frames.base} to the scanner")
         scans = PosedScans(recording, _STALE)
         for message in bag.messages({*topics.names, _LABELS}):
-            found += scans.ready(message)
+            posed_scans += scans.ready(message)
             scans.take(message)
             if message.topic == _LABELS:
                 labels.append((scans.scans - 1, message.content))
-        found += scans.ready(None)
+        posed_scans += scans.ready(None)
     if not labels:
         raise InputError(f"bag {path}: no labels: it has no messages on {_LABELS}")
     mount, _ = planar_matrix(recording.mount)
     table = [(scan, label.id, label.pose.position.x, label.pose.position.y) for scan, label in labels]
-    scanner = [compose(_pose(label, path), mount) for label in found]
+    scanner = [compose(_pose(label, path), mount) for label in posed_scans]
     return Drive(
-        recording_of([label.message.content for label in found]), scanner, np.array(table, np.float64)
+        recording_of([label.message.content for label in posed_scans]), scanner, np.array(table, np.float64)
     )
 
 

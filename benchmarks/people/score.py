@@ -41,8 +41,8 @@ class Score:
         near = np.where(apart <= NEAR, apart, np.nan)
         self._log.update((people + offset).tolist(), names.tolist(), near, frameid=scan)
         self._true |= {(scan, int(name)): v for name, v in zip(people + offset, truth[:, 2:], strict=True)}
-        found = tracks.pedestrians[counted, 2:]
-        self._found |= {(scan, int(name)): v for name, v in zip(names, found, strict=True)}
+        velocities = tracks.pedestrians[counted, 2:]
+        self._found |= {(scan, int(name)): v for name, v in zip(names, velocities, strict=True)}
         self.scans += 1
 
     def result(self) -> dict[str, float]:

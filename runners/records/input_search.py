@@ -179,9 +179,9 @@ def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
     texts = (
         text
         for job in jobs
-        for each in fields(job.config)
-        if each.name not in _NOT_READ
-        for _, text in trust.leaves(getattr(job.config, each.name))
+        for field in fields(job.config)
+        if field.name not in _NOT_READ
+        for _, text in trust.leaves(getattr(job.config, field.name))
     )
     pending = [text.rpartition(".")[0] for text in texts if isinstance(text, str) and _DOTTED.fullmatch(text)]
     source_files: dict[str, Path] = {}

@@ -115,7 +115,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
     directory: that of the run or the recording. Where today's file differs from the copy, a warning says that the
     copy is used. Raises InputError for a missing or damaged copy, and UntrustedError for a file outside the run.
     """
-    inputs_by_value = {(last_part(each.key), each.given): each for each in inputs}
+    inputs_by_value = {(last_part(saved.key), saved.given): saved for saved in inputs}
 
     def moved(value: Any, key: str) -> Any:
         if isinstance(value, Mapping):
@@ -143,11 +143,11 @@ def as_at_launch(config: C, inputs: Sequence[Input], directory: Path) -> C:
 
     Own code that has changed is imported from its copy.
     """
-    changed = [each for each in inputs if changed_files(each)]
+    changed = [entry for entry in inputs if changed_files(entry)]
     if not changed:
         return config
     provide_code(changed, directory, is_running=True)
-    values = {each.name: getattr(config, each.name) for each in fields(config)}  # type: ignore[arg-type]
+    values = {field.name: getattr(config, field.name) for field in fields(config)}  # type: ignore[arg-type]
     groups = {name: value for name, value in values.items() if isinstance(value, dict)}
     return replace(config, **located(groups, changed, directory))  # type: ignore[type-var]
 

@@ -188,9 +188,9 @@ def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[Driven
     """
     _check_driven(runs, worlds)
     return [
-        place
+        scene
         for key in dict.fromkeys(run.place for run in runs)
-        for place in _places_of([run for run in runs if run.place == key], worlds)
+        for scene in _places_of([run for run in runs if run.place == key], worlds)
     ]
 
 
