@@ -84,7 +84,7 @@ def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> floa
     pinned = ["taskset", "-c", "0"] if shutil.which("taskset") else []
     node = (name, *ROBOT, f"robot.control_rate={rate}", "live.clock=received")
     robot = ("simulator", f"--{name}", *ROBOT, WORLDS, "live.pause=0")
-    with _started(pinned, node, folder, "node"), _started([], robot, folder, "robot"):
+    with _start_process(pinned, node, folder, "node"), _start_process([], robot, folder, "robot"):
         while len(delays) < 3 * rate:  # until it drives, with code that is loaded
             ros.handle(0.1)
         delays.clear()
@@ -95,7 +95,7 @@ def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> floa
 
 
 @contextlib.contextmanager
-def _started(prefix: list[str], words: tuple[str, ...], folder: str, name: str) -> Iterator[None]:
+def _start_process(prefix: list[str], words: tuple[str, ...], folder: str, name: str) -> Iterator[None]:
     """`lme live` with these words while the `with` lasts."""
     command = [*prefix, sys.executable, "-m", "runners.cli.main", "live", *words]
     run_dir = Path(tempfile.mkdtemp(dir=folder)) / name

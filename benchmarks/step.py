@@ -25,9 +25,9 @@ def step_rows(maps: MapSet, navigator: Navigator, simulator: Simulator) -> Itera
     _drive(maps, navigator, simulator)  # compiles
     step = min(_drive(maps, navigator, simulator) for _ in range(_RUNS))
     yield f"| whole step | {step:.1f} | | |"
-    ((decision, _),) = _spent([(navigator, "act")], maps, navigator, simulator).values()
+    ((decision, _),) = _time_per_method([(navigator, "act")], maps, navigator, simulator).values()
     yield f"| of it the decision | {decision:.1f} | {decision / step:.0%} | 1 |"
-    kernels = _spent(_kernels(), maps, navigator, simulator)
+    kernels = _time_per_method(_kernels(), maps, navigator, simulator)
     for name, (spent, calls) in sorted(kernels.items(), key=lambda kernel: -kernel[1][0]):
         yield f"| `{name}` | {spent:.1f} | {spent / step:.0%} | {calls:.2g} |"
     between = step - sum(spent for spent, _ in kernels.values())
@@ -43,7 +43,7 @@ def _drive(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
     return (time.thread_time_ns() - begin) / 1e3 / sum(episode.steps for episode in episodes)
 
 
-def _spent(
+def _time_per_method(
     methods: list[tuple[Any, str]], maps: MapSet, navigator: Navigator, simulator: Simulator
 ) -> dict[str, tuple[float, float]]:
     """Processor time [µs] and calls per step of the functions that are found in these places."""

@@ -91,14 +91,14 @@ def _lines(settings: Mapping[str, float | None], shipped: Mapping[str, Any]) -> 
     for key, value in settings.items():
         group, _, name = key.rpartition(".")
         textbook = shipped[group][name] if group else shipped[name]
-        line = f"{name}: {_short(value)}  # textbook: {_short(textbook)}"
+        line = f"{name}: {_shorten(value)}  # textbook: {_shorten(textbook)}"
         (groups[group] if group else lines).append(line)
     for group, inner in groups.items():
         lines += [f"{group}:", *(f"  {line}" for line in inner)]
     return "\n".join(lines)
 
 
-def _short(value: float | None) -> str:
+def _shorten(value: float | None) -> str:
     return "null" if value is None else f"{value:.{DIGITS}g}"
 
 

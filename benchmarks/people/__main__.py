@@ -58,30 +58,30 @@ def report(shared: Path, worlds: str, sections: list[str], moving: Path) -> Iter
     yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
     if "dynabarn" in sections:
         for difficulty in ("easy", "medium", "hard"):
-            yield _driven(f"DynaBARN {difficulty}", worlds, difficulty)
-        yield _driven("DynaBARN hard, slip 5 %, noise 2 cm", worlds, "hard", *NOISE)
+            yield _closed_loop_row(f"DynaBARN {difficulty}", worlds, difficulty)
+        yield _closed_loop_row("DynaBARN hard, slip 5 %, noise 2 cm", worlds, "hard", *NOISE)
     if "static" in sections:
         fresh_worlds = ("map=barn", "map.subset=fresh", "map.count=60", "map.fresh_seed=1")
-        yield _row("static BARN", *_scored(*fresh_worlds))
-        yield _row("static BARN, slip 5 %, noise 2 cm", *_scored(*fresh_worlds, *NOISE))
+        yield _row("static BARN", *_score_episodes(*fresh_worlds))
+        yield _row("static BARN, slip 5 %, noise 2 cm", *_score_episodes(*fresh_worlds, *NOISE))
     if "real" in sections:
-        yield from _real(shared / "bags" / "legs")
+        yield from _real_scan_rows(shared / "bags" / "legs")
     if "moving" in sections:
         yield _moving(moving)
 
 
-def _driven(name: str, worlds: str, difficulty: str, *words: str) -> str:
+def _closed_loop_row(name: str, worlds: str, difficulty: str, *words: str) -> str:
     map_words = ("map=dynabarn", f"map.difficulty={difficulty}", f"map.worlds={worlds}")
-    return _row(name, *_scored(*map_words, *words))
+    return _row(name, *_score_episodes(*map_words, *words))
 
 
-def _scored(*words: str) -> tuple[Score, str, float]:
+def _score_episodes(*words: str) -> tuple[Score, str, float]:
     score = Score()
     successes, episodes, times = drive(words, score)
     return score, f"{successes} of {episodes}", float(np.median(times))
 
 
-def _real(folder: Path) -> Iterator[str]:
+def _real_scan_rows(folder: Path) -> Iterator[str]:
     """A row for the recordings together."""
     if not folder.exists():
         yield f"| real: {folder} is absent |"
@@ -123,11 +123,11 @@ def _add(
 
 def _row(name: str, score: Score, success: str, spent: float) -> str:
     values = score.result()
-    cells = [_shown(values[key], 0 if key == "switches" else 3) for key in _COLUMNS]
+    cells = [_cell(values[key], 0 if key == "switches" else 3) for key in _COLUMNS]
     return f"| {name} | {success} | {' | '.join(cells)} | {spent:.0f} |"
 
 
-def _shown(value: float, digits: int) -> str:
+def _cell(value: float, digits: int) -> str:
     """A number; a dash where nobody is there to be seen."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 

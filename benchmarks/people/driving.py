@@ -63,14 +63,14 @@ class _Watcher:
     def __init__(self, simulator: Simulator, task: Task, robot: Robot, people: TrackedPeople, score: Score):
         self._simulator, self._mount, self._people, self._score = simulator, robot.lidar.mount, people, score
         self._static, self._dt = len(task.world.circles), robot.dt
-        self._before: Floats | None = None
+        self._discs_before: Floats | None = None
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
         """Score a decision's tracks."""
         discs = self._simulator.obstacles[0][self._static :]
-        displacement = 0.0 if self._before is None else (discs[:, :2] - self._before) / self._dt
+        displacement = 0.0 if self._discs_before is None else (discs[:, :2] - self._discs_before) / self._dt
         velocities = np.zeros((len(discs), 2)) + displacement
-        self._before = discs[:, :2].copy()
+        self._discs_before = discs[:, :2].copy()
         scan, lidar = observation.scan, compose(state.pose, self._mount)
         angles = (scan.angle_min, scan.angle_increment)
         limits = (scan.range_min, scan.range_max, _SLACK)

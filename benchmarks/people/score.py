@@ -23,7 +23,7 @@ class Score:
     _episodes: int = 0
     _log: motmetrics.MOTAccumulator = field(default_factory=motmetrics.MOTAccumulator)
     _true: dict[tuple[int, int], Floats] = field(default_factory=dict)
-    _found: dict[tuple[int, int], Floats] = field(default_factory=dict)
+    _tracked_velocities: dict[tuple[int, int], Floats] = field(default_factory=dict)
 
     def begin(self) -> None:
         """Start an episode."""
@@ -42,7 +42,7 @@ class Score:
         self._log.update((people + offset).tolist(), names.tolist(), near, frameid=scan)
         self._true |= {(scan, int(name)): v for name, v in zip(people + offset, truth[:, 2:], strict=True)}
         velocities = tracks.pedestrians[counted, 2:]
-        self._found |= {(scan, int(name)): v for name, v in zip(names, velocities, strict=True)}
+        self._tracked_velocities |= {(scan, int(name)): v for name, v in zip(names, velocities, strict=True)}
         self.scans += 1
 
     def result(self) -> dict[str, float]:
@@ -52,7 +52,7 @@ class Score:
         events = self._log.mot_events.reset_index()
         pairs = events[events.Type.isin(("MATCH", "SWITCH"))]
         errors = [
-            float(np.hypot(*(self._true[scan, int(person)] - self._found[scan, int(track)])))
+            float(np.hypot(*(self._true[scan, int(person)] - self._tracked_velocities[scan, int(track)])))
             for scan, person, track in zip(pairs.FrameId, pairs.OId, pairs.HId, strict=True)
         ] or [np.nan]
         return {

@@ -42,7 +42,7 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     _set(config, {"job.name": name, "run.dir": str(directory), "mode": RunMode.RUN})
     callbacks = Callbacks(config)
     callbacks.on_run_start(config=config, config_name=composer.config_name)
-    callbacks.callbacks.append(_Masked())
+    callbacks.callbacks.append(_MaskPasswords())
     context = HydraContext(config_loader=composer.loader, callbacks=callbacks)
     job_return = run_job(
         hydra_context=context,
@@ -65,9 +65,9 @@ def _sweep(
     callbacks = Callbacks(config)
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
     # Hand the checked configs over to the loader; the plan drops its own, so that none is kept twice.
-    loader = _Planned(composer, plan, settings)
+    loader = _PlannedJobs(composer, plan, settings)
     plan.configs.clear()
-    callbacks.callbacks += [loader, _Masked()]
+    callbacks.callbacks += [loader, _MaskPasswords()]
     # Let the sweeper run the jobs, here or through a launcher.
     sweeper = Plugins.instance().instantiate_sweeper(
         config=config,
@@ -85,7 +85,7 @@ def _sweep(
     return max((int(job.return_value) for job in jobs), default=0)
 
 
-class _Masked(Callback):
+class _MaskPasswords(Callback):
     """Callback that masks the passwords of URLs in the files that Hydra has written about a job."""
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
@@ -97,7 +97,7 @@ class _Masked(Callback):
                 file.write_text(masked_text(text), encoding="utf-8")
 
 
-class _Planned(ConfigLoaderImpl, Callback):
+class _PlannedJobs(ConfigLoaderImpl, Callback):
     """Hydra's config loader, but with the configs of the jobs as they were checked.
 
     The configs of a job are dropped once it has run, since those of a thousand jobs take half a gigabyte.
@@ -108,7 +108,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         super().__init__(composer.loader.get_search_path())
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer
-        self._own = settings
+        self._job_settings = settings
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         """Return the config of one job. In a very large sweep, some jobs have not been composed yet."""
@@ -116,7 +116,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
             worlds.expand_worlds(config)
-        _set(config, self._own)
+        _set(config, self._job_settings)
         return config
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:

@@ -23,7 +23,7 @@ DRAWN = "drawn"  # instead of a robot's name, if every episode has another robot
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
     """Return the names of system, robot and map for all records of the job. maps: the job's map set."""
     config = job.config
-    guide, planner = _chosen("guide", job), _chosen("planner", job)
+    guide, planner = _option_label("guide", job), _option_label("planner", job)
     return RunLabels(
         system=_system(guide, planner, job),
         guide=guide,
@@ -46,7 +46,7 @@ def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
     return systems.label(guide, planner, [*chosen_systems, *all_systems.values()], has_changes)
 
 
-def _chosen(group: str, job: Job[DriveConfig]) -> str:
+def _option_label(group: str, job: Job[DriveConfig]) -> str:
     """Return the option of a group, or the name of a user's own class."""
     node = {"guide": job.config.guide, "planner": job.config.planner}[group]
     option = job.choices[group]

@@ -54,7 +54,7 @@ class CloneTraining:
         parts = [_read(_file(run, number)) for number in range(done)]
         for number in range(done, self._config.rounds):
             collected = self._collect(run, number)
-            parts = [_joined([*parts, collected])]
+            parts = [_concatenate([*parts, collected])]
             loss = self._fit(run, number, parts[0], optimiser)
             row = {**self._row(number, parts[0], collected, loss), **run.judge()}
             run.save_checkpoint(number + 1, row, {"rounds": number + 1, "optimiser": optimiser.state_dict()})
@@ -167,7 +167,7 @@ def _read(path: Path) -> Data:
         ) from error
 
 
-def _joined(data: list[Data]) -> Data:
+def _concatenate(data: list[Data]) -> Data:
     features = zip(*(batch.features for batch in data), strict=True)
     return Data(
         tuple(torch.cat(parts) for parts in features),

@@ -32,11 +32,11 @@ def detail_message(
         if "memory" in layers and moment.guidance.points is not None:
             packer.add_singles("memory", moment.guidance.points)
         if {"times", "arcs"} & {*layers}:
-            header |= _thoughts(packer, lane, step, tasks, layers, moment)
+            header |= _explanation_fields(packer, lane, step, tasks, layers, moment)
     return packer.raw(header)
 
 
-def _thoughts(
+def _explanation_fields(
     packer: Packer, lane: Lane, step: int, tasks: Tasks, layers: Collection[str], moment: TracedStep
 ) -> dict[str, Any]:
     """Add what the guide and the planner computed to the packer, and return the entries of the header."""

@@ -74,14 +74,14 @@ class Sketch:
                 f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some items first"
             )
         _world_of({name: item})  # raises InputError for a wrong item
-        erased = self.erased | {name} if name in set(self._parts()) else self.erased
+        erased = self.erased | {name} if name in set(self._base_parts()) else self.erased
         return replace(self, items={**self.items, name: item}, erased=erased)
 
     def erase(self, name: str) -> Sketch:
         """Return a sketch without an item or a part of the base. Raises InputError for an unknown name."""
         if name in self.items:
             return replace(self, items={key: item for key, item in self.items.items() if key != name})
-        if name in self.erased or name not in set(self._parts()):
+        if name in self.erased or name not in set(self._base_parts()):
             raise InputError(f"{name}: there is nothing of this name in the world")
         return replace(self, erased=self.erased | {name})
 
@@ -114,36 +114,38 @@ class Sketch:
         """Return the world of base and drawing together, the base's parts first."""
         base, drawn_world = self.base.world, _world_of(self.items)
         return World(
-            circles=np.vstack([base.circles[self._kept("c", len(base.circles))], drawn_world.circles]),
-            segments=np.vstack([base.segments[self._kept("s", len(base.segments))], drawn_world.segments]),
+            circles=np.vstack([base.circles[self._unerased("c", len(base.circles))], drawn_world.circles]),
+            segments=np.vstack(
+                [base.segments[self._unerased("s", len(base.segments))], drawn_world.segments]
+            ),
             polygons=(
-                *(base.polygons[i] for i in self._kept("p", len(base.polygons))),
+                *(base.polygons[i] for i in self._unerased("p", len(base.polygons))),
                 *drawn_world.polygons,
             ),
-            movers=(*(base.movers[i] for i in self._kept("m", len(base.movers))), *drawn_world.movers),
+            movers=(*(base.movers[i] for i in self._unerased("m", len(base.movers))), *drawn_world.movers),
         )
 
     def parts(self) -> Iterator[tuple[str, Item]]:
         """Yield everything in the world by name: the base's parts as items of a shape file, then the drawn items."""
         base = self.base.world
-        for i in self._kept("c", len(base.circles)):
+        for i in self._unerased("c", len(base.circles)):
             x, y, radius = base.circles[i].tolist()
             yield f"c{i}", Item("circles", {"centre": [x, y], "radius": radius})
-        for i in self._kept("s", len(base.segments)):
+        for i in self._unerased("s", len(base.segments)):
             yield f"s{i}", Item("walls", {"points": base.segments[i].reshape(2, 2).tolist()})
-        for i in self._kept("p", len(base.polygons)):
+        for i in self._unerased("p", len(base.polygons)):
             yield f"p{i}", Item("polygons", {"points": base.polygons[i].tolist()})
-        for i in self._kept("m", len(base.movers)):
+        for i in self._unerased("m", len(base.movers)):
             yield f"m{i}", Item(MOVERS, _entry_of(base.movers[i]))
         yield from self.items.items()
 
-    def _parts(self) -> Iterator[str]:
+    def _base_parts(self) -> Iterator[str]:
         world = self.base.world
         counts = (len(world.circles), len(world.segments), len(world.polygons), len(world.movers))
         for letter, count in zip("cspm", counts, strict=True):
             yield from (f"{letter}{i}" for i in range(count))
 
-    def _kept(self, letter: str, count: int) -> list[int]:
+    def _unerased(self, letter: str, count: int) -> list[int]:
         if not self.erased:
             return list(range(count))
         return [i for i in range(count) if f"{letter}{i}" not in self.erased]

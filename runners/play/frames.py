@@ -48,19 +48,19 @@ class Sender:
     """Encoder of the frames of one lane, each of which is encoded once."""
 
     def __init__(self) -> None:
-        self._new: list[np.ndarray[Any, Any]] = []  # cells that each frame saw first
-        self._seen: set[tuple[int, int]] = set()
+        self._cells_by_frame: list[np.ndarray[Any, Any]] = []  # cells that each frame saw first
+        self._sent_cells: set[tuple[int, int]] = set()
 
     @property
     def sent(self) -> int:
         """Number of frames that have been encoded."""
-        return len(self._new)
+        return len(self._cells_by_frame)
 
     def forget(self, step: int) -> None:
         """Encode the frames from `step` on again next time."""
         if step < self.sent:
-            self._new = self._new[:step]
-            self._seen = {(x, y) for cells in self._new for x, y in cells.tolist()}
+            self._cells_by_frame = self._cells_by_frame[:step]
+            self._sent_cells = {(x, y) for cells in self._cells_by_frame for x, y in cells.tolist()}
 
     def frames(self, lane: Lane, end_step: int, header_fields: dict[str, Any]) -> bytes:
         """Encode the frames before `end_step` that were not encoded yet, with further fields in the header."""
@@ -87,15 +87,15 @@ class Sender:
 
     def _add_seen(self, packer: Packer, lane: Lane, frames: Sequence[Frame]) -> None:
         mount = lane.config.robot.lidar.mount
-        num_before = len(self._new)
+        num_before = len(self._cells_by_frame)
         # Each cell belongs to the first frame whose scan hit it.
         for frame in frames:
             points = to_world(obstacle_points(frame.moment.observation.scan, mount), frame.moment.pose)
             cells = dict.fromkeys(map(tuple, cells_of(points).tolist()))
-            fresh_cells = [cell for cell in cells if cell not in self._seen]
-            self._seen.update(fresh_cells)
-            self._new.append(np.array(fresh_cells, dtype=np.int64).reshape(-1, 2))
-        new_cells = self._new[num_before:]
+            fresh_cells = [cell for cell in cells if cell not in self._sent_cells]
+            self._sent_cells.update(fresh_cells)
+            self._cells_by_frame.append(np.array(fresh_cells, dtype=np.int64).reshape(-1, 2))
+        new_cells = self._cells_by_frame[num_before:]
         add_seen(packer, np.array([len(cells) for cells in new_cells]), np.concatenate(new_cells))
 
 

@@ -60,7 +60,7 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
     key = keys_of(select_episodes(episodes, [word]))[0] if word else _first_failed(episodes)
     # Drive the episode again, and make sure that it is the recorded one.
     labels = RunLabels(**{name: str(episodes.iloc[0].get(name, "")) for name in RunLabels.__annotations__})
-    session = _driven(_setup(launch, run_dir, labels, key), run_dir / SCRIPT)
+    session = _replay_script(_setup(launch, run_dir, labels, key), run_dir / SCRIPT)
     steps, drive = read_trajectories([run_dir], [key]), session.lanes[0].episode()
     if drive is None or not is_same_drive(drive, steps, read_record(run_dir, key)):
         raise another_path(run_dir, key)
@@ -79,7 +79,7 @@ def _of_recording(path: Path) -> Session:
     labels = RunLabels(**dict.fromkeys(RunLabels.__annotations__, ""))
     task = _task(config, episode.world)
     entrant = Entrant(config, "recorded", (), labels)
-    return _driven(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
+    return _replay_script(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
 
 
 def _setup(launch: Launch, run_dir: Path, labels: RunLabels, key: EpisodeKey) -> Setup:
@@ -115,7 +115,7 @@ def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, 
     return explicit(launch.choices[0], changes, replace(config, weights=weights))
 
 
-def _driven(setup: Setup, script: Path | None) -> Session:
+def _replay_script(setup: Setup, script: Path | None) -> Session:
     """Return the session of a setup, driven to its end, with the changes of a script file if there is one."""
     session = Session(setup)
     if script is not None and script.is_file():

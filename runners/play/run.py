@@ -28,12 +28,12 @@ _TOKEN_BYTES = 16
 
 def check_installed() -> None:
     """Raise InputError unless the packages of the extra `play` are installed."""
-    missing = [name for name in PACKAGES if not _is_there(name)]
+    missing = [name for name in PACKAGES if not _is_installed(name)]
     if missing:
         raise InputError(f"lme play needs the packages {', '.join(missing)}: {install(*PACKAGES)}")
 
 
-def _is_there(package: str) -> bool:
+def _is_installed(package: str) -> bool:
     try:
         import_module(package)
     except ImportError:

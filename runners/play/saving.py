@@ -49,7 +49,7 @@ def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved
     folder = root / FOLDER
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        saved = KINDS[kind](session, _Place(root, folder, name), step)
+        saved = KINDS[kind](session, _Destination(root, folder, name), step)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror or error}): free some space there"
@@ -57,7 +57,7 @@ def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved
     return saved
 
 
-class _Place(NamedTuple):
+class _Destination(NamedTuple):
     """The folder and the name to write to. root: the folder that displayed paths are relative to."""
 
     root: Path
@@ -74,7 +74,7 @@ class _Place(NamedTuple):
         return path.relative_to(self.root)
 
 
-def _save_map(session: Session, destination: _Place, step: int) -> Saved:
+def _save_map(session: Session, destination: _Destination, step: int) -> Saved:
     path = destination.free(".yaml")
     write_atomically(path, shape_file(session.script.at(step), f"{path.stem}: drawn with lme play"))
     return Saved(
@@ -83,7 +83,7 @@ def _save_map(session: Session, destination: _Place, step: int) -> Saved:
     )
 
 
-def _save_record(session: Session, destination: _Place, step: int) -> Saved:
+def _save_record(session: Session, destination: _Destination, step: int) -> Saved:
     """Save the drive of the first lane as a run's directory.
 
     If the world did not change meanwhile, the drive is repeated and recorded as by `lme eval`; otherwise `play.json`
@@ -159,7 +159,7 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
         writer.merge()
 
 
-def _save_page(session: Session, destination: _Place, step: int) -> Saved:
+def _save_page(session: Session, destination: _Destination, step: int) -> Saved:
     from runners.reports.explainer.write import write_page
 
     path = destination.free(".html")
@@ -167,7 +167,7 @@ def _save_page(session: Session, destination: _Place, step: int) -> Saved:
     return Saved(destination.shown(path), f"open {destination.shown(path)} in a browser")
 
 
-def _save_gif(session: Session, destination: _Place, step: int) -> Saved:
+def _save_gif(session: Session, destination: _Destination, step: int) -> Saved:
     from runners.reports.figures.animation import FilmPace, Screen
     from runners.reports.figures.film import write_film
 
@@ -183,7 +183,7 @@ def _save_gif(session: Session, destination: _Place, step: int) -> Saved:
     return Saved(destination.shown(path), f"open {destination.shown(path)}")
 
 
-def _save_mcap(session: Session, destination: _Place, step: int) -> Saved:
+def _save_mcap(session: Session, destination: _Destination, step: int) -> Saved:
     """Save the messages of the first lane; in a changed world, they do not claim that lme eval can repeat them."""
     from runners.workers.recorder import Recorder
 
@@ -202,7 +202,7 @@ def _save_mcap(session: Session, destination: _Place, step: int) -> Saved:
     return Saved(destination.shown(path), lme_command("replay", destination.shown(path), "as_recorded=false"))
 
 
-KINDS: Mapping[str, Callable[[Session, _Place, int], Saved]] = {
+KINDS: Mapping[str, Callable[[Session, _Destination, int], Saved]] = {
     "map": _save_map,
     "record": _save_record,
     "page": _save_page,

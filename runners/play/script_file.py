@@ -21,7 +21,7 @@ SCRIPT = "play.json"
 
 def write_script(script: Script, path: Path) -> None:
     """Write the drawings by step, and where the drive begins."""
-    drawings = {step: _plain(drawing) for step, drawing in sorted(script.drawings.items())}
+    drawings = {step: _to_mapping(drawing) for step, drawing in sorted(script.drawings.items())}
     if script.begin is not None:
         drawings[0]["start"] = list(script.begin)
     write_atomically(path, json.dumps({"drawings": drawings}, indent=1) + "\n")
@@ -39,7 +39,7 @@ def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
     return sketches
 
 
-def _plain(drawing: Sketch) -> dict[str, Any]:
+def _to_mapping(drawing: Sketch) -> dict[str, Any]:
     items = {name: {"kind": item.kind, "entry": item.entry} for name, item in drawing.items.items()}
     return {
         "start": list(drawing.start),

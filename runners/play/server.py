@@ -121,12 +121,12 @@ class _Seats:
 
         The replies are made in a thread, so that the socket stays alive meanwhile.
         """
-        for reply in await asyncio.to_thread(self._made, replies):
+        for reply in await asyncio.to_thread(self._encode_replies, replies):
             if not await _sent(websocket, reply):
                 return False
         return True
 
-    def _made(self, replies: Iterator[Reply]) -> list[Reply]:
+    def _encode_replies(self, replies: Iterator[Reply]) -> list[Reply]:
         with self._turn:
             return list(replies)
 

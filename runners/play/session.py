@@ -90,7 +90,7 @@ class Script:
 
 
 @dataclass(slots=True)
-class _Past:
+class _HistoryEntry:
     """The script before a change, and the step that was shown. gesture: of the change; a drag is a single gesture."""
 
     script: Script
@@ -108,8 +108,8 @@ class Session:
     def __init__(self, setup: Setup) -> None:
         """Begin the drives. Raises InputError for a task or a system that cannot be driven."""
         self.revision = self.kept = self.shown = 0
-        self._past: list[_Past] = []
-        self._future: list[_Past] = []
+        self._past: list[_HistoryEntry] = []
+        self._future: list[_HistoryEntry] = []
         self.script = Script(setup, {0: Sketch.of(setup.task)})
         self.lanes: list[Lane] = []
         self.tasks: dict[int, Task] = {}
@@ -209,20 +209,20 @@ class Session:
         """Make the last undone change again. Raises InputError if there is none."""
         self._travel(self._future, self._past)
 
-    def _travel(self, source: list[_Past], opposite: list[_Past]) -> None:
+    def _travel(self, source: list[_HistoryEntry], opposite: list[_HistoryEntry]) -> None:
         if not source:
             raise InputError("there is no change to take back or to make again")
         # Stage the other script first: if that fails, the history stays as it is.
         past, script = source[-1], self.script
         self._stage(past.script)
         source.pop()
-        opposite.append(_Past(script, past.step, past.gesture))
+        opposite.append(_HistoryEntry(script, past.step, past.gesture))
         self.advance(past.step, budget_s=60.0)
         self.shown = min(past.step, self.last)
 
     def _play(self, script: Script, step: int, gesture: str, shown_step: int | None = None) -> None:
         """Replace the script by one with the same drawings before a step. shown_step: where it was chosen."""
-        past = _Past(self.script, step if shown_step is None else min(shown_step, self.last), gesture)
+        past = _HistoryEntry(self.script, step if shown_step is None else min(shown_step, self.last), gesture)
         # The same systems up to the step: rewind the lanes and drive on from there. Else begin again.
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
             tasks = {at: was for at, was in self.tasks.items() if at < step}

@@ -50,11 +50,11 @@ def situation(session: Session, num_kept: int) -> dict[str, Any]:
 
 def options(folders: tuple[Path, ...], maps: list[str]) -> dict[str, Any]:
     """Return all options by name, with what they are. maps: files of maps that can be opened."""
-    return {"type": "options", "files": maps, **_named(folders)}
+    return {"type": "options", "files": maps, **_named_options(folders)}
 
 
 @cache
-def _named(folders: tuple[Path, ...]) -> dict[str, Any]:
+def _named_options(folders: tuple[Path, ...]) -> dict[str, Any]:
     configs = catalogue.Catalogue(folders)
     groups: dict[str, Any] = {group: configs.titles(group) for group in GROUPS}
     groups["map"].pop("file", None)  # it needs a path, which `files` give

@@ -42,7 +42,7 @@ def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> 
             }
         words_by_key.pop(key, None)
         if value is not None and value != "":
-            words_by_key[key] = f"{key}={_checked(key, value, root)}"
+            words_by_key[key] = f"{key}={_check_value(key, value, root)}"
     return list(words_by_key.values())
 
 
@@ -87,7 +87,7 @@ def _check_key(key: str) -> None:
         )
 
 
-def _checked(key: str, value: object, root: Path) -> str:
+def _check_value(key: str, value: object, root: Path) -> str:
     """Return the value as it is written in a word."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise InputError(f"{key} is {value!r:.60}: must be text or a number")

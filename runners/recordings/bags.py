@@ -150,7 +150,7 @@ def _open(path: Path) -> Any:
         reader.open()
     except Exception as error:  # rosbags raises AssertionError on some bags of 2010, struct.error on others
         raise _unreadable(path, error, "not readable as a recording") from error
-    fault = _what_is_wrong(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
+    fault = _find_fault(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
     if fault:
         with suppress(Exception):
             reader.close()
@@ -158,7 +158,7 @@ def _open(path: Path) -> Any:
     return reader
 
 
-def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
+def _find_fault(reader: Any, standard: Mapping[str, Any]) -> str:
     """Return why a recording that rosbags can read is unusable; empty if it can be used."""
     if not all(isinstance(name, str) for c in reader.connections for name in (c.topic, c.msgtype)):
         return "damaged (a topic has no name or no type)"
@@ -170,11 +170,11 @@ def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
     foreign = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
     if foreign is not None:
         return f"{foreign[0]} is encoded as {foreign[1]}: must be cdr, the encoding of ROS 2"
-    odd = _odd_type(reader.typestore.fielddefs, standard)
+    odd = _find_incompatible_type(reader.typestore.fielddefs, standard)
     return f"defines {odd} differently from ROS, or is damaged" if odd else ""
 
 
-def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
+def _find_incompatible_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
     """Return a type, among those read and their parts, that lacks a field of its ROS definition; empty if none does.
 
     Both arguments map the name of a type to (constants, fields); a field is a name and a type. ROS 1 has more fields.
@@ -189,17 +189,17 @@ def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
             if kind in defined and not {*map(repr, fields)} <= {*map(repr, defined[kind][1])}:
                 return kind
         visited.add(name)
-        remaining += [field for field in _parts(fields) if field in standard and field not in visited]
+        remaining += [field for field in _nested_types(fields) if field in standard and field not in visited]
     return ""
 
 
-def _parts(fields: Any) -> Iterator[str]:
+def _nested_types(fields: Any) -> Iterator[str]:
     """Yield every name in a definition; some of them are names of types."""
     for item in fields:
         if isinstance(item, str):
             yield item
         elif isinstance(item, tuple):
-            yield from _parts(item)
+            yield from _nested_types(item)
 
 
 def _to_open(path: Path) -> Path:

@@ -112,7 +112,7 @@ class CarmenLog(Bag):
             )
         # The pose of the laser is the one that programs correct, so the robot is where its laser says.
         pose = compose(scan.laser, relative(Pose(0.0, 0.0, 0.0), self._mount))
-        position, orientation = _parts(pose)
+        position, orientation = _position_and_orientation(pose)
         return SimpleNamespace(
             header=_header(scan.stamp, _ODOM),
             pose=SimpleNamespace(position=position, orientation=orientation),
@@ -282,12 +282,12 @@ def _header(stamp: int, frame: str) -> SimpleNamespace:
 
 
 def _transform(stamp: int, mount: Pose) -> SimpleNamespace:
-    position, orientation = _parts(mount)
+    position, orientation = _position_and_orientation(mount)
     motion = SimpleNamespace(translation=position, rotation=orientation)
     return SimpleNamespace(header=_header(stamp, _BASE), child_frame_id=_LASER, transform=motion)
 
 
-def _parts(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:
+def _position_and_orientation(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:
     """Return position and orientation of a pose."""
     half = pose.yaw / 2.0
     return (

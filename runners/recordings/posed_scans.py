@@ -85,7 +85,7 @@ class PosedScans:
             self.track.postures.add_imu(self._recording.stamp(message), tilt)
         elif message.topic == self._recording.topics.scan.name:
             stamp = self._recording.stamp(message)
-            if self._usable(message) and self._scan_order.accepts(stamp):
+            if self._is_usable(message) and self._scan_order.accepts(stamp):
                 self.scans += 1
                 if self._due is None or self._due(stamp):
                     self._waiting.append((message, stamp))
@@ -100,7 +100,7 @@ class PosedScans:
             self._recording.doubt_twists(contradiction)
             self.track.forget_twists()
 
-    def _usable(self, message: Message) -> bool:
+    def _is_usable(self, message: Message) -> bool:
         came_from = frame(message.content.header.frame_id)
         reason = ""
         if came_from != self._frame:

@@ -34,7 +34,7 @@ _SLOWER = 0.9  # scans at less than this fraction of the robot's control rate se
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _Section:
     """The part of the recording that is replayed [ns, clock of the file]."""
 
     start: int | None
@@ -150,7 +150,7 @@ def _replay(
 
 def _recording(
     bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
-) -> tuple[Recording, _Part]:
+) -> tuple[Recording, _Section]:
     requested = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
     names = fill_dataclass(BagTopicsConfig, config.topics, "topics")
     if episode is not None and names.command is None:
@@ -159,7 +159,7 @@ def _recording(
     recording = inspect(bag, topics, fill_dataclass(FramesConfig, config.frames, "frames"), config.clock)
     start = bag.start + round(config.start * SECOND) if config.start else None
     stop = None if config.end is None else bag.start + round(config.end * SECOND)
-    return recording, _Part(start, stop)
+    return recording, _Section(start, stop)
 
 
 def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
@@ -169,7 +169,7 @@ def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
     return config.robot
 
 
-def _warm_up(driver: Driver, recording: Recording, section: _Part) -> None:
+def _warm_up(driver: Driver, recording: Recording, section: _Section) -> None:
     """Make a few decisions that are not recorded, since the first ones load compiled code, which takes time."""
     for message in recording.bag.messages(recording.topics.names, section.start, section.stop):
         driver.take(message)

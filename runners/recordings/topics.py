@@ -87,7 +87,7 @@ def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
     scan = _choose(all_topics, "scan", config.scan, _SCANS)
     if scan is None:
         raise InputError(
-            f"bag {bag.path}: no scans: no topic of type {_or(_SCANS)}; it has {_listed(all_topics)}"
+            f"bag {bag.path}: no scans: no topic of type {_or(_SCANS)}; it has {_topic_list(all_topics)}"
         )
     kinds = _POSES if config.pose is None else (*_POSES, *_OTHER_POSES)
     pose = _choose(all_topics, "pose", config.pose, kinds)
@@ -134,7 +134,7 @@ def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
     if pose is None:
         raise InputError(
             f"bag {bag.path}: no poses: no topic of type {_or((*_POSES, *_OTHER_POSES))} and no tf from "
-            f"an odometry frame to a base frame (frames.odom, frames.base); it has {_listed(all_topics)}"
+            f"an odometry frame to a base frame (frames.odom, frames.base); it has {_topic_list(all_topics)}"
         )
     return pose
 
@@ -190,7 +190,7 @@ def _requested_topic(
     name = requested if requested in names else f"/{requested}"
     if name not in names:
         raise InputError(
-            f"{key} is {requested}: no such topic; {nearest(requested, names)}it has {_listed(all_topics)}"
+            f"{key} is {requested}: no such topic; {nearest(requested, names)}it has {_topic_list(all_topics)}"
         )
     kinds = [kind for kind in types if kind in names[name].types]
     if not kinds:
@@ -202,7 +202,7 @@ def _requested_topic(
     return ChosenTopic(name, kinds[0])
 
 
-def _listed(all_topics: Sequence[Topic]) -> str:
+def _topic_list(all_topics: Sequence[Topic]) -> str:
     suffixes = {topic.name: "" if topic.number else ", no messages" for topic in all_topics}
     return ", ".join(f"{topic.name} ({_or(topic.types)}{suffixes[topic.name]})" for topic in all_topics)
 

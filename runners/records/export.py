@@ -61,7 +61,7 @@ def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Ta
     """
     names: list[str] = []
     for table in tables:
-        names = names or _checked(columns, table.column_names) or table.column_names
+        names = names or _check_columns(columns, table.column_names) or table.column_names
         lacking_columns = [name for name in names if name not in table.column_names]
         if lacking_columns or (not columns and len(names) < table.num_columns):
             raise InputError(
@@ -112,7 +112,7 @@ FORMATS: dict[str, Write] = {"csv": write_csv, "jsonl": write_jsonl, "parquet": 
 BINARY = ("parquet",)
 
 
-def _checked(columns: Sequence[str], column_names: Sequence[str]) -> list[str]:
+def _check_columns(columns: Sequence[str], column_names: Sequence[str]) -> list[str]:
     for number, name in enumerate(columns):
         if name in columns[:number]:
             raise InputError(f"--columns {','.join(columns)}: names {name} twice; name each column once")

@@ -60,7 +60,7 @@ def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) ->
     budget = [_MOST]
     for job in jobs:
         values = {field.name: getattr(job.config, field.name) for field in fields(job.config)}
-        for key, value, node in _named(values):
+        for key, value, node in _named_values(values):
             if (key, value) in inputs:
                 continue
             path = path_of(key, value)
@@ -76,7 +76,7 @@ def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) ->
     return list(inputs.values())
 
 
-def _named(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+def _named_values(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Yield (dotted key, text, mapping that holds it) for every text of a job's config that may name an input."""
 
     def walk(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str, Mapping[str, Any]]]:

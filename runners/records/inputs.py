@@ -70,7 +70,7 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
 
     Raises InputError if that cannot be done.
     """
-    for entry in (entry for entry in inputs if _copies(entry, directory) is None):
+    for entry in (entry for entry in inputs if _copy_folder(entry, directory) is None):
         for name, file in entry.files.items():
             copy_path = directory / FOLDER / entry.digest / name
             if not file.copy:
@@ -131,7 +131,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
         # A text is an input of the run if key and value agree; other files must be inside, shipped or trusted.
         entry = inputs_by_value.get((last_part(key), value))
         if entry is not None:
-            return _place(entry, directory)
+            return _input_path(entry, directory)
         _refuse_outside(key, value, directory)
         return value
 
@@ -196,7 +196,7 @@ def differing(saved: Sequence[Input], current: Sequence[Input]) -> list[tuple[In
 def options_folder(inputs: Sequence[Input], directory: Path) -> Path | None:
     """Return the copy of the user's own options that a run has used; None if it has none."""
     options = next((entry for entry in inputs if entry.key == OPTIONS), None)
-    return None if options is None else _copies(options, directory)
+    return None if options is None else _copy_folder(options, directory)
 
 
 def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = False) -> None:
@@ -206,7 +206,7 @@ def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = Fa
     another version of it is loaded already.
     """
     for entry in (entry for entry in inputs if entry.key == CODE):
-        folder = _copies(entry, directory)
+        folder = _copy_folder(entry, directory)
         if folder is None or (not changed_files(entry) and _is_importable(entry)):
             continue
         if not is_running:
@@ -284,12 +284,12 @@ def content_of(path: Path) -> bytes:
     return yaml.safe_dump({**content, "image": Path(picture).name}, allow_unicode=True).encode()
 
 
-def _place(entry: Input, directory: Path) -> str:
+def _input_path(entry: Input, directory: Path) -> str:
     """Return the path to read an input from: its own if the file is unchanged and may be used, else its copy's."""
     changed_sources = changed_files(entry)
     if not changed_sources and _is_at_home(entry) and (trust.is_trusted(directory) or not _is_copied(entry)):
         return entry.given
-    folder = _copies(entry, directory)
+    folder = _copy_folder(entry, directory)
     if folder is None:
         reason = (
             f"no {FOLDER}/{entry.digest}" if _is_copied(entry) else "only a checksum of it, as it is large"
@@ -317,7 +317,7 @@ def _say_copy(sources: Sequence[str], folder: Path) -> None:
         warnings.warn(f"{subject} changed since the run: its copy in {folder} is used", stacklevel=2)
 
 
-def _copies(entry: Input, directory: Path) -> Path | None:
+def _copy_folder(entry: Input, directory: Path) -> Path | None:
     """Return the checked folder with the copies of an input; None if there is none. Raises InputError for damage."""
     run_folder = directory.absolute()
     for parent in (run_folder, *run_folder.parents[:_ABOVE]):

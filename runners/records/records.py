@@ -67,7 +67,7 @@ class RecordWriter:
         self._run_dir = Path(run_dir)
         self._log = self._run_dir / APPEND_LOG
         self._file: Any = None
-        self._done: set[EpisodeKey] = set()
+        self._stored_keys: set[EpisodeKey] = set()
         self._appended = 0
         self._unmerged = 0  # episodes that are only in the append log
 
@@ -87,7 +87,7 @@ class RecordWriter:
             with read_log(self._log) as log:
                 merged = keys_of(self._run_dir)
                 new_keys = keys_not_in(log, merged)
-            self._done, self._unmerged = merged | new_keys, len(new_keys)
+            self._stored_keys, self._unmerged = merged | new_keys, len(new_keys)
         except BaseException:
             self._file.close()
             raise
@@ -100,14 +100,14 @@ class RecordWriter:
 
     def done(self) -> set[EpisodeKey]:
         """Return the keys of the episodes recorded so far."""
-        return self._done
+        return self._stored_keys
 
     def append(self, result: EpisodeResult) -> None:
         """Add one finished episode. An episode that is already recorded stays as it is.
 
         Raises RecordsWriteError, for example when the disk is full.
         """
-        if result.record.key not in self._done:
+        if result.record.key not in self._stored_keys:
             self._append(entry_of(result))
             self._appended += 1
             self._unmerged += 1
@@ -160,7 +160,7 @@ class RecordWriter:
     def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
         cause = what_is_full(error, path) or f"{error.strerror or error} while writing {path}"
         return RecordsWriteError(
-            f"{cause}: {len(self._done) + self._appended} episodes are kept; "
+            f"{cause}: {len(self._stored_keys) + self._appended} episodes are kept; "
             "free some space and add resume=true"
         )
 

@@ -37,7 +37,7 @@ def write_weights(
     content = {
         "name": name,
         "parameters": parameters,
-        **({"settings": other_settings} if (other_settings := _others(values)) else {}),
+        **({"settings": other_settings} if (other_settings := _other_settings(values)) else {}),
         "robot": config.robot.name,
         **metadata,
         "seed": config.seed,
@@ -69,8 +69,8 @@ def check_name(name: str, study: str) -> None:
 
 def settings(values: Mapping[str, float]) -> list[str]:
     """Return the overrides that set the values found for keys that are not parameters of the guide."""
-    return [f"{key}={value!r}" for key, value in _others(values).items()]
+    return [f"{key}={value!r}" for key, value in _other_settings(values).items()]
 
 
-def _others(values: Mapping[str, float]) -> dict[str, float]:
+def _other_settings(values: Mapping[str, float]) -> dict[str, float]:
     return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}

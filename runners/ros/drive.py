@@ -53,10 +53,10 @@ class _StatePrinter:
     """A listener that prints the state of the robot whenever it changes."""
 
     def __init__(self) -> None:
-        self._said = ""
+        self._printed_state = ""
 
     def take(self, step: LiveStep) -> None:
         """Print the state of a step if it is new."""
-        if step.text != self._said:
-            self._said = step.text
+        if step.text != self._printed_state:
+            self._printed_state = step.text
             print(step.text, flush=True)

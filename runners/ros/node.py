@@ -58,7 +58,7 @@ class Node:
         self._due = 0  # [ns] due time of the next decision
         self._goal: ActionGoal | None = None
         self._goal_time = 0  # [ns] when it arrived
-        self._before: Explanation | None = None
+        self._previous_explanation: Explanation | None = None
         self._resting: int | None = None  # [ns] since when the robot has had no goal; None while it has one
         self._status = Status()
         self._listeners: list[Callable[[LiveStep], None]] = []
@@ -74,13 +74,13 @@ class Node:
         try:
             with self._watchdog:
                 while True:
-                    self._ros.handle(self._left())
+                    self._ros.handle(self._remaining_s())
                     self._act()
                     self._watchdog.feed()
         finally:
             self._shut_down()
 
-    def _left(self) -> float:
+    def _remaining_s(self) -> float:
         """Return the longest real time to wait for a message [s]."""
         time_ns = self._clock.now()
         if time_ns is None or isinstance(self._clock, TopicClock):
@@ -131,7 +131,7 @@ class Node:
         """Publish subgoal, markers and reason of a decision, or why there is none. Cheap without subscribers."""
         # Without a decision, only the reason is published.
         if step.observation is None or step.guidance is None:
-            self._before = None
+            self._previous_explanation = None
             if step.reason and self._reason.watched:
                 self._reason(self._make.text(f"{step.state}: {step.reason}"))
             return
@@ -139,15 +139,15 @@ class Node:
         base, make = self._driver.frames.base, self._make
         self._subgoal(make.point(step.stamp, base, step.guidance.subgoal))
         if not (self._markers.watched or self._reason.watched):
-            self._before = None
+            self._previous_explanation = None
             return
         explanation = step.explanation
         if self._markers.watched:
             explained_markers = markers(step.observation, step.guidance, explanation)
             self._markers(make.markers(step.stamp, base, explained_markers))
         if explanation is not None and self._reason.watched:
-            self._reason(make.text(step.reason or reason(explanation, self._before)))
-        self._before = explanation
+            self._reason(make.text(step.reason or reason(explanation, self._previous_explanation)))
+        self._previous_explanation = explanation
 
     def _report(self, step: LiveStep) -> None:
         """Send feedback and result to the client of the action."""

@@ -57,7 +57,7 @@ class OutgoingMessages:
         message = self._ros.type("nav_msgs/Odometry")()
         self._head(message, time_ns, frame)
         message.child_frame_id = child
-        self._place(message.pose.pose, pose)
+        self._set_pose(message.pose.pose, pose)
         message.twist.twist.linear.x, message.twist.twist.angular.z = float(twist.v), float(twist.omega)
         return message
 
@@ -65,7 +65,7 @@ class OutgoingMessages:
         """Return a geometry_msgs/PoseStamped."""
         message = self._ros.type("geometry_msgs/PoseStamped")()
         self._head(message, time_ns, frame)
-        self._place(message.pose, pose)
+        self._set_pose(message.pose, pose)
         return message
 
     def transform(self, time_ns: int, frame: str, child: str, pose: Pose) -> Any:
@@ -135,6 +135,6 @@ class OutgoingMessages:
     def _head(self, message: Any, time_ns: int, frame: str) -> None:
         message.header.stamp, message.header.frame_id = self._ros.stamp(time_ns), frame
 
-    def _place(self, message: Any, pose: Pose) -> None:
+    def _set_pose(self, message: Any, pose: Pose) -> None:
         message.position.x, message.position.y = float(pose.x), float(pose.y)
         message.orientation.z, message.orientation.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)

@@ -42,8 +42,8 @@ class LiveRecorder:
         self._writer: DecisionWriter | None = None
         self._goal = 0  # of the open file
         self._latest, self._shift = -1, 0  # [ns]
-        self._said = ""
-        self._before: Explanation | None = None
+        self._written_state = ""
+        self._previous_explanation: Explanation | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -71,8 +71,8 @@ class LiveRecorder:
         elif step.motion is not None:
             self._writer.motion(step.motion.pose, step.motion.twist, time_ns)
         self._writer.twist("/cmd_vel", step.command, time_ns)
-        if step.text != self._said:
-            self._said = step.text
+        if step.text != self._written_state:
+            self._written_state = step.text
             self._writer.text(STATE, step.text, time_ns)
         if step.state in _ENDS:
             self._close()
@@ -89,7 +89,13 @@ class LiveRecorder:
         path = self._folder / f"goal-{step.goal}.mcap"
         file = self._open.enter_context(McapFile(path, LIVE_TOPICS, LATCHED, _ADVICE))
         self._writer = DecisionWriter(file, metadata, robot)
-        self._goal, self._latest, self._shift, self._said, self._before = step.goal, -1, 0, "", None
+        self._goal, self._latest, self._shift, self._written_state, self._previous_explanation = (
+            step.goal,
+            -1,
+            0,
+            "",
+            None,
+        )
         self._before_first = True
 
     def _decision(self, writer: DecisionWriter, step: LiveStep, time_ns: int) -> None:
@@ -103,8 +109,8 @@ class LiveRecorder:
         writer.text(TAKEN, str(step.taken), time_ns)
         writer.twist(WANTED, step.wanted, time_ns)
         if step.explanation is not None:
-            writer.text(WHY, reason(step.explanation, self._before), time_ns)
-            self._before = step.explanation
+            writer.text(WHY, reason(step.explanation, self._previous_explanation), time_ns)
+            self._previous_explanation = step.explanation
 
     def _stamp(self, step: LiveStep) -> int | None:
         """Return the stamp in the file [ns], later than all before it; None if the step is not new."""

@@ -92,7 +92,9 @@ class Ros1:
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages. In ROS 1, the publisher decides whether to send an earlier one."""
         size = _QUEUE if delivery is Delivery.NEWEST else None
-        self._rospy.Subscriber(topic, self.type(kind), self._later(take), queue_size=size, tcp_nodelay=True)
+        self._rospy.Subscriber(
+            topic, self.type(kind), self._enqueued(take), queue_size=size, tcp_nodelay=True
+        )
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
         """Return a publisher. latched: later subscribers receive the last message."""
@@ -122,7 +124,7 @@ class Ros1:
                 cancel(goal)
 
         server = actionlib.ActionServer(
-            action, MoveBaseAction, self._later(begin), self._later(stop), auto_start=False
+            action, MoveBaseAction, self._enqueued(begin), self._enqueued(stop), auto_start=False
         )
         server.start()
         self._server = server
@@ -153,7 +155,7 @@ class Ros1:
             self._inbox.put(_interrupt)
             self._closed.wait(_SHUTDOWN_S)
 
-    def _later(self, take: Take) -> Take:
+    def _enqueued(self, take: Take) -> Take:
         """Defer `take`: rospy calls back in its own threads, while `handle` delivers in the caller's."""
         return lambda message: self._inbox.put(partial(take, message))
 

@@ -202,7 +202,7 @@ def _panel(axes: Axes, key: str, bounds: Range, trials: Sequence[Trial], raced: 
 
 
 def _line(axes: Axes, racer: Racer) -> None:
-    colour, width = _look(racer)
+    colour, width = _racer_style(racer)
     is_prominent = racer.raced or racer.number == START
     axes.plot(
         range(len(racer.values)),
@@ -217,7 +217,7 @@ def _line(axes: Axes, racer: Racer) -> None:
     )  # fmt: skip
 
 
-def _look(racer: Racer) -> tuple[str, float]:
+def _racer_style(racer: Racer) -> tuple[str, float]:
     """Return colour and width of a racer's line."""
     if racer.number == START:
         return BEST, 2.0
@@ -225,7 +225,7 @@ def _look(racer: Racer) -> tuple[str, float]:
 
 
 def _filling(racer: Racer) -> str:
-    return "white" if racer.end is End.outranked else _look(racer)[0]
+    return "white" if racer.end is End.outranked else _racer_style(racer)[0]
 
 
 def _names(axes: Axes, field: Sequence[Racer], start: str, rungs: int) -> None:
@@ -240,7 +240,7 @@ def _names(axes: Axes, field: Sequence[Racer], start: str, rungs: int) -> None:
         axes.annotate(
             f"{name}  {racer.values[-1]:.3f}", (rungs - 1, racer.values[-1]), (rungs - 1 + 0.05 * rungs, height),
             textcoords=("data", "axes fraction"), va="center", fontsize=8,
-            color=_look(racer)[0] if special else INK, fontweight="bold" if special else "normal",
+            color=_racer_style(racer)[0] if special else INK, fontweight="bold" if special else "normal",
             arrowprops={"arrowstyle": "-", "color": FRAME, "linewidth": 0.6, "shrinkB": 4.0, "relpos": (0, 0.5)},
         )  # fmt: skip
 

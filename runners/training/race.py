@@ -104,14 +104,14 @@ def run_race(
     for score in scores:
         rewards[score.trial][score.place] = score.reward
     field, configurations = list(candidates), tuple(stages[0])
-    _complete(field, configurations, rewards, drive)
+    _drive_missing(field, configurations, rewards, drive)
     rungs = [replace(_rung(field, configurations, rewards), worse=frozenset())]
     # Each rung keeps the best candidates, and adds worlds that all of them drive.
     for count, added in zip(config.candidates, stages[1:], strict=True):
         survivors = _survivors(rungs[-1], count, restarts if len(rungs) == 1 else 1)
         field = [candidate for candidate in field if candidate.number in survivors]
         configurations += tuple(added)
-        _complete(field, configurations, rewards, drive)
+        _drive_missing(field, configurations, rewards, drive)
         rungs.append(_rung(field, configurations, rewards))
     return Race(tuple(rungs), rewards)
 
@@ -124,7 +124,7 @@ def mean_reward(rewards: Mapping[Place, float], configurations: Iterable[Place])
     return fmean(map(fmean, by_family.values()))
 
 
-def _complete(
+def _drive_missing(
     field: Sequence[Candidate],
     configurations: Sequence[Place],
     rewards: dict[int, dict[Place, float]],

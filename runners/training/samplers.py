@@ -176,7 +176,7 @@ def per_trial(
                 self._number, self._sampler = number, _make_quietly(make_sampler, trial_seed(seed, number))
             return self._sampler
 
-        def _known(self, study: Study, trial: FrozenTrial) -> Any:
+        def _own_study(self, study: Study, trial: FrozenTrial) -> Any:
             """Return the study with only the trials that this trial's search knows."""
             own_restart = restart_of(_origin(trial), restarts)
             return (
@@ -189,21 +189,23 @@ def per_trial(
             # Without relative parameters Optuna samples each independently, which gives trial 0 its fixed values.
             if start_values and _origin(trial) == 0:
                 return {}
-            return self._sampler_for(trial).infer_relative_search_space(self._known(study, trial), trial)
+            return self._sampler_for(trial).infer_relative_search_space(self._own_study(study, trial), trial)
 
         def sample_relative(
             self, study: Study, trial: FrozenTrial, search_space: Distributions
         ) -> dict[str, Any]:
-            return self._sampler_for(trial).sample_relative(self._known(study, trial), trial, search_space)
+            return self._sampler_for(trial).sample_relative(
+                self._own_study(study, trial), trial, search_space
+            )
 
         def sample_independent(
             self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
         ) -> Any:
             if start_values and param_name in start_values and _origin(trial) == 0:
                 return start_values[param_name]
-            completed = self._known(study, trial)
+            own_study = self._own_study(study, trial)
             return self._sampler_for(trial).sample_independent(
-                completed, trial, param_name, param_distribution
+                own_study, trial, param_name, param_distribution
             )
 
     return PerTrial()

@@ -70,7 +70,7 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
             if study.num_told < config.trials:
                 run_trials(study, config.trials, search.batch, stages[0], run_all, progress.set_done)
         race = _race(job, study, stages, start, run_all) if config.race else None
-    return _found(study, space, race, rungs, own_values(config, space))
+    return _result(study, space, race, rungs, own_values(config, space))
 
 
 def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:
@@ -117,7 +117,7 @@ def _race(
         return run_race(candidates, scores, stages, config.race, drive, config.restarts)
 
 
-def _found(
+def _result(
     study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]], start: Mapping[str, float]
 ) -> Found:
     finished = study.told

@@ -128,8 +128,8 @@ class Heartbeat:
 
     def __init__(self, storage: RDBStorage | None) -> None:
         self._storage = storage
-        self._running: set[int] = set()
-        self._seen: set[int] = set()
+        self._running_trials: set[int] = set()
+        self._trials_with_heartbeat: set[int] = set()
 
     @property
     def finds_killed(self) -> bool:
@@ -140,12 +140,12 @@ class Heartbeat:
         """Start the heartbeat of a trial that this process runs."""
         if self._storage is not None:
             self._storage.record_heartbeat(trial_id)
-            self._seen.add(trial_id)
-            self._running.add(trial_id)
+            self._trials_with_heartbeat.add(trial_id)
+            self._running_trials.add(trial_id)
 
     def end(self, trial_id: int) -> None:
         """Stop the heartbeat of a trial."""
-        self._running.discard(trial_id)
+        self._running_trials.discard(trial_id)
 
     @contextmanager
     def send_heartbeats(self) -> Iterator[None]:
@@ -167,9 +167,9 @@ class Heartbeat:
             return
         for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             # A process may be killed before the first heartbeat, and Optuna only notices trials that had one.
-            if id_of(trial) not in self._seen:
+            if id_of(trial) not in self._trials_with_heartbeat:
                 self._storage.record_heartbeat(id_of(trial))
-                self._seen.add(id_of(trial))
+                self._trials_with_heartbeat.add(id_of(trial))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Optuna's warning that it is experimental
             fail_stale_trials(study)
@@ -177,6 +177,6 @@ class Heartbeat:
     def _beat(self, storage: RDBStorage, stop: Event) -> None:
         interval = storage.get_heartbeat_interval()
         while not stop.wait(interval):
-            for trial_id in tuple(self._running):
+            for trial_id in tuple(self._running_trials):
                 with suppress(Exception):  # if the storage does not answer, the search itself reports it
                     storage.record_heartbeat(trial_id)

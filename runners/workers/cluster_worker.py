@@ -22,7 +22,7 @@ class WorkerSetup(WorkerPlugin):
 
     def __init__(self, token: str, pickled: bytes, required_versions: Mapping[str, str]) -> None:
         self.name = token
-        self._pickled, self._wanted = pickled, required_versions
+        self._pickled, self._required_versions = pickled, required_versions
         self._run: Run | None = None
 
     def run(self, items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
@@ -42,7 +42,7 @@ class WorkerSetup(WorkerPlugin):
     def _build_once(self, worker: Worker) -> Run:
         """Return the function that runs one item; it is built when the first item comes."""
         if self._run is None:
-            _check(worker, self._wanted)
+            _check(worker, self._required_versions)
             initialise, payload = pickle.loads(self._pickled)
             self._run = initialise(payload)
         assert self._run is not None

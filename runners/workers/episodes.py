@@ -28,7 +28,7 @@ from runners.config.schema import DriveConfig
 from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
 from runners.workers.recorder import Recorder, recording_path
 
-_Parts = Callable[[DriveConfig], tuple[Navigator, Simulator]]
+_Systems = Callable[[DriveConfig], tuple[Navigator, Simulator]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
     seed = payload.config.seed
     _check_run_dir(payload.recordings)
     maps = build.map_set(payload.config)
-    systems = _parts(payload.config, maps)
+    systems = _systems(payload.config, maps)
     _warm_up(build.setting(payload.config, maps, maps.numbers[0]), systems)
 
     def run(key: EpisodeKey) -> EpisodeResult:
@@ -122,7 +122,7 @@ def _recorder(
     return Recorder(recording_path(recordings.folder, key), metadata, robot)
 
 
-def _parts(config: DriveConfig, maps: MapSet) -> _Parts:
+def _systems(config: DriveConfig, maps: MapSet) -> _Systems:
     """Return a function that gives navigator and simulator; they are built once unless robots are drawn."""
     if isinstance(maps, DrawsRobots):
         return lambda setting_config: (build.navigator(setting_config), build.simulator(setting_config))
@@ -130,7 +130,7 @@ def _parts(config: DriveConfig, maps: MapSet) -> _Parts:
     return lambda _: shared_pair
 
 
-def _warm_up(setting: build.EpisodeSetting, systems: _Parts) -> None:
+def _warm_up(setting: build.EpisodeSetting, systems: _Systems) -> None:
     """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
     task = replace(setting.task, time_limit=2 * setting.config.robot.dt)
     run_episode(task, *systems(setting.config), np.random.default_rng(0))

@@ -151,7 +151,7 @@ class TeachingNavigator(Navigator):
             None if expert_guide is None else instantiate.build(expert_guide, "learner.expert.guide", robot)
         )
         self._beta = lesson.beta or 0.0
-        self._expert_drives, self._left = False, 0
+        self._expert_drives, self._remaining_steps = False, 0
         self._driver = _rng(payload.config.seed, lesson.world, _DRIVER)
         self._features: list[tuple[Floats, ...]] = []
         self._actions: list[Floats] = []
@@ -186,10 +186,10 @@ class TeachingNavigator(Navigator):
 
         The driver may change only after some steps, so that the network's mistakes show.
         """
-        if self._left == 0:
+        if self._remaining_steps == 0:
             self._expert_drives = bool(self._driver.random() < self._beta)
-            self._left = int(self._driver.integers(*_TURN))
-        self._left -= 1
+            self._remaining_steps = int(self._driver.integers(*_TURN))
+        self._remaining_steps -= 1
         return self._expert_drives
 
     def labels(self) -> tuple[Arrays, NDArray[np.float32]]:

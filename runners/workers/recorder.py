@@ -50,12 +50,12 @@ class DecisionWriter:
 
     def __init__(self, file: McapFile, metadata: Mapping[str, Any], robot: Robot) -> None:
         self._file, self._make = file, file.messages
-        self._about, self._robot = metadata, robot
-        self._begun = False
+        self._metadata, self._robot = metadata, robot
+        self._has_begun = False
 
     def decision(self, observation: Observation, guidance: Guidance, time_ns: int) -> None:
         """Write the observation and the subgoal, at the time `time_ns`."""
-        if not self._begun:
+        if not self._has_begun:
             self._begin(observation.scan, time_ns)
         self.motion(observation.odometry, observation.twist, time_ns)
         write, make = self._file.write, self._make
@@ -80,9 +80,9 @@ class DecisionWriter:
         self._file.write(topic, self._make.text(text), time_ns)
 
     def _begin(self, scan: LaserScan, time_ns: int) -> None:
-        self._begun = True
+        self._has_begun = True
         beams = {name: float(value) for name, value in scan._asdict().items() if name != "ranges"}
-        self.text("/lme", json.dumps({**self._about, "version": lme.__version__, "scan": beams}), time_ns)
+        self.text("/lme", json.dumps({**self._metadata, "version": lme.__version__, "scan": beams}), time_ns)
         mount = self._make.transform(time_ns, BASE, LASER, self._robot.lidar.mount)
         self._file.write("/tf_static", mount, time_ns)
 
@@ -95,10 +95,10 @@ class Recorder:
 
     def __init__(self, path: Path, metadata: Mapping[str, Any], robot: Robot) -> None:
         self._file = McapFile(path, TOPICS, LATCHED, _ADVICE)
-        self._about, self._robot = metadata, robot
+        self._metadata, self._robot = metadata, robot
 
     def __enter__(self) -> Self:
-        self._writer = DecisionWriter(self._file.__enter__(), self._about, self._robot)
+        self._writer = DecisionWriter(self._file.__enter__(), self._metadata, self._robot)
         return self
 
     def __exit__(

@@ -45,7 +45,9 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
             # Drive only the episodes whose steps were not kept; workers start when the first is needed.
             if missing_keys:
                 drive = drive or workers.enter_context(_driver(run_dir, rows))
-                rerun_tables = [_table(_checked(result, rows, run_dir)) for result in drive(missing_keys)]
+                rerun_tables = [
+                    _table(_check_repeated(result, rows, run_dir)) for result in drive(missing_keys)
+                ]
                 joined = pa.concat_tables([table, *rerun_tables], promote_options="permissive")
                 table = joined.sort_by([(name, "ascending") for name in ("world", "run", "step")])
             yield table
@@ -70,7 +72,7 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
         yield run_all
 
 
-def _checked(
+def _check_repeated(
     result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
 ) -> EpisodeResult:
     """Return the result. Raises InputError unless the drive equals its record."""

@@ -156,7 +156,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
 
     # Make the page of each episode, several of them in worker processes.
     episodes = pages.select_episodes(read_episodes([run_dir]), words)
-    page_paths = _places(run_dir, pages.keys_of(episodes), output)
+    page_paths = _page_paths(run_dir, pages.keys_of(episodes), output)
     executor = ProcessExecutor(ProcessConfig())
     try:
         results = sorted(pages.make_pages(run_dir, episodes, page_paths, executor))
@@ -173,7 +173,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
         raise InputError(problems[0])
 
 
-def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
+def _page_paths(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
     """Return the path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
     from runners.records.whole_file import output_path

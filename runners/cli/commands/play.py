@@ -59,7 +59,7 @@ def _session(episode: list[str], step: int | None, arguments: Arguments) -> Sess
         return _composed((), arguments)
     if len(episode) == 1 and step is None and is_log(Path(episode[0])):
         return _composed(words_of_log(Path(episode[0])), arguments)
-    return _opened(episode, step, arguments)
+    return _open_episode(episode, step, arguments)
 
 
 def _composed(leading_words: tuple[str, ...], arguments: Arguments) -> Session:
@@ -70,7 +70,7 @@ def _composed(leading_words: tuple[str, ...], arguments: Arguments) -> Session:
     return Session(setup_of(Source(words, arguments.config_name or "play", arguments.config_dir)))
 
 
-def _opened(episode: list[str], step: int | None, arguments: Arguments) -> Session:
+def _open_episode(episode: list[str], step: int | None, arguments: Arguments) -> Session:
     from pathlib import Path
 
     from lme.errors import InputError

@@ -330,7 +330,7 @@ def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
     axes.axhline(complete, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=4)
     axes.set(ylim=(0.0, 1.0), xticks=[])
     axes.set_ylabel("share of episodes", fontsize=8.5, color=INK)
-    _plain(axes, variants)
+    _style_axes(axes, variants)
 
 
 def _rate(axes: Axes, column: int, mean: float, interval: tuple[float, float] | None) -> None:
@@ -370,7 +370,7 @@ def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
     )
     axes.margins(y=0.25)
     axes.set_ylabel("difference\nin success", fontsize=8.5, color=INK)
-    _plain(axes, variants)
+    _style_axes(axes, variants)
 
 
 def _difference(axes: Axes, column: int, change: Difference) -> None:
@@ -408,7 +408,7 @@ def _filled(kind: str) -> dict[str, Any]:
     return {"facecolor": STYLES[kind].colour, "edgecolor": "white", "linewidth": 0.4}
 
 
-def _plain(axes: Axes, variants: Sequence[Variant]) -> None:
+def _style_axes(axes: Axes, variants: Sequence[Variant]) -> None:
     axes.set_xlim(-0.6, len(variants) - 0.4)
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.tick_params(axis="x", length=0)

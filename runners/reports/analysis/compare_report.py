@@ -126,7 +126,7 @@ def _table(study: RunComparison) -> str:
 
 def _keys(study: RunComparison) -> str:
     lines = [["Key", *map(markdown_text, study.names)], ["---"] * (1 + len(study.names))]
-    lines += [[_code(key), *map(_shown, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
+    lines += [[_code(key), *map(_key_text, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
     omitted = len(study.keys) - _MAX_KEYS
     return (
         "What differs between the configs:\n\n"
@@ -135,7 +135,7 @@ def _keys(study: RunComparison) -> str:
     )
 
 
-def _shown(value: object) -> str:
+def _key_text(value: object) -> str:
     return DASH if value is None else markdown_text(str(value))
 
 
@@ -153,7 +153,7 @@ def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:
     for compared in study.compared:
         for measure, change in compared.changes.items():
             yield {
-                **_known(study, compared),
+                **_run_columns(study, compared),
                 "measure": measure,
                 "reference_mean": change.reference,
                 "mean": change.other,
@@ -173,10 +173,10 @@ def _worlds(study: RunComparison) -> Iterator[dict[str, object]]:
     for compared in study.compared:
         for world, row in compared.worlds.iterrows():
             means = {"measure": study.measure, "reference_mean": row["reference"], "mean": row["other"]}
-            yield {**_known(study, compared), "world": world, **means}
+            yield {**_run_columns(study, compared), "world": world, **means}
 
 
-def _known(study: RunComparison, compared: Compared) -> dict[str, object]:
+def _run_columns(study: RunComparison, compared: Compared) -> dict[str, object]:
     return {
         "place": study.place,
         "reference": study.reference,

@@ -78,7 +78,7 @@ class CurveStudy(SweepStudy):
     def studies(cls, frame: pd.DataFrame) -> list[Self]:
         """Return a study for each changed key with at least LEAST numbers within a system."""
         keys = [key for key in changed_columns(frame) if _is_curve(frame, key)]
-        studies = [cls._of(_alone(frame, key, keys), key) for key in keys]
+        studies = [cls._of(_runs_of_key(frame, key, keys), key) for key in keys]
         return [study for study in studies if study.curves]
 
     @classmethod
@@ -137,7 +137,7 @@ class CurveStudy(SweepStudy):
                     _panel(axes, studies[number], measure, labels, number % columns == 0)
                 else:
                     axes.set_visible(False)
-        handles = [_look(number, label) for number, label in enumerate(labels)]
+        handles = [_curve_line(number, label) for number, label in enumerate(labels)]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
         figure.supxlabel(f"{plot_text(studies[0].setting)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
         return save(figure, folder / cls.name, ("png", "pdf"))
@@ -149,7 +149,7 @@ def _is_curve(frame: pd.DataFrame, key: str) -> bool:
     return bool(values.notna().all() and values.groupby(frame["system"]).nunique().max() >= LEAST)
 
 
-def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
+def _runs_of_key(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
     """Return the records in which no other key is changed, each episode once, with the key's number as AT."""
     # Keep the runs that change this key alone, and drop the columns of all others.
     other_keys = {config_key for config_key in keys if config_key != key}
@@ -205,7 +205,7 @@ def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], i
 def _line(axes: Axes, curve: Curve, measure: str, number: int) -> None:
     points = [(value, row) for value, row in curve.points if measure in row.stats]
     values = [value for value, _ in points]
-    line = _look(number, curve.label)
+    line = _curve_line(number, curve.label)
     line.set_data(values, [row.stats[measure][0] for _, row in points])
     axes.add_line(line)
     if measure == SUCCESS:
@@ -213,7 +213,7 @@ def _line(axes: Axes, curve: Curve, measure: str, number: int) -> None:
         axes.fill_between(values, low, high, color=line.get_color(), alpha=0.12, linewidth=0)
 
 
-def _look(number: int, label: str) -> Line2D:
+def _curve_line(number: int, label: str) -> Line2D:
     """Return an empty line in the style of the curve with this number."""
     from matplotlib.lines import Line2D
 

@@ -161,14 +161,14 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     system_keys = dict(flatten({key: config[key] for key in SYSTEM if key in config}))
     sim = _text(frame, "sim") if launch else UNKNOWN
     # What a name has to show: changed keys, and unusual options.
-    traits = _changed(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
-    crowd, options = _unusual(frame, ("crowd",)), _unusual(frame, _NAMED)
+    traits = _changed_settings(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
+    crowd, options = _unusual_values(frame, ("crowd",)), _unusual_values(frame, _NAMED)
     return _ReadRun(
         run_dir,
         frame,
         launch,
         Setting(map_set, subset, robot, sim, (*crowd, *traits)),
-        BoardSystem(_text(frame, "system"), (*options, *_changed(changes, system_keys))),
+        BoardSystem(_text(frame, "system"), (*options, *_changed_settings(changes, system_keys))),
         setting_keys,
         system_keys,
     )
@@ -191,13 +191,13 @@ def _text(frame: pd.DataFrame, column: str) -> str:
     return str(as_text(frame[column]).iloc[0]) if column in frame else ""
 
 
-def _unusual(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
+def _unusual_values(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
     """Return the columns whose value a name has to show, each as text, such as "filter stopping"."""
     values = {key: _text(frame, key) for key in columns}
     return tuple(f"{key} {value}" for key, value in values.items() if value not in usual(key))
 
 
-def _changed(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> tuple[str, ...]:
+def _changed_settings(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the changed keys of a part of the config that have no column in a name, each as text."""
     return _each_as_text({key: changes[key] for key in changes if key in keys and key not in _NAMED})
 

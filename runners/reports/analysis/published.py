@@ -97,7 +97,7 @@ def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
     options = all(values.get(key, "") in ("", usual) for key, usual in _AS_PUBLISHED.items())
     is_complete = options and not (values.get("scale") or values.get("changes"))
     # Only whole maps have published figures; BARN has two subsets that count as such.
-    map_name, subset = _same(group, "map_like", values.get("map", "")), values.get("subset", "")
+    map_name, subset = _common_value(group, "map_like", values.get("map", "")), values.get("subset", "")
     if map_name == "barn":
         map_name = _BARN_PLACES.get(subset, "")
     elif subset:
@@ -106,8 +106,8 @@ def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
     if not (is_complete and map_name and all_worlds):
         return None
     robot = values.get("robot", "")
-    robots = tuple(_same(group, "robot_like", robot).split())
-    return DrivenSetting(map_name, robots, robot, _same(group, "robot_difference", ""))
+    robots = tuple(_common_value(group, "robot_like", robot).split())
+    return DrivenSetting(map_name, robots, robot, _common_value(group, "robot_difference", ""))
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -136,7 +136,7 @@ def _simulator(sim: str) -> str:
     return f"{words} (sim={sim})" if sim else words
 
 
-def _same(group: pd.DataFrame, column: str, otherwise: str) -> str:
+def _common_value(group: pd.DataFrame, column: str, otherwise: str) -> str:
     """Return the value that all records have in a column that comes from launch records; empty if they differ."""
     if column not in group:
         return otherwise

@@ -37,8 +37,8 @@ _WHICH_WORLDS = (
 
 def names(runs: Sequence[ComparedRun]) -> list[str]:
     """Return a name for each run, made of its differences from the others; runs without any are named by folder."""
-    differing = _telling(runs)
-    texts = [", ".join(_shorten([_part(run, column) for column in differing])) for run in runs]
+    differing = _telling_columns(runs)
+    texts = [", ".join(_shorten([_column_text(run, column) for column in differing])) for run in runs]
     times = Counter(texts)
     folder_counts = Counter(run.run_dir.name for run in runs)
     return [
@@ -55,7 +55,9 @@ def heading(runs: Sequence[ComparedRun]) -> str:
         for column in _columns(runs)
         if column != "seed" and all(run.text(column) == first.text(column) for run in further_runs)
     ]
-    return " · ".join(_part(first, column) for column in common if first.text(column) not in usual(column))
+    return " · ".join(
+        _column_text(first, column) for column in common if first.text(column) not in usual(column)
+    )
 
 
 def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
@@ -91,7 +93,7 @@ def _condition(run: ComparedRun, group: str) -> str:
     return run.text(group) or ("none" if has_none else "")
 
 
-def _telling(runs: Sequence[ComparedRun]) -> list[str]:
+def _telling_columns(runs: Sequence[ComparedRun]) -> list[str]:
     """Return the columns that differ, without those that others imply.
 
     Others imply the usual weights of a system, and equal keys of two groups with the same values, such as robot.v_max
@@ -110,7 +112,7 @@ def _columns(runs: Sequence[ComparedRun]) -> list[str]:
     return [*_COLUMNS, *(column for column in changed_keys if column not in _WHICH_WORLDS)]
 
 
-def _part(run: ComparedRun, column: str) -> str:
+def _column_text(run: ComparedRun, column: str) -> str:
     value = run.text(column)
     if column in _BARE:
         return value

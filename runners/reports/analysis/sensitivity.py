@@ -101,7 +101,7 @@ class SensitivityStudy(SweepStudy):
 
         Runs with several multiplied parameters are ignored.
         """
-        studies = [cls._of(block) for block in paired.blocks(_single(frame), COLUMN, UNCHANGED)]
+        studies = [cls._of(block) for block in paired.blocks(_single_changes(frame), COLUMN, UNCHANGED)]
         return [study for study in studies if study.curves]
 
     @classmethod
@@ -174,7 +174,7 @@ class SensitivityStudy(SweepStudy):
             strict=True,
         ):
             panels = subfigure.subplots(count, columns, sharex=True, sharey=True, squeeze=False).flat
-            positions = _places(factors(study.curves))
+            positions = _positions(factors(study.curves))
             for axes, curve in zip(panels, study.curves, strict=False):
                 _panel(axes, curve, positions)
             for axes in list(panels.base.flat)[len(study.curves) :]:
@@ -200,7 +200,7 @@ def factors(curves: Sequence[ParameterCurve]) -> list[float]:
     return sorted({point.factor for curve in curves for point in curve.points})
 
 
-def _single(frame: pd.DataFrame) -> pd.DataFrame:
+def _single_changes(frame: pd.DataFrame) -> pd.DataFrame:
     """Return the records of runs with at most one multiplied parameter."""
     if COLUMN not in frame:
         return frame
@@ -217,14 +217,14 @@ def _value(block: Block, parameter: str) -> str:
 def _sentence(curve: ParameterCurve) -> str:
     rates = [point.success for point in curve.points]
     value = f" ({curve.value})" if curve.value else ""
-    changes = [text for measure in (SUCCESS, METRIC) if (text := _beyond(curve, measure))]
+    changes = [text for measure in (SUCCESS, METRIC) if (text := _changes_text(curve, measure))]
     verdict = f"beyond the noise: {'; '.join(changes)}" if changes else "nothing beyond the noise"
     return (
         f"{curve.parameter}{value}: {min(rates):.3f} to {max(rates):.3f}, range {curve.range:.3f}; {verdict}."
     )
 
 
-def _beyond(curve: ParameterCurve, measure: str) -> str:
+def _changes_text(curve: ParameterCurve, measure: str) -> str:
     """Return text such as "success 0.020 at × 0"; empty if no point is beyond the noise."""
     points = curve.beyond(measure)
     rates = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
@@ -279,7 +279,7 @@ def _panel(axes: Axes, curve: ParameterCurve, positions: dict[float, float]) -> 
     axes.axvline(positions[1.0], color=INK, linewidth=0.7, linestyle=":", zorder=1)
     value = plot_text(f" = {curve.value}") if curve.value else ""
     axes.set_title(f"{symbol(curve.parameter)}{value}", fontsize=8.5, color=INK, pad=3)
-    _plain(axes, positions)
+    _style_axes(axes, positions)
 
 
 def _band(axes: Axes, points: Sequence[Point], positions: dict[float, float]) -> None:
@@ -292,14 +292,14 @@ def _band(axes: Axes, points: Sequence[Point], positions: dict[float, float]) ->
         axes.vlines(x_zero, low_zero, high_zero, color=BLUE, alpha=0.3, linewidth=5)
 
 
-def _places(all_factors: Sequence[float]) -> dict[float, float]:
+def _positions(all_factors: Sequence[float]) -> dict[float, float]:
     """Return the positions of factors on the axis: log2 of the factor, with 0 to the left of all others."""
     positions = {factor: math.log2(factor) for factor in all_factors if factor > 0}
     left, right = min(positions.values()), max(positions.values())
     return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in all_factors else {}), **positions}
 
 
-def _named(positions: dict[float, float]) -> list[float]:
+def _labelled_factors(positions: dict[float, float]) -> list[float]:
     """Return the factors that get a tick label: 1, the outermost ones, and those that fit between."""
     min_gap = TICK_GAP * (max(positions.values()) - min(positions.values()))
     labelled: list[float] = []
@@ -309,9 +309,9 @@ def _named(positions: dict[float, float]) -> list[float]:
     return sorted(labelled)
 
 
-def _plain(axes: Axes, positions: dict[float, float]) -> None:
+def _style_axes(axes: Axes, positions: dict[float, float]) -> None:
     left, right = min(positions.values()), max(positions.values())
-    margin, labelled = BESIDE * (right - left), _named(positions)
+    margin, labelled = BESIDE * (right - left), _labelled_factors(positions)
     axes.set(ylim=(-0.03, 1.04), xlim=(left - margin, right + margin), yticks=[0.0, 0.5, 1.0])
     axes.set_xticks(
         [positions[factor] for factor in labelled],

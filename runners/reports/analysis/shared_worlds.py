@@ -95,11 +95,11 @@ def same_worlds(reference: ComparedRun, other_run: ComparedRun) -> frozenset[int
     )
     is_same = np.ones(len(numbers), dtype=bool)
     for name in first:
-        is_same &= _alike(first[name], second[name])
+        is_same &= _equal_values(first[name], second[name])
     return frozenset(number for number, is_equal in zip(numbers, is_same, strict=True) if is_equal)
 
 
-def _alike(values: pd.Series, reference_values: pd.Series) -> Bools:
+def _equal_values(values: pd.Series, reference_values: pd.Series) -> Bools:
     """Return where two columns agree: numbers except for rounding, texts exactly. Missing values agree."""
     from pandas.api.types import is_numeric_dtype
 
@@ -136,7 +136,7 @@ def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) ->
     Among equal ones, those where the start succeeded most often come first. frame, start: records with their
     `run_dir` and the column `reward`; maps have directories of the same name. start: None if the start is the result.
     """
-    start_successes = None if start is None else _good(start)
+    start_successes = None if start is None else _succeeded_keys(start)
     by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
     for row in frame.to_dict("records"):
         by_world.setdefault((str(row["run_dir"]), int(row["world"])), []).append(row)
@@ -145,7 +145,7 @@ def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) ->
 
 def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
     """Return the number of episodes in which the result fails where the start succeeded."""
-    start_successes = _good(start)
+    start_successes = _succeeded_keys(start)
     return sum(_failed(row) and _key(row) in start_successes for row in frame.to_dict("records"))
 
 
@@ -174,7 +174,7 @@ def _failed(row: Mapping[str, Any]) -> bool:
     return bool(row["outcome"] != SUCCESS)
 
 
-def _good(start: pd.DataFrame) -> set[_Key]:
+def _succeeded_keys(start: pd.DataFrame) -> set[_Key]:
     """Return the episodes in which the start succeeded."""
     return {_key(row) for row in start.to_dict("records") if not _failed(row)}
 

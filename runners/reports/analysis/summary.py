@@ -132,7 +132,7 @@ def summarise(
     own_rows: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
-        name, setting = _named(group, systems), published.setting_of(group)
+        name, setting = _system_name(group, systems), published.setting_of(group)
         reason = setting.why_none(name, figures) if setting else ""
         row = replace(row, ablated=_ablated(group, labels), unpublished=reason)
         own_rows.setdefault(name, []).append((row, setting))
@@ -264,7 +264,7 @@ def _with_published(
                 yield _published_row(source, setting, own_row)
 
 
-def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
+def _system_name(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
     """Return the name of the system: among those with its label, the one of its guide and planner, if any."""
     episode = group.iloc[0]
     label, pair = str(episode["system"]), (episode.get("guide"), episode.get("planner"))

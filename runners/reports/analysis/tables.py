@@ -45,7 +45,7 @@ def title(frame: pd.DataFrame) -> str:
     columns = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
     values = {key: str(frame[key].iloc[0]) for key in columns if frame[key].nunique() == 1}
     common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
-    return " · ".join([*common, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
+    return " · ".join([*common, f"{_count_text(frame, 'world')} {TIMES} {_count_text(frame, 'run')}"])
 
 
 def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
@@ -93,7 +93,7 @@ def changed_notes(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in own_rows if row.changes))
 
 
-def _counted(frame: pd.DataFrame, column: str) -> str:
+def _count_text(frame: pd.DataFrame, column: str) -> str:
     """Return the number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
     keys = ["system", *row_keys(frame)]
     counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()

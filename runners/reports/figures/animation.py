@@ -133,10 +133,10 @@ class _Panel:
         (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
         self._stage = Stage(axes, trace, candidates=candidates)
         style = STYLES[Outcome(trace.episode.outcome)]
-        (self._end,) = axes.plot(
+        (self._end_mark,) = axes.plot(
             [], [], marker=style.marker, color=style.colour, linestyle="", zorder=8, **END
         )
-        self._moving: list[Artist] = [self._trail, *self._stage.artists, self._end, self._clock]
+        self._moving: list[Artist] = [self._trail, *self._stage.artists, self._end_mark, self._clock]
         for artist in self._moving:
             artist.set_animated(True)
 
@@ -146,7 +146,7 @@ class _Panel:
         self._stage.show(index)
         self._trail.set_data(*self._way[: index + 1].T)
         outcome, over = Outcome(self._trace.episode.outcome), index == len(self._trace.steps)
-        self._end.set_data(*(self._way[-1:].T if over else ([], [])))
+        self._end_mark.set_data(*(self._way[-1:].T if over else ([], [])))
         clock = f"{self._trace.frames[index].time:.1f} s"
         self._clock.set_text(f"{outcome}, {clock}" if over else clock)
         self._clock.set_color(STYLES[outcome].colour if over else INK)

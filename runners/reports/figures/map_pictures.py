@@ -88,7 +88,7 @@ class Maps:
             list(self._every_set()) if config.maps is None else [entry.split() for entry in config.maps]
         )
         for entry in self._entries:
-            self._chosen(entry)
+            self._choose(entry)
 
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
@@ -96,9 +96,9 @@ class Maps:
         """Draw the worlds named with each map set, else `worlds`, else its first world; return the paths."""
         panels = []
         for entry in self._entries:
-            chosen = self._chosen(entry)
+            chosen = self._choose(entry)
             if worlds and not chosen.worlds:
-                chosen = self._chosen([*entry, *map(str, worlds)])
+                chosen = self._choose([*entry, *map(str, worlds)])
             panels += panels_of(chosen)
         if not self.config.way:
             panels = [panel._replace(way=None) for panel in panels]
@@ -111,7 +111,7 @@ class Maps:
                 choose([name], self._robot, self._configs)
                 yield [name]
 
-    def _chosen(self, entry: Sequence[str]) -> Chosen:
+    def _choose(self, entry: Sequence[str]) -> Chosen:
         try:
             return choose(entry, self._robot, self._configs)
         except InputError as error:
@@ -153,7 +153,7 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     for row, indices in enumerate(rows):
         for column, index in enumerate(indices):
             top_middle = ((column + 0.5) * cell + label_width / 2, foot + sum(heights[row:]))
-            axes = _placed(figure, top_middle, sizes[index])
+            axes = _add_axes(figure, top_middle, sizes[index])
             _draw(axes, panels[index], boxes[index], is_single)
             _head(figure, panels[index], top_middle)
     style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": 7.5, "labelcolor": INK}
@@ -193,7 +193,7 @@ def _step(longest_m: float) -> float:
     return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= min_step)
 
 
-def _placed(figure: Figure, top_middle: tuple[float, float], size: tuple[float, float]) -> Axes:
+def _add_axes(figure: Figure, top_middle: tuple[float, float], size: tuple[float, float]) -> Axes:
     """Add axes of a size [in] below a heading whose top is at `top_middle` [in]."""
     page, height = figure.get_size_inches()
     left, bottom = top_middle[0] - size[0] / 2, top_middle[1] - HEADING_IN - size[1]

@@ -153,7 +153,7 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
 def _letters(blockage: Blockage, target: Floats) -> list[view.Letter]:
     """Return the letters E1, E2, A and B, with the name of B turned away from the target's name."""
     *end_letters, ray_letter = view.letters(blockage)
-    turn = -math.copysign(TURN_RAD, _between(blockage.A, target))
+    turn = -math.copysign(TURN_RAD, _angle_between(blockage.A, target))
     return [*end_letters, ray_letter._replace(away=to_world(ray_letter.away, Pose(0.0, 0.0, turn)))]
 
 
@@ -176,7 +176,7 @@ def _describe_blockage(scene: View) -> str:
     if scene.blockage is None:
         return "None of them blocks the way to the target T."
     E1, E2, A = scene.blockage.E1, scene.blockage.E2, scene.blockage.A
-    angle_1, angle_2 = (math.degrees(abs(_between(end, scene.target))) for end in (E1, E2))
+    angle_1, angle_2 = (math.degrees(abs(_angle_between(end, scene.target))) for end in (E1, E2))
     return (
         f"The blue one blocks the way to the target T: ∠E₁OT = {angle_1:.0f}°, ∠E₂OT = "
         f"{angle_2:.0f}°, so A is "
@@ -193,7 +193,7 @@ def _draw_angles(axes: Axes, blockage: Blockage, target: Floats) -> None:
     # An arc from the target to each end, and a line to the end.
     for end in (blockage.E1, blockage.E2):
         is_nearer = np.array_equal(end, blockage.A)
-        angles = start + np.linspace(0.0, _between(target, end), 61)
+        angles = start + np.linspace(0.0, _angle_between(target, end), 61)
         arc = half * ARCS[0 if is_nearer else 1] * np.column_stack([np.cos(angles), np.sin(angles)])
         style: dict[str, Any] = {"linestyle": "-" if is_nearer else "--", "linewidth": 0.8, "zorder": 4}
         axes.plot(*view.upwards(arc).T, color=INK, **style)
@@ -201,7 +201,7 @@ def _draw_angles(axes: Axes, blockage: Blockage, target: Floats) -> None:
     axes.plot(*view.upwards(np.array([blockage.A, blockage.B])).T, color=BLUE, linewidth=2.2, zorder=7)
 
 
-def _between(a: Floats, b: Floats) -> float:
+def _angle_between(a: Floats, b: Floats) -> float:
     """Return the angle from a to b [rad], counter-clockwise in (−π, π]."""
     return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 

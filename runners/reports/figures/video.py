@@ -58,18 +58,18 @@ class Video:
         Raises InputError for too many panels, or for an episode that cannot be driven again.
         """
         config = self._config
-        episodes = _shown(runs, worlds)
+        episodes = _select_episodes(runs, worlds)
         traces = [driven_run.trace(world, run) for driven_run, world, run in episodes]
         pace, speed = _pace(traces, config)
         note = "" if speed == 1.0 else f"{speed:.3g}× real time"
         screen = Screen(traces, _labels(episodes), config.width, candidates=config.candidates, note=note)
         path = stem.with_name(f"{stem.name}.{config.format}")
-        pictures = _counted(screen.pictures(pace.held), len(pace.held))
+        pictures = _with_progress(screen.pictures(pace.held), len(pace.held))
         write_film(pictures, path, pace.fps, screen.sample(pace.times))
         return [path]
 
 
-def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
+def _with_progress(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     """Yield the pictures, with a progress bar on standard error."""
     from rich.console import Console
     from rich.progress import track
@@ -77,7 +77,7 @@ def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     yield from track(pictures, "Drawing", total, console=Console(stderr=True))
 
 
-def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
+def _select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
     """Return (driven run, world, run number) of each panel.
 
     Without worlds, a panel shows the first world of the first run in each place.

@@ -70,7 +70,7 @@ def _pair(study: RunComparison, compared: Compared) -> Figure:
         f"{len(compared.better)} "
         f"worlds, worse in {len(compared.worse)}, the same in {num_equal}."
     )
-    figure.supxlabel(_wrapped(note, _letters(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
+    figure.supxlabel(_wrapped(note, _letters_per_line(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
     return figure
 
 
@@ -87,7 +87,7 @@ def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
             axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, zorder=4, **_inwards(x, y, top))
     pad = 0.06 * top
     axes.set(xlim=(-pad, top + pad), ylim=(-pad, top + pad), aspect="equal")
-    _plain(axes, "both")
+    _style_axes(axes, "both")
 
 
 def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def _bars(axes: Axes, gain: pd.Series) -> None:
     )
     margin = max(0, FEWEST_BARS - len(bars)) / 2  # so that a few bars do not fill the axes
     axes.set_xlim(-0.8 - margin, len(bars) - 0.2 + margin)
-    _plain(axes, "y")
+    _style_axes(axes, "y")
 
 
 def _heat_map(study: RunComparison) -> Figure:
@@ -133,7 +133,7 @@ def _heat_map(study: RunComparison) -> Figure:
     longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
     width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
     band_in = 0.55 + LINE_IN * len(means) * (1 + 0.35 * any("\n" in _wrapped(name) for name in means.index))
-    note = _wrapped(note, _letters(width))
+    note = _wrapped(note, _letters_per_line(width))
     figure = new_figure(width, 0.85 + 0.12 * len(note.split("\n")) + band_in * len(bands))
     colours = colormaps["viridis"].with_extremes(bad="white")
     top = TOP.get(study.measure, 1.0)
@@ -198,12 +198,12 @@ def _wrapped(text: str, letters: int = LABEL) -> str:
     return plot_text("\n".join(textwrap.wrap(text, letters)) or text)
 
 
-def _letters(width_in: float) -> int:
+def _letters_per_line(width_in: float) -> int:
     """Return the number of letters of a note that fit into a line of a picture."""
     return int(LETTERS_PER_IN * width_in)
 
 
-def _plain(axes: Axes, grid: str) -> None:
+def _style_axes(axes: Axes, grid: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[:].set_color(FRAME)
     axes.tick_params(labelsize=8, colors=INK, length=0)

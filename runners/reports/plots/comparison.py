@@ -81,7 +81,7 @@ def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
             _whisker(axes, line, *row.interval)
     axes.set(xlim=(0.0, 1.0))
     axes.set_xlabel("share of episodes", fontsize=8.5, color=INK)
-    _plain(axes)
+    _style_axes(axes)
 
 
 def _metric(axes: Axes, rows: Sequence[Row]) -> None:
@@ -92,7 +92,7 @@ def _metric(axes: Axes, rows: Sequence[Row]) -> None:
             _value(axes, line, mean)
     axes.set(xlim=(0.0, 0.52))
     axes.set_xlabel("BARN metric\n(at most 0.5)", fontsize=8.5, color=INK)
-    _plain(axes)
+    _style_axes(axes)
 
 
 def _value(axes: Axes, line: int, mean: float) -> None:
@@ -185,7 +185,7 @@ def _opacity(row: Row) -> float:
     return FADED if row.published_map else 1.0
 
 
-def _plain(axes: Axes) -> None:
+def _style_axes(axes: Axes) -> None:
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", labelsize=8, colors=INK)

@@ -48,7 +48,7 @@ LEGEND_IN = 6.6  # minimum width for the key
 AROUND = Around(header=0.55, footer=0.42)
 
 
-class _Place(NamedTuple):
+class _Scene(NamedTuple):
     """A building, or all worlds if they are not in buildings: its records, and its sampled tasks by number."""
 
     frame: pd.DataFrame
@@ -77,7 +77,7 @@ def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> li
     if without_steps([run_dir]):
         return []
     worlds = {number: maps.task(number) for number in sample_worlds(frame)}
-    failures = (key for scene in _places(frame, worlds) for key in scene.failures)
+    failures = (key for scene in _scenes(frame, worlds) for key in scene.failures)
     episodes = list(dict.fromkeys([*sample_episodes(frame), *failures]))
     trajectories_figure(frame, read_trajectories([run_dir], episodes), worlds, path)
     return [path]
@@ -110,7 +110,7 @@ def trajectories_figure(
     frame: from `read_episodes`. trajectories: from `read_trajectories`, of the episodes to draw (`sample_episodes`).
     worlds: tasks by number, at least those of `sample_worlds`.
     """
-    scenes = _places(frame, worlds)
+    scenes = _scenes(frame, worlds)
     paths = dict(list(trajectories.groupby(["world", "run"])))
     boxes = same_size([_box(scene, trajectories) for scene in scenes])
     # Buildings get an overview of their failures, and every sampled world a panel.
@@ -171,23 +171,23 @@ def _buildings(frame: pd.DataFrame) -> list[pd.DataFrame]:
     return [rows for _, rows in frame.groupby(BUILDING)] if BUILDING in frame else [frame]
 
 
-def _places(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Place]:
+def _scenes(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Scene]:
     sampled = [number for number in sample_worlds(frame) if number in worlds]
     scenes = [
-        _Place(rows, {number: worlds[number] for number in sampled if number in set(rows["world"])})
+        _Scene(rows, {number: worlds[number] for number in sampled if number in set(rows["world"])})
         for rows in _buildings(frame)
     ]
     return [scene for scene in scenes if scene.tasks]
 
 
-def _box(scene: _Place, trajectories: pd.DataFrame) -> Box:
+def _box(scene: _Scene, trajectories: pd.DataFrame) -> Box:
     """Return the box that the panels of a place show."""
     world_numbers = {*scene.tasks, *(key.world for key in scene.failures)}
     steps = trajectories[trajectories["world"].isin(world_numbers)]
     return common_box(list(scene.tasks.values()), steps[["x_m", "y_m"]].to_numpy(float))
 
 
-def _draw_failures(axes: Axes, scene: _Place, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
+def _draw_failures(axes: Axes, scene: _Scene, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
     """Draw the paths of failed episodes in one panel, with the numbers of their worlds at their ends."""
     frame, failures = scene.frame, scene.failures
     draw_obstacles(axes, next(iter(scene.tasks.values())).world)
