@@ -136,8 +136,7 @@ def _check_foreign(saved: launch_record.Launch, directory: Path, args: arguments
     lost_source = next((source for source in saved.inputs if inputs.is_lost(source)), None)
     if lost_source is not None:
         raise InputError(
-            f"resume={directory}: {lost_source.given}, its {lost_source.key}, is not here; the run "
-            "holds a copy, "
+            f"resume={directory}: {lost_source.given}, its {lost_source.key}, is not here; the run holds a copy, "
             f"{inputs.FOLDER}/{lost_source.digest}/{lost_source.name}: put that there first"
         )
     # A trusted run only needs its code.
@@ -331,8 +330,7 @@ class _Task:
         if changed_paths:
             raise InputError(
                 f"{changed_paths[0]} has changed since the sweep began, and a sweep of more than "
-                f"{command_line.MAX_JOBS_CHECKED} jobs reads it for every job: restore it, and resume "
-                "the sweep"
+                f"{command_line.MAX_JOBS_CHECKED} jobs reads it for every job: restore it, and resume the sweep"
             )
         return Job.composed(config, hydra, Catalogue(self.folders))
 

@@ -26,8 +26,7 @@ def explain_os_error(error: BaseException) -> str:
         directories = str(error.strerror).partition("[")[2].rstrip("]")
         return (
             f"no temporary file can be written in {directories}: free some space there, set TMPDIR to "
-            "a folder that can be "
-            "written, or raise ulimit -f"
+            "a folder that can be written, or raise ulimit -f"
         )
     if error.errno == errno.ENOENT and error.filename and not Path(str(error.filename)).parent.exists():
         return f"{error.filename}: its folder is gone: it was deleted while lme was using it; start again"

@@ -89,8 +89,7 @@ def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path
     bar.set_label("beam, first to last", fontsize=8)
     posture_text = ", upside down" if scan_source.upside_down else ""
     figure.suptitle(
-        f"First scan in the base frame, from above{posture_text}\n{len(points)} returns of "
-        f"{lidar.num_beams} beams, "
+        f"First scan in the base frame, from above{posture_text}\n{len(points)} returns of {lidar.num_beams} beams, "
         f"{math.degrees(lidar.fov):.0f}°; mount: {scan_source.mounted_by}",
         fontsize=9,
         color=INK,

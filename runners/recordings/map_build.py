@@ -118,8 +118,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
         width, height = built.size
         min_resolution = config.resolution * (built.cells.size / MAX_PIXELS) ** 0.5
         raise InputError(
-            f"--resolution is {config.resolution:g} m for a map of {width:.0f} by {height:.0f} m: "
-            "must give at most "
+            f"--resolution is {config.resolution:g} m for a map of {width:.0f} by {height:.0f} m: must give at most "
             f"{MAX_PIXELS} cells, so at least {min_resolution:.2g} m"
         )
     return BuiltMap(built, points, len(positions), skipped, tally, "; ".join(dict.fromkeys(sources)))

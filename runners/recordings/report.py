@@ -103,10 +103,8 @@ def lines(results: Mapping[str, float]) -> list[str]:
         f"turning the same way in {_percent(results['turn_same_way'])}",
         f"speed    {results['speed_error_mean_mps']:+.2f} m/s against the robot's, "
         f"{results['speed_error_abs_mean_mps']:.2f} m/s apart on average",
-        f"clearance of the command {results['command_clearance_p05_m']:.2f} m (5th percentile), of "
-        "the robot's motion "
-        f"{results['recorded_clearance_p05_m']:.2f} m; into contact in "
-        f"{_percent(results['command_contact'])} "
+        f"clearance of the command {results['command_clearance_p05_m']:.2f} m (5th percentile), of the robot's motion "
+        f"{results['recorded_clearance_p05_m']:.2f} m; into contact in {_percent(results['command_contact'])} "
         f"and {_percent(results['recorded_contact'])}",
         f"decision {results['decision_ms_p50']:.2f} ms (p50), {results['decision_ms_p99']:.2f} ms (p99); "
         f"{results['missed_deadlines']:.0f} of {results['ticks']:.0f} missed the period",

@@ -118,8 +118,7 @@ def _check_columns(columns: Sequence[str], column_names: Sequence[str]) -> list[
             raise InputError(f"--columns {','.join(columns)}: names {name} twice; name each column once")
         if name not in column_names:
             raise InputError(
-                f"--columns {name}: no such column; {nearest(name, column_names)}there are: "
-                f"{', '.join(column_names)}"
+                f"--columns {name}: no such column; {nearest(name, column_names)}there are: {', '.join(column_names)}"
             )
     return list(columns)
 

@@ -295,8 +295,7 @@ def _input_path(entry: Input, directory: Path) -> str:
             f"no {FOLDER}/{entry.digest}" if _is_copied(entry) else "only a checksum of it, as it is large"
         )
         raise InputError(
-            f"{directory}: its {entry.key} is {entry.given}, which is missing or has changed, "
-            f"and the run has {reason}"
+            f"{directory}: its {entry.key} is {entry.given}, which is missing or has changed, and the run has {reason}"
         )
     _say_copy([source for source in changed_sources if os.path.exists(source)], folder)  # noqa: PTH110
     return str(folder / entry.name)

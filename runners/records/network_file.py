@@ -27,10 +27,8 @@ def register(run_dir: Path, name: str, metadata: Mapping[str, Any], command: str
     Raises OSError.
     """
     content = {"name": name, **metadata, "versions": versions(*_PACKAGES)}
-    text = (
-        "# Written by lme learn; use with: "
-        f"{command}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
-    )
+    card = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    text = f"# Written by lme learn; use with: {command}\n{card}"
     REGISTERED.mkdir(parents=True, exist_ok=True)
     with replacing(REGISTERED / f"{name}.npz") as draft:
         shutil.copyfile(run_dir / NETWORK, draft)

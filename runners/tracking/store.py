@@ -120,8 +120,7 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     if experiment is not None:
         if experiment.lifecycle_stage == "deleted":
             raise InputError(
-                f"the experiment {name} was deleted: restore it with "
-                f"`MLFLOW_TRACKING_URI={shlex.quote(masked(uri))} "
+                f"the experiment {name} was deleted: restore it with `MLFLOW_TRACKING_URI={shlex.quote(masked(uri))} "
                 f"mlflow experiments restore --experiment-id {experiment.experiment_id}`, then add "
                 "resume=true; or choose "
                 "another with tracking.experiment=NAME"

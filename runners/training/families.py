@@ -65,8 +65,7 @@ def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count:
     available = highest - lowest + 1 - sum(lowest <= number <= highest for number in reserved)
     if available < count:
         raise InputError(
-            f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but "
-            f"leaves {available}"
+            f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but leaves {available}"
         )
     # Draw one by one, so that a larger count only adds numbers at the end.
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, _TRAINING]))

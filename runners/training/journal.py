@@ -80,8 +80,7 @@ def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
         expected_number = (entry.get("system_attr") or {}).get(_MARK, number)
         if expected_number != number:
             raise InputError(
-                f"{path} line {number}: should be line {expected_number!r:.40}, so lines are missing "
-                "or were added; "
+                f"{path} line {number}: should be line {expected_number!r:.40}, so lines are missing or were added; "
                 "restore the file, or start another study"
             )
         yield entry

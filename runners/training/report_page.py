@@ -180,11 +180,8 @@ def _parameters(report: TrainingReport) -> str:
 
 def _worst(report: TrainingReport, directory: Path) -> str:
     episodes = sum(row.worlds * row.runs for row in report.held_out[:-1])
-    regressions_text = (
-        f", {report.regressions} of them where the start succeeded" if report.winner != START else ""
-    )
+    regressed = f", {report.regressions} of them where the start succeeded" if report.winner != START else ""
     sentence = (
-        f"{report.failures} of {counted(episodes, 'episode')} "
-        f"failed{regressions_text if report.failures else ''}."
+        f"{report.failures} of {counted(episodes, 'episode')} failed{regressed if report.failures else ''}."
     )
     return f"<p>{sentence}</p>{worst_table(report.worst, directory)}"

@@ -178,8 +178,7 @@ def _advise(job: Job[TrainConfig], search_result: Found, verdict: Verdict) -> No
         print(line)
     usage = f"{'not recommended' if verdict.is_worse else 'use them with'}: {_usage(job, search_result)}"
     print(
-        f"Weights: {job.run_dir / WEIGHTS}; "
-        f"{'those started from' if search_result.number == START else usage}"
+        f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if search_result.number == START else usage}"
     )
     if search_result.number != START and (elsewhere := _elsewhere(job, search_result)):
         print(f"Trained on {job.choices['map']} alone, they may be worse elsewhere: {elsewhere}")

@@ -45,10 +45,7 @@ def _check_driving(words: list[str]) -> None:
 
     words_by_key = {_key(word): word for word in words if "=" in word}
     if words_by_key.get("figure", "").endswith("=maps"):
-        reason = (
-            "figure=maps drives nothing; the maps are those of figure.maps, e.g. figure.maps=['env1 3 "
-            "radius=0.2']"
-        )
+        reason = "figure=maps drives nothing; the maps are those of figure.maps, e.g. figure.maps=['env1 3 radius=0.2']"
     elif not words_by_key.get("run", "run=null").endswith("=null"):
         reason = "the episodes of run= were driven with its own config"
     else:

@@ -167,8 +167,7 @@ def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided
     explanation = trace.steps[number].explanation
     if explanation is None:
         raise InputError(
-            f"figure.step is {number}: {_target(driven_run.config)} did not ask {guided_by.label} for "
-            "a subgoal then"
+            f"figure.step is {number}: {_target(driven_run.config)} did not ask {guided_by.label} for a subgoal then"
         )
     return Shot(driven_run.label, trace, number, explanation)
 

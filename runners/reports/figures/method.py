@@ -123,8 +123,7 @@ def _draw_candidates(axes: Axes, shot: Shot) -> str:
     target_distance = math.hypot(*explanation.view.target)
     return (
         f"{len(explanation.candidates)} candidates (blue) within {reach:g} m (dotted), scan points "
-        "(orange) and the subgoal "
-        f"(star). The robot O heads upwards; the target T is {target_distance:.1f} m away."
+        f"(orange) and the subgoal (star). The robot O heads upwards; the target T is {target_distance:.1f} m away."
     )
 
 
@@ -178,10 +177,8 @@ def _describe_blockage(scene: View) -> str:
     E1, E2, A = scene.blockage.E1, scene.blockage.E2, scene.blockage.A
     angle_1, angle_2 = (math.degrees(abs(_angle_between(end, scene.target))) for end in (E1, E2))
     return (
-        f"The blue one blocks the way to the target T: ∠E₁OT = {angle_1:.0f}°, ∠E₂OT = "
-        f"{angle_2:.0f}°, so A is "
-        f"{'E₁' if np.array_equal(A, E1) else 'E₂'}. B lies on the ray OA, |AB| = r = "
-        f"{scene.radius:.2f} m, as far as "
+        f"The blue one blocks the way to the target T: ∠E₁OT = {angle_1:.0f}°, ∠E₂OT = {angle_2:.0f}°, so A is "
+        f"{'E₁' if np.array_equal(A, E1) else 'E₂'}. B lies on the ray OA, |AB| = r = {scene.radius:.2f} m, as far as "
         "the outline."
     )
 
@@ -219,9 +216,7 @@ def _draw_history(axes: Axes, shot: Shot) -> str:
     view.draw_contour(axes, scene.history, scene.radius, GREEN, 0.9)
     view.draw_history(axes, scene.history, 4.5)
     return (
-        f"{len(scene.history)} of the last {shot.history_length} positions are far enough away to "
-        "count (green, darker "
-        f"= nearer to now), outlined at r. The straight way to {int((~free).sum())} of {len(free)} "
-        "candidates (open) "
+        f"{len(scene.history)} of the last {shot.history_length} positions are far enough away to count (green, darker "
+        f"= nearer to now), outlined at r. The straight way to {int((~free).sum())} of {len(free)} candidates (open) "
         "enters the outline."
     )

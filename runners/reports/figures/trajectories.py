@@ -165,8 +165,7 @@ def _rows(
         ]
     if len(rows) > ROWS:
         raise InputError(
-            f"{len(labels)} systems in {len(scenes)} worlds make {len(rows)} rows of panels; at most "
-            f"{ROWS} are "
+            f"{len(labels)} systems in {len(scenes)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
             "readable on a page: choose fewer with world="
         )
     return rows

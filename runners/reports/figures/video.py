@@ -90,8 +90,7 @@ def _select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[t
             episodes.append((driven_run, *chosen_world(driven_run, [world])))
     if len(episodes) > PANELS:
         raise InputError(
-            f"{len(runs)} runs make {len(episodes)} panels; at most {PANELS} fit at once: choose "
-            "fewer systems, or "
+            f"{len(runs)} runs make {len(episodes)} panels; at most {PANELS} fit at once: choose fewer systems, or "
             "one world"
         )
     return episodes

@@ -66,8 +66,7 @@ def _pair(study: RunComparison, compared: Compared) -> Figure:
     num_equal = len(worlds) - len(compared.better) - len(compared.worse)
     figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
     note = (
-        f"{compared.name} against {study.reference}, means of the runs in each world: better in "
-        f"{len(compared.better)} "
+        f"{compared.name} against {study.reference}, means of the runs in each world: better in {len(compared.better)} "
         f"worlds, worse in {len(compared.worse)}, the same in {num_equal}."
     )
     figure.supxlabel(_wrapped(note, _letters_per_line(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
