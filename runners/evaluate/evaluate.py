@@ -90,9 +90,12 @@ def evaluate(job: Job[EvalConfig]) -> None:
     from runners.reports.analysis.summary import metrics
     from runners.reports.analysis.tables import print_table
 
-    with closed_by(start_tracking(job)) as tracking:
+    maps = build.map_set(job.config)
+    with closed_by(start_tracking(job, maps)) as tracking:
+        # Drive the missing episodes, and write everything that follows from the records.
         with resume_hint("eval", job.run_dir):
-            frame, rows, artifacts = run_and_report(job)
+            frame, rows, artifacts = run_and_report(job, maps)
+        # Print the table, and where everything is.
         print_table(frame, rows)
         if limits := build.describe_limits(job.config, frame):
             print(limits)
@@ -102,9 +105,9 @@ def evaluate(job: Job[EvalConfig]) -> None:
         tracking.finish(metrics(frame), artifacts)
 
 
-def start_tracking(job: Job[EvalConfig]) -> Tracking:
-    """Open the tracked run of a job as its config says."""
-    labels = run_labels(job, build.map_set(job.config))
+def start_tracking(job: Job[EvalConfig], maps: MapSet) -> Tracking:
+    """Open the tracked run of a job as its config says. maps: the job's map set."""
+    labels = run_labels(job, maps)
     tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
     config = {**asdict(job.config), "weights": job.weights}
@@ -112,16 +115,21 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
     return tracking
 
 
-def run_and_report(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
+def run_and_report(
+    job: Job[EvalConfig], maps: MapSet, progress: bool = True
+) -> tuple[pd.DataFrame, list[Row], list[Path]]:
     """Run the missing episodes and report; return the records, the rows of the table, and all files.
 
-    progress: show a bar.
+    maps: the job's map set. progress: show a bar.
     """
-    maps, run_dir = build.map_set(job.config), job.run_dir
+    run_dir = job.run_dir
+    # Drive what the records lack.
     drive(job.config, run_labels(job, maps), maps, run_dir, progress)
+    # Make the pages that `explain` asks for.
     pages.make_requested_pages(
         job.config.explain, run_dir, instantiate.build(job.config.executor, "executor")
     )
+    # Write tables and pictures from the records alone.
     frame, rows, artifacts = report(maps, job)
     return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
 

@@ -172,9 +172,11 @@ def _evaluate_into(
         run_directories.make_fresh(record, run_dir)
     job = replace(job, run_dir=run_dir)
     # The run may be trusted: its config is the one just composed.
-    with trust.trusting(run_dir), closed_by(start_tracking(job)) as tracking:
-        frame, _, artifacts = run_and_report(job, progress)
-        tracking.finish(metrics(frame), artifacts)
+    with trust.trusting(run_dir):
+        maps = build.map_set(job.config)
+        with closed_by(start_tracking(job, maps)) as tracking:
+            frame, _, artifacts = run_and_report(job, maps, progress)
+            tracking.finish(metrics(frame), artifacts)
     return _records(run_dir)
 
 

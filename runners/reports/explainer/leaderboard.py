@@ -116,7 +116,7 @@ def _worst_last(entry: BoardEntry) -> tuple[bool, float, float]:
 def _line(
     entry: BoardEntry, has_several_jobs: bool, runs: Sequence[BoardEntry], page_dir: Path
 ) -> dict[str, Any]:
-    """Return the parts of a line. has_several_jobs: whether its system has other jobs in the setting. runs: all of its job."""
+    """Return the parts of a line. has_several_jobs: whether its system has others in the setting. runs: of its job."""
     job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if has_several_jobs else ()
     return {
         "label": entry.system.label,
