@@ -156,7 +156,7 @@ def _facts(
     def link(path: Path, text: str = "", suffix: str = "") -> tuple[str, str]:
         return text or str(path), html_address(os.path.relpath(path, page_dir)) + suffix
 
-    yield "Directory", [link(entry.run_dir, end="/")]
+    yield "Directory", [link(entry.run_dir, suffix="/")]
     for reasons in folder(entry.run_dir):
         yield "Reasons", [link(reasons / INDEX, "why the robot went there")]
     files = sorted(path for path in entry.run_dir.iterdir() if path.suffix in _SHOWN_FILES)
@@ -167,4 +167,4 @@ def _facts(
             yield name, [(text, "")]
     if repeats:
         agreement = "with the same figures" if entry.same else "not all with the same figures"
-        yield "Repeats", [(f"{agreement}:", ""), *(link(repeat.run_dir, end="/") for repeat in repeats)]
+        yield "Repeats", [(f"{agreement}:", ""), *(link(repeat.run_dir, suffix="/") for repeat in repeats)]
