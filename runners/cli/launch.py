@@ -17,9 +17,9 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from lme.inputs.user_code import explained, show_traceback
 from runners.cli import hydra_jobs, show
-from runners.cli.interrupts import status_of, terminable
-from runners.cli.os_errors import explain_os_error
-from runners.cli.submitted import LauncherError
+from runners.cli.error_messages import explain_os_error
+from runners.cli.guards import status_of, terminable
+from runners.cli.hydra_jobs import LauncherError
 from runners.config import arguments, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, without_hydra
@@ -28,7 +28,7 @@ from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
 from runners.config.urls import masked_text
 from runners.records import inputs, launch_record, run_directories, trust
-from runners.workers import server
+from runners.workers import forkserver
 from runners.workers.environment import search_working_folder_last
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
@@ -71,7 +71,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
             show.config(plan.first, args.cfg, args.package, args.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
-            server.start()  # imports while this process builds and checks the jobs
+            forkserver.start()  # imports while this process builds and checks the jobs
         # Check every job before anything is written, then choose the directory and run them.
         jobs = command_line.validated(plan, composer, command.validate)
         record, directory = _directory(command, args, plan, jobs, resumed)

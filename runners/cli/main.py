@@ -27,10 +27,8 @@ from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.inputs.user_code import explained, show_traceback
 from runners.cli import commands, help
-from runners.cli.interrupts import status_of, terminable
-from runners.cli.missing_packages import explain_missing
-from runners.cli.os_errors import explain_os_error
-from runners.cli.plain_output import plain_output
+from runners.cli.error_messages import explain_missing, explain_os_error
+from runners.cli.guards import plain_output, status_of, terminable
 from runners.config.urls import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last

@@ -21,8 +21,8 @@ from runners.records.records import RecordWriter, read_episodes
 from runners.reports.analysis import failures
 from runners.reports.explainer import pages
 from runners.tracking.mlflow import Tracking, closed_by
-from runners.tracking.parameters import parameters
-from runners.workers import mcap_file, recorder
+from runners.tracking.names import parameters
+from runners.workers import recorder
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
@@ -81,7 +81,7 @@ def check_report(job: Job[ReportConfig]) -> None:
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
-        mcap_file.check_installed()
+        recorder.check_installed()
     configured(config.tracking, "tracking")
 
 

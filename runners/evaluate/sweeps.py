@@ -16,8 +16,7 @@ from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes
 from runners.reports.analysis.summary import Row, numbers, summarise
 from runners.tracking.mlflow import closed_by
-from runners.tracking.names import fitting_names
-from runners.tracking.parameters import LABELS, parameters
+from runners.tracking.names import LABELS, fitting_names, parameters
 
 if TYPE_CHECKING:
     import pandas as pd

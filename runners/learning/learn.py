@@ -25,7 +25,7 @@ from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.tracking.mlflow import closed_by
-from runners.tracking.parameters import parameters
+from runners.tracking.names import parameters
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.workers import lessons
 from runners.workers.lessons import Expert, LessonPayload

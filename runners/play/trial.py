@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from lme.errors import InputError
 from runners.play.session import Session, Source
 from runners.play.setups import setup_of
-from runners.workers import server
+from runners.workers import forkserver
 
 START_S, LONGEST_S = 120.0, 20.0  # time limits for the start of the process and for the first steps
 STEPS = 3
@@ -67,7 +67,7 @@ def _numbers(value: object) -> list[float]:
 
 
 def _try(source: Source) -> None:
-    with server.context() as context:
+    with forkserver.context() as context:
         parent, child = context.Pipe()
         process = context.Process(target=_drive, args=(child, source), daemon=True)
         process.start()

@@ -11,7 +11,7 @@ from lme.errors import InputError, nearest
 from lme.live import messages
 from lme.live.poses import TWISTS
 from runners.recordings.bags import Bag, Topic
-from runners.reports.analysis.columns import aligned
+from runners.reports.analysis.tables import aligned
 
 # Message types of each role in order of preference, and the usual name of such a topic in ROS.
 _SCANS = (messages.LASER_SCAN, messages.POINT_CLOUD)

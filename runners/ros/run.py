@@ -26,7 +26,7 @@ from runners.ros.simulator import SimulatedRobot
 from runners.ros.topics import LiveTopicsConfig
 from runners.ros.transport import Transport
 from runners.workers.episodes import episode_rng
-from runners.workers.mcap_file import check_installed as check_mcap
+from runners.workers.recorder import check_installed as check_mcap
 
 SIMULATOR = "simulator"
 _INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}

@@ -1,15 +1,19 @@
-"""Names and texts that MLflow accepts."""
+"""Parameters of a tracked run, and names and texts that MLflow accepts."""
 
 from __future__ import annotations
 
 import os
 import posixpath
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
+from runners.config.flatten import flatten
 from runners.config.urls import masked_text
+from runners.records.episode_record import RunLabels
 
 KEY_LENGTH = 250
+LABELS = ("system", "robot", "map", "ablation")  # what users search for
 _REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
@@ -64,3 +68,8 @@ def _unused(name: str, taken_names: set[str]) -> str:
         suffix = f"_{number}"
         candidate = name[: KEY_LENGTH - len(suffix)] + suffix
     return candidate
+
+
+def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
+    """Return the parameters by dotted key, with labels such as system=LME, robot=jackal, map=barn, ablation=none."""
+    return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}

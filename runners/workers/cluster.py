@@ -27,8 +27,7 @@ from runners.workers.executor import (
     map_once,
     serial_in_launcher,
 )
-from runners.workers.server import ONE_THREAD
-from runners.workers.signals import sigint_ignored
+from runners.workers.forkserver import ONE_THREAD, sigint_ignored
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster

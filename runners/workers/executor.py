@@ -30,8 +30,8 @@ from typing import Any
 
 from lme.errors import InputError, require
 from lme.inputs.user_code import explained
-from runners.workers import server
-from runners.workers.signals import end_with_parent
+from runners.workers import forkserver
+from runners.workers.forkserver import end_with_parent
 
 Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
@@ -229,7 +229,7 @@ def _start_workers(
     workers: dict[Connection, BaseProcess], count: int, initialise: Initialise, payload: Any
 ) -> None:
     """Add each worker's connection and process to `workers`."""
-    with server.context() as context:
+    with forkserver.context() as context:
         for _ in range(count):
             parent_end, child_end = context.Pipe()
             process = context.Process(target=_work, args=(child_end, initialise, payload), daemon=True)

@@ -135,7 +135,7 @@ def _list(run_dir: Path) -> None:
 
 def _lines(episodes: pd.DataFrame) -> list[str]:
     """Return the episodes as an aligned table."""
-    from runners.reports.analysis.columns import aligned
+    from runners.reports.analysis.tables import aligned
 
     rows = [("episode", "outcome", "time [s]", "switches")]
     for episode in episodes.to_dict("records"):

@@ -124,7 +124,7 @@ def _show(arguments: argparse.Namespace) -> None:
 
 
 def _table(tasks: Sequence[Task]) -> list[str]:
-    from runners.reports.analysis.columns import aligned
+    from runners.reports.analysis.tables import aligned
 
     rows = [_measures(task) for task in tasks]
     return aligned(

@@ -11,10 +11,10 @@ from runners.config.escaping import markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
-from runners.reports.analysis.columns import aligned, csv_text
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.reports.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
 from runners.reports.analysis.summary import DASH
+from runners.reports.analysis.tables import aligned, csv_text
 
 NAME = "compare"
 _SHORT = (SUCCESS, METRIC)  # measures on the terminal if many runs are compared

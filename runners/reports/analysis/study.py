@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
-from runners.reports.analysis.columns import csv_text
+from runners.reports.analysis.tables import csv_text
 
 if TYPE_CHECKING:
     import pandas as pd

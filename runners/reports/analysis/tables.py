@@ -1,20 +1,22 @@
-"""Result tables as Markdown, CSV, LaTeX and HTML and on the terminal, and the notes below them."""
+"""Result tables as Markdown, CSV, LaTeX and HTML and on the terminal, and the notes and sections below them."""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.config.escaping import html_text, latex_text, markdown_text, visible
+from lme.metrics import interval_over_worlds
+from lme.worlds.cold_trial import STAND_IN
+from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import published
-from runners.reports.analysis.columns import csv_text
 from runners.reports.analysis.failures import failed_section, timeouts_section
-from runners.reports.analysis.families import families_section
 from runners.reports.analysis.summary import (
     DASH,
     GROUP_KEYS,
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 MISSING = DASH
 GAP = 2  # between columns on the terminal
 Column = tuple[str, ...]  # its header, then a cell for each row
+FAMILY = "world_family"  # column of map sets that draw a family of worlds for every episode
 
 
 def title(frame: pd.DataFrame) -> str:
@@ -310,3 +313,56 @@ def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
         return MISSING
     spread = metric.spread and not math.isnan(std)
     return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")
+
+
+def families_section(frame: pd.DataFrame) -> str:
+    """Return the section of table.md; empty if the records have no families. frame: records of one or more runs."""
+    if FAMILY not in frame:
+        return ""
+    episodes = frame[frame[FAMILY].notna()]
+    # A row for each combination of values and family.
+    keys = ["system", *row_keys(frame), FAMILY]
+    texts = episodes.assign(**{key: as_text(episodes[key]) for key in keys})
+    rows = [[*map(str, values), *_figures(group)] for values, group in texts.groupby(keys, sort=False)]
+    names = [key.capitalize() if key.isidentifier() else key for key in keys[:-1]]
+    header = [*names, "Family", "Success", "95 % CI", "Collision", "Timeout", "n"]
+    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
+    stands_in = (episodes[FAMILY] == STAND_IN).any()
+    note = (
+        f"\n{STAND_IN} are generated: no maps of real buildings were given (map.paths).\n"
+        if stands_in
+        else ""
+    )
+    table = markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])
+    return f"\n## Families of worlds\n\n{table}\n{note}"
+
+
+def _figures(group: pd.DataFrame) -> list[str]:
+    low, high = interval_over_worlds(group["outcome"] == "success", group["world"])
+    success, collision, timeout = (
+        f"{(group['outcome'] == outcome).mean():.3f}" for outcome in ("success", "collision", "timeout")
+    )
+    return [success, f"{low:.3f}–{high:.3f}", collision, timeout, str(len(group))]
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
+    """Return one line per row, with cells padded to the width of their column. right: the right-aligned columns."""
+    rows = [[visible(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if number in right else cell.ljust(width)
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def csv_text(lines: Sequence[Mapping[str, object]]) -> str:
+    """Return a CSV with every column that any line has, in order of first appearance."""
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writerow({name: csv_value(name) for name in names})
+    writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
+    return text.getvalue()

@@ -1,4 +1,4 @@
-"""Reasons outside the program why a file cannot be written or read, each explained in one line."""
+"""One-line messages for causes outside the program: files that cannot be used, and packages that are not installed."""
 
 from __future__ import annotations
 
@@ -9,6 +9,20 @@ from runners.records.whole_file import what_is_full
 
 _NO_TEMPORARY = "No usable temporary directory"  # the message of Python's tempfile
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
+# Packages that `pip install ./lme`, the robots' installation, leaves out, by the module that is imported.
+PACKAGES = {
+    "hydra": "hydra-core",
+    "jinja2": "jinja2",
+    "matplotlib": "matplotlib",
+    "mlflow": "mlflow",
+    "onnx": "onnx",
+    "onnxruntime": "onnxruntime",
+    "optuna": "optuna",
+    "packaging": "packaging",
+    "pandas": "pandas",
+    "pyarrow": "pyarrow",
+    "rich": "rich",
+}
 
 
 def explain_os_error(error: BaseException) -> str:
@@ -35,3 +49,12 @@ def explain_os_error(error: BaseException) -> str:
             f"{error.filename}: cannot be used ({error.strerror}): finished work is kept; use another folder"
         )
     return ""
+
+
+def explain_missing(error: ModuleNotFoundError, command: str) -> str:
+    """Return what is missing and how to install it; empty for a module that every installation has, or for none."""
+    package = PACKAGES.get((error.name or "").partition(".")[0])
+    if package is None:
+        return ""
+    install = "pip install './lme[live]'" if command == "live" else "pip install --editable ."
+    return f"needs {package}, which is not installed; {install} in a checkout of lme installs what lme {command} needs"
