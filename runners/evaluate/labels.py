@@ -29,7 +29,8 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         guide=guide,
         planner=planner,
         global_map=str(config.guide.get("global_map", "")),
-        ablation=_ablation(job),
+        # Several options are joined by +. If a file chooses several, the parameters that they set are named.
+        ablation=job.choices.get("ablation") or SEVERAL.join(config.ablation),
         weights=job.weights,
         robot=DRAWN if isinstance(maps, DrawsRobots) else config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
@@ -51,11 +52,6 @@ def _option_label(group: str, job: Job[DriveConfig]) -> str:
     node = {"guide": job.config.guide, "planner": job.config.planner}[group]
     option = job.choices[group]
     return str(node["_target_"]).rpartition(".")[2] if option == CUSTOM else option
-
-
-def _ablation(job: Job[DriveConfig]) -> str:
-    """Return the option, or several joined by +. If a file chooses several, return the parameters that they set."""
-    return job.choices.get("ablation") or SEVERAL.join(job.config.ablation)
 
 
 @contextmanager

@@ -53,17 +53,17 @@ def try_words(source: Source, changes: Mapping[str, object]) -> None:
     source: has the changed words. changes: made to the words; changes of names alone need no trial.
     """
     # Values within the limits of the sliders are harmless; any other number makes a trial necessary.
-    numbers = {key: _numbers(value) for key, value in changes.items() if key not in _HARMLESS}
+    numbers = {
+        key: [float(number.replace("_", "")) for number in _NUMBER.findall(str(value))]
+        for key, value in changes.items()
+        if key not in _HARMLESS
+    }
     for key, (lowest, highest) in LIMITS.items():
         for number in numbers.pop(key, []):
             if not lowest <= number <= highest:
                 raise InputError(f"{key} is {number:g}: lme play takes {lowest:g} to {highest:g}")
     if any(numbers.values()):
         _try(source)
-
-
-def _numbers(value: object) -> list[float]:
-    return [float(number.replace("_", "")) for number in _NUMBER.findall(str(value))]
 
 
 def _try(source: Source) -> None:

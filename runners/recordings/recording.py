@@ -6,7 +6,6 @@ import math
 import statistics
 import warnings
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from pathlib import Path
@@ -141,10 +140,11 @@ class Recording:
         """Return the last pose recorded before `stop` [ns]. Raises InputError if there is none."""
         end_stamp = self.bag.end + 1 if stop is None else stop
         # Look in the last seconds first, then farther back, then in the whole recording.
+        names = set(self.topics.tf) if self.topics.pose is None else {self.topics.pose.name}
         for seconds in (*_TAIL_S, None):
             start = None if seconds is None else end_stamp - seconds * SECOND
             latest, tree = None, self.tree.copy()
-            for message in self.bag.messages(_pose_topics(self.topics), start, stop):
+            for message in self.bag.messages(names, start, stop):
                 latest = self.pose(message, tree) or latest
             if latest is not None:
                 return latest.pose
@@ -157,9 +157,9 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
 
     Warns of twists that contradict the poses.
     """
-    # Read the static transforms, then the first messages until they suffice.
+    # Read the static transforms, which are few but may come late, then the first messages until they suffice.
     opening = _Beginning(topics)
-    for message in _statics(bag, topics):
+    for message in bag.messages([name for name in topics.tf if name.endswith("tf_static")]):
         opening.tree.update(message.content)
     for message in bag.messages(topics.names):
         opening.take(message)
@@ -292,15 +292,6 @@ class _Beginning:
 def _ahead(message: Message) -> int:
     """Return the clock of the file minus the stamp of a message [ns]."""
     return message.recorded - stamp_of(message.content.header)
-
-
-def _statics(bag: Bag, topics: Topics) -> Iterator[Message]:
-    """Return the messages of static transforms, which may come late in the recording but are few."""
-    return bag.messages([name for name in topics.tf if name.endswith("tf_static")])
-
-
-def _pose_topics(topics: Topics) -> set[str]:
-    return set(topics.tf) if topics.pose is None else {topics.pose.name}
 
 
 def open_recording(path: Path) -> Bag:

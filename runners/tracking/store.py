@@ -155,7 +155,9 @@ def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tag
             for key, value in zip(fitting_names(list(tags)), tags.values(), strict=True)
         }
         texts[_CREATED] = uuid.uuid4().hex
-        run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
+        # The run is named for the last two folders: date and time, or sweep and number.
+        name = "/".join(directory.resolve().parts[-2:])
+        run_id = str(client.create_run(experiment, tags=texts, run_name=name).info.run_id)
         write_atomically(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
 
@@ -241,11 +243,6 @@ def _exists(client: MlflowClient, run_id: str) -> bool:
         if error.error_code == "RESOURCE_DOES_NOT_EXIST":
             return False
         raise
-
-
-def _run_name(directory: Path) -> str:
-    """Return the last two folders: date and time, or sweep and number."""
-    return "/".join(directory.resolve().parts[-2:])
 
 
 def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> list[str]:

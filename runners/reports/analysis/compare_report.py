@@ -33,7 +33,9 @@ def to_markdown(comparisons: Sequence[RunComparison], pictures: Sequence[Path] =
     """Return the tables, notes, pictures and differing keys. pictures: one for each comparison, or none."""
     sections = []
     for number, comparison in enumerate(comparisons):
-        sections += [f"**{markdown_text(comparison.place)}**", _reference(comparison), _table(comparison)]
+        name, run_dir = markdown_text(comparison.reference), _code(str(comparison.run.run_dir))
+        reference = f"Reference: {name} ({run_dir})"
+        sections += [f"**{markdown_text(comparison.place)}**", reference, _table(comparison)]
         sections.append("\n".join(f"- {markdown_text(note)}" for note in comparison.notes))
         sections += [f"![{comparison.measure} by world]({pictures[number].name})"] if pictures else []
         sections += [_keys(comparison)] if comparison.keys else []
@@ -137,10 +139,6 @@ def _keys(study: RunComparison) -> str:
 
 def _key_text(value: object) -> str:
     return DASH if value is None else markdown_text(str(value))
-
-
-def _reference(study: RunComparison) -> str:
-    return f"Reference: {markdown_text(study.reference)} ({_code(str(study.run.run_dir))})"
 
 
 def _code(text: str) -> str:

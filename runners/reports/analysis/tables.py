@@ -77,15 +77,11 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
     # Where rows differ from the shipped options, and where published figures come from.
     lines += changed_notes(rows)
     lines += published.notes(rows)
-    lines += [f"{label}: {source}." for label, source in _sources(rows).items()]
+    sources = {row.label: row.source for row in rows if row.source}  # of figures that are not from the paper
+    lines += [f"{label}: {source}." for label, source in sources.items()]
     if any(row.unfinished for row in rows):
         lines.append("A row that says how much was driven is not finished; its figures are of that part.")
     return lines
-
-
-def _sources(rows: Sequence[Row]) -> dict[str, str]:
-    """Return the sources of published figures that are not from the paper, by the row's label."""
-    return {row.label: row.source for row in rows if row.source}
 
 
 def changed_notes(rows: Sequence[Row]) -> list[str]:
@@ -203,13 +199,9 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
     return [run_dir / name for name in texts]
 
 
-def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
-    return [metric for metric in METRICS if any(metric.key in row.stats for row in rows)]
-
-
 def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
     """Return header and lines as text; the interval is next to the success rate."""
-    metrics = _shown_metrics(rows)
+    metrics = [metric for metric in METRICS if any(metric.key in row.stats for row in rows)]
     headers = [metric.header for metric in metrics]
     keys = [key.capitalize() if key in GROUP_KEYS else visible(key) for key in rows[0].keys]
     lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]

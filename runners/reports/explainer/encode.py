@@ -97,7 +97,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
     return {
         "title": title(trace),
         "system": system,
-        "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(trace).items()),
+        "ablation": ", ".join(f"{name}={float(value):g}" for name, value in trace.config.ablation.items()),
         "robot": robot.name,
         "outcome": str(episode.outcome),
         "time": episode.time,
@@ -115,10 +115,6 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
 def robot_header(robot: Robot) -> dict[str, Any]:
     """Return what is drawn of a robot, and the duration of its steps."""
     return {"dt": robot.dt, "box": robot.footprint.box, "cell": CELL_M}
-
-
-def _ablation(trace: Trace) -> dict[str, float]:
-    return {name: float(value) for name, value in trace.config.ablation.items()}
 
 
 def policy(explanation: Explanation) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.maintenance import Choice
 from lme.guides.lme_plus.criteria import Sight
 from lme.guides.lme_plus.guide import LmePlus
-from lme.types import Bools, Floats
+from lme.types import Floats
 from runners.config import build
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
@@ -179,7 +179,7 @@ def _levels(vmin: float, vmax: float) -> Floats:
 
 def _draw_candidates(axes: Axes, explanation: Explanation) -> Any:
     """Draw reachable candidates coloured by score, the others as rings; return what the colour bar shows."""
-    reachable = _reachable(explanation)
+    reachable = np.asarray(explanation.features[explanation.names.index("c_o")] > 0.0)
     x, y = view.upwards(explanation.candidates).T
     axes.scatter(
         x[~reachable], y[~reachable], s=14, facecolors="none", edgecolors=INK, linewidths=0.5, zorder=4
@@ -188,10 +188,6 @@ def _draw_candidates(axes: Axes, explanation: Explanation) -> Any:
     low, high = np.percentile(score_gap, CLIPPED) if len(score_gap) else (0.0, 1.0)
     style: dict[str, Any] = {"edgecolors": INK, "linewidths": 0.4, "zorder": 6, "vmin": low, "vmax": high}
     return axes.scatter(x[reachable], y[reachable], s=22, c=score_gap, cmap=CANDIDATES, **style)
-
-
-def _reachable(explanation: Explanation) -> Bools:
-    return np.asarray(explanation.features[explanation.names.index("c_o")] > 0.0)
 
 
 def _draw_points(axes: Axes, explanation: Explanation, sight: Sight) -> None:

@@ -125,7 +125,12 @@ def panels_of(chosen: Chosen) -> list[MapPanel]:
         task = maps.task(maps.numbers[0])
         return [MapPanel(chosen.name, describe_set(chosen, task), task, None)]
     return [
-        MapPanel(f"{chosen.name} {task.number}", _describe_world(task), task, known_path(maps, task))
+        MapPanel(
+            f"{chosen.name} {task.number}",
+            f"{metres(task)}\noptimal time {task.optimal_time:.3g} s",
+            task,
+            known_path(maps, task),
+        )
         for task in map(maps.task, chosen.worlds)
     ]
 
@@ -159,10 +164,6 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": 7.5, "labelcolor": INK}
     figure.legend(handles=keys, ncols=per_line, **style)
     return figure
-
-
-def _describe_world(task: Task) -> str:
-    return f"{metres(task)}\noptimal time {task.optimal_time:.3g} s"
 
 
 def _box(task: Task) -> Box:
