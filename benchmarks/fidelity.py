@@ -197,9 +197,9 @@ def furthest_apart(path: Sequence[tuple[float, ...]], other_path: Sequence[tuple
 
 def closed_loop_row(sim: str, tasks: Sequence[Task], settings: Settings) -> str:
     """LME in one of the simulators, with the same seed per world in both."""
-    begin = time.process_time()
+    start = time.process_time()
     episodes = closed_loop(sim, tasks, settings)
-    rate = sum(episode.steps for episode in episodes) / (time.process_time() - begin)
+    rate = sum(episode.steps for episode in episodes) / (time.process_time() - start)
     success, collision, timeout = (
         share(episodes, outcome) for outcome in ("success", "collision", "timeout")
     )

@@ -64,11 +64,11 @@ def report() -> Iterator[str]:
     yield "| simulator | steps/s, most | median | ours, times its most | median difference of a range [m] |"
     yield "|---|---:|---:|---:|---:|"
     fast_step = fast()
-    least, median = measure(fast_step, 2.0)
-    yield f"| lme, `sim=fast` | {_rate(least)} | {_rate(median)} | | |"
+    minimum, median = measure(fast_step, 2.0)
+    yield f"| lme, `sim=fast` | {_rate(minimum)} | {_rate(median)} | | |"
     for name, make_step in {"navground": navground, "ir-sim": ir_sim, "pymunk": pymunk_rays}.items():
-        yield peer_row(name, make_step, least)
-    yield stage_row(least)
+        yield peer_row(name, make_step, minimum)
+    yield stage_row(minimum)
 
 
 def peer_row(name: str, make_step: Callable[[], Step], our_least: float) -> str:
@@ -80,8 +80,8 @@ def peer_row(name: str, make_step: Callable[[], Step], our_least: float) -> str:
     pose, ranges = step()
     angles = (ROBOT.lidar.angle_min, ROBOT.lidar.angle_increment, BEAMS)
     off = float(np.median(np.abs(ranges - cast(Pose(*pose), angles, RANGE_MAX, CIRCLES, np.empty((0, 4))))))
-    least, median = measure(step, 2.0)
-    speeds = f"{_rate(least)} | {_rate(median)} | {least / our_least:,.0f}"
+    minimum, median = measure(step, 2.0)
+    speeds = f"{_rate(minimum)} | {_rate(median)} | {minimum / our_least:,.0f}"
     return f"| {name} {version(name)} | {speeds} | {off:.1g} |"
 
 

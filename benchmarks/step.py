@@ -38,9 +38,9 @@ def step_rows(maps: MapSet, navigator: Navigator, simulator: Simulator) -> Itera
 def _drive(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
     """Processor time of a step [µs], over every fifth task."""
     tasks = [maps.task(number) for number in maps.numbers[::5]]
-    begin = time.thread_time_ns()
+    start = time.thread_time_ns()
     episodes = [run_episode(task, navigator, simulator, np.random.default_rng(1)) for task in tasks]
-    return (time.thread_time_ns() - begin) / 1e3 / sum(episode.steps for episode in episodes)
+    return (time.thread_time_ns() - start) / 1e3 / sum(episode.steps for episode in episodes)
 
 
 def _time_per_method(
@@ -79,9 +79,9 @@ def _timed(function: Callable[..., Any], times: dict[str, list[int]]) -> Callabl
 
     @wraps(function)
     def timed(*args: Any) -> Any:
-        begin = time.thread_time_ns()
+        start = time.thread_time_ns()
         result = function(*args)
-        times.setdefault(name, []).append(time.thread_time_ns() - begin - _CLOCK_NS)
+        times.setdefault(name, []).append(time.thread_time_ns() - start - _CLOCK_NS)
         return result
 
     return timed

@@ -65,9 +65,9 @@ def search_time(journal: Path) -> float:
 
     storage = JournalStorage(JournalFileBackend(str(journal)))
     trials = storage.get_all_trials(storage.get_all_studies()[0]._study_id)
-    begin = min(trial.datetime_start for trial in trials if trial.datetime_start)
+    start = min(trial.datetime_start for trial in trials if trial.datetime_start)
     end = max(trial.datetime_complete for trial in trials if trial.datetime_complete)
-    return (end - begin).total_seconds()
+    return (end - start).total_seconds()
 
 
 if __name__ == "__main__":

@@ -31,17 +31,17 @@ class Score:
 
     def add(self, people: Ints, truth: Floats, tracks: Tracks, others: Floats | None = None) -> None:
         """Add a scan: people (P,) and where they are and go, (P, 4); others (O, 2): may be tracked, or not."""
-        apart = _apart(truth[:, :2], tracks.pedestrians[:, :2])
-        counted: Any = np.ones(len(tracks.names), np.bool_)
-        if others is not None and len(others) and len(counted):
-            beside = (_apart(others, tracks.pedestrians[:, :2]) <= NEAR).any(axis=0)
-            counted = ~beside | (apart <= NEAR).any(axis=0)
+        distances = _apart(truth[:, :2], tracks.pedestrians[:, :2])
+        is_counted: Any = np.ones(len(tracks.names), np.bool_)
+        if others is not None and len(others) and len(is_counted):
+            is_other = (_apart(others, tracks.pedestrians[:, :2]) <= NEAR).any(axis=0)
+            is_counted = ~is_other | (distances <= NEAR).any(axis=0)
         offset, scan = self._episodes * _CLOCK, self.scans
-        names, apart = tracks.names[counted] + offset, apart[:, counted]
-        near = np.where(apart <= NEAR, apart, np.nan)
-        self._log.update((people + offset).tolist(), names.tolist(), near, frameid=scan)
+        names, distances = tracks.names[is_counted] + offset, distances[:, is_counted]
+        pairs = np.where(distances <= NEAR, distances, np.nan)
+        self._log.update((people + offset).tolist(), names.tolist(), pairs, frameid=scan)
         self._true |= {(scan, int(name)): v for name, v in zip(people + offset, truth[:, 2:], strict=True)}
-        velocities = tracks.pedestrians[counted, 2:]
+        velocities = tracks.pedestrians[is_counted, 2:]
         self._tracked_velocities |= {(scan, int(name)): v for name, v in zip(names, velocities, strict=True)}
         self.scans += 1
 

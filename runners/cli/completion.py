@@ -156,5 +156,5 @@ def _paths(word: str, folders_only: bool = False) -> list[str]:
     except (InputError, OSError):
         return []
     visible = [entry for entry in entries if start.startswith(".") or not entry.name.startswith(".")]
-    shown = [entry for entry in visible if entry.is_dir() or not folders_only]
-    return [f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}" for entry in shown]
+    entries_shown = [entry for entry in visible if entry.is_dir() or not folders_only]
+    return [f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}" for entry in entries_shown]

@@ -28,9 +28,9 @@ _TOKEN_BYTES = 16
 
 def check_installed() -> None:
     """Raise InputError unless the packages of the extra `play` are installed."""
-    missing = [name for name in PACKAGES if not _is_installed(name)]
-    if missing:
-        raise InputError(f"lme play needs the packages {', '.join(missing)}: {install(*PACKAGES)}")
+    missing_packages = [name for name in PACKAGES if not _is_installed(name)]
+    if missing_packages:
+        raise InputError(f"lme play needs the packages {', '.join(missing_packages)}: {install(*PACKAGES)}")
 
 
 def _is_installed(package: str) -> bool:

@@ -138,7 +138,9 @@ class Session:
         if drawing.start != current.start:
             drawings, step, begin = {0: drawing}, 0, None
         else:
-            earlier = {at: was for at, was in self.script.drawings.items() if at < step}
+            earlier = {
+                change_step: was for change_step, was in self.script.drawings.items() if change_step < step
+            }
             drawings, begin = {**earlier, step: drawing}, self.script.begin
         self._play(replace(self.script, drawings=drawings, begin=begin), step, gesture)
 
@@ -225,7 +227,7 @@ class Session:
         past = _HistoryEntry(self.script, step if shown_step is None else min(shown_step, self.last), gesture)
         # The same systems up to the step: rewind the lanes and drive on from there. Else begin again.
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
-            tasks = {at: was for at, was in self.tasks.items() if at < step}
+            tasks = {change_step: was for change_step, was in self.tasks.items() if change_step < step}
             tasks[step] = self._task(script, step)
             self._enter(script, [lane.rewound(step, self.tasks) for lane in self.lanes], tasks, step)
         else:
@@ -237,7 +239,7 @@ class Session:
 
     def _stage(self, script: Script) -> None:
         """Begin the drives of a script. If it raises InputError, nothing changes."""
-        tasks = {at: self._task(script, at) for at in script.drawings}
+        tasks = {change_step: self._task(script, change_step) for change_step in script.drawings}
         for system in script.setup.systems:
             check_task(tasks[0], system.config.robot)
         self._enter(script, self._lanes_of(script), tasks, 0)

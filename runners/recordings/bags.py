@@ -263,15 +263,15 @@ def _check_path(path: Path) -> None:
         raise InputError(f"bag {path}: is not a {path.suffix} file, or is damaged")
 
 
-def _unreadable(path: Path, error: Exception, what: str) -> InputError:
+def _unreadable(path: Path, error: Exception, fault: str) -> InputError:
     reason = (str(error).splitlines() or [""])[0].partition(": (")[0].rstrip(".") or type(error).__name__
     # Say what to do about it, as far as rosbags' message tells the cause.
     hint, lower = "", reason.lower()
     if reason.strip("'") in _OTHER_SCHEMAS:
         reason = f"its messages are defined in {reason}, not in ros2msg or ros2idl"
-        what, hint = "cannot be read", ": convert it to a recording of ROS 2"
+        fault, hint = "cannot be read", ": convert it to a recording of ROS 2"
     elif any(word in lower for word in ("compress", "encrypt", "serializ")):
-        what = "cannot be read"
+        fault = "cannot be read"
         if path.suffix == ".bag":
             hint = f": convert it with `rosbag {'decrypt' if 'encrypt' in lower else 'decompress'}`"
         else:
@@ -287,4 +287,4 @@ def _unreadable(path: Path, error: Exception, what: str) -> InputError:
         hint = ": the recording or a copy of it may have been cut off"
         if path.suffix == ".mcap":
             hint += "; repair a copy with `mcap recover`"
-    return InputError(f"bag {path}: {what} ({reason}){hint}")
+    return InputError(f"bag {path}: {fault} ({reason}){hint}")

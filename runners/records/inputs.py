@@ -143,13 +143,13 @@ def as_at_launch(config: C, inputs: Sequence[Input], directory: Path) -> C:
 
     Own code that has changed is imported from its copy.
     """
-    changed = [entry for entry in inputs if changed_files(entry)]
-    if not changed:
+    changed_inputs = [entry for entry in inputs if changed_files(entry)]
+    if not changed_inputs:
         return config
-    provide_code(changed, directory, is_running=True)
+    provide_code(changed_inputs, directory, is_running=True)
     values = {field.name: getattr(config, field.name) for field in fields(config)}  # type: ignore[arg-type]
     groups = {name: value for name, value in values.items() if isinstance(value, dict)}
-    return replace(config, **located(groups, changed, directory))  # type: ignore[type-var]
+    return replace(config, **located(groups, changed_inputs, directory))  # type: ignore[type-var]
 
 
 def changed_files(entry: Input) -> list[str]:

@@ -218,8 +218,8 @@ def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
             "--text: only guide=lme and guide=lme_plus give reasons; without --text the page shows the drive"
         )
     yield f"{'step':>11}  {'time [s]':>13}  why"
-    for first, last, text in reasons(explanations):
-        numbers, times = f"{first}", f"{steps[first].time:.1f}"
-        if last > first:
-            numbers, times = f"{numbers}–{last}", f"{times}–{steps[last].time:.1f}"
+    for start, end, text in reasons(explanations):
+        numbers, times = f"{start}", f"{steps[start].time:.1f}"
+        if end > start:
+            numbers, times = f"{numbers}–{end}", f"{times}–{steps[end].time:.1f}"
         yield f"{numbers:>11}  {times:>13}  {text}"

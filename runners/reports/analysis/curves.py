@@ -153,8 +153,10 @@ def _runs_of_key(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataF
     """Return the records in which no other key is changed, each episode once, with the key's number as AT."""
     # Keep the runs that change this key alone, and drop the columns of all others.
     other_keys = {config_key for config_key in keys if config_key != key}
-    changed = frame["changes"].map(lambda text: {change.partition("=")[0] for change in text.split(", ")})
-    subset = frame[[other_keys.isdisjoint(names) for names in changed]]
+    changed_keys = frame["changes"].map(
+        lambda text: {change.partition("=")[0] for change in text.split(", ")}
+    )
+    subset = frame[[other_keys.isdisjoint(names) for names in changed_keys]]
     subset = subset.drop(columns=[*other_keys, "changes", "run_dir"]).assign(**{AT: _numbers(subset[key])})
     # The same episode may have been driven in several runs: keep the first.
     settings = [name for name in ("system", *row_keys(subset), *EPISODE) if name != key]

@@ -96,9 +96,9 @@ def _count_text(frame: pd.DataFrame, column: str) -> str:
     """Return the number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
     keys = ["system", *row_keys(frame)]
     counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
-    fewest, most = int(counts.min()), int(counts.max())
-    number = str(most) if fewest == most else f"{fewest}{DASH}{most}"
-    return f"{number} {column}" + "s" * (most != 1)
+    fewest, largest = int(counts.min()), int(counts.max())
+    number = str(largest) if fewest == largest else f"{fewest}{DASH}{largest}"
+    return f"{number} {column}" + "s" * (largest != 1)
 
 
 def to_markdown(rows: Sequence[Row]) -> str:

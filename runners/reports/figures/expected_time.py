@@ -117,9 +117,9 @@ def expected_time_figure(shot: Shot) -> Figure:
 
 def _box(shot: Shot) -> Box:
     """Return the range of candidates ahead, part of it to the sides, and less behind unless the target is there."""
-    far = view.MARGIN * candidate_reach(shot.trace)
-    behind = min(1.1 * float(shot.why.view.target[0]), -BEHIND * far)
-    return Box(-BESIDE * far, max(behind, -far), BESIDE * far, far)
+    extent = view.MARGIN * candidate_reach(shot.trace)
+    rear = min(1.1 * float(shot.why.view.target[0]), -BEHIND * extent)
+    return Box(-BESIDE * extent, max(rear, -extent), BESIDE * extent, extent)
 
 
 def _switched(trace: Trace, step: int) -> bool:

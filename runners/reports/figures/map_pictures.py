@@ -96,10 +96,10 @@ class Maps:
         """Draw the worlds named with each map set, else `worlds`, else its first world; return the paths."""
         panels = []
         for entry in self._entries:
-            chosen = self._choose(entry)
-            if worlds and not chosen.worlds:
-                chosen = self._choose([*entry, *map(str, worlds)])
-            panels += panels_of(chosen)
+            choice = self._choose(entry)
+            if worlds and not choice.worlds:
+                choice = self._choose([*entry, *map(str, worlds)])
+            panels += panels_of(choice)
         if not self.config.way:
             panels = [panel._replace(way=None) for panel in panels]
         return save(sheet(panels, self.config.columns), stem, formats)
