@@ -139,7 +139,9 @@ class Session:
             drawings, step, begin = {0: drawing}, 0, None
         else:
             earlier = {
-                change_step: was for change_step, was in self.script.drawings.items() if change_step < step
+                change_step: former_drawing
+                for change_step, former_drawing in self.script.drawings.items()
+                if change_step < step
             }
             drawings, begin = {**earlier, step: drawing}, self.script.begin
         self._play(replace(self.script, drawings=drawings, begin=begin), step, gesture)
@@ -227,7 +229,7 @@ class Session:
         past = _HistoryEntry(self.script, step if shown_step is None else min(shown_step, self.last), gesture)
         # The same systems up to the step: rewind the lanes and drive on from there. Else begin again.
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
-            tasks = {change_step: was for change_step, was in self.tasks.items() if change_step < step}
+            tasks = {change_step: task for change_step, task in self.tasks.items() if change_step < step}
             tasks[step] = self._task(script, step)
             self._enter(script, [lane.rewound(step, self.tasks) for lane in self.lanes], tasks, step)
         else:

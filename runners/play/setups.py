@@ -73,9 +73,14 @@ def _jobs(source: Source) -> Sequence[Job[Any]]:
 
 
 def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
-    past = former.systems[0].config
-    same_map = (past.map, past.crowd) == (config.map, config.crowd) and former.task.number == number
-    return same_map and (config.map.get("radius") is not None or past.robot.hull == config.robot.hull)
+    former_config = former.systems[0].config
+    same_map = (former_config.map, former_config.crowd) == (
+        config.map,
+        config.crowd,
+    ) and former.task.number == number
+    return same_map and (
+        config.map.get("radius") is not None or former_config.robot.hull == config.robot.hull
+    )
 
 
 def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: DriveConfig) -> tuple[str, ...]:
