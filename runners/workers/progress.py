@@ -65,7 +65,7 @@ class NotebookProgress(Progress):
 class _Bar:
     """Bar on standard error: label, progress, `columns`, time elapsed and time left."""
 
-    def __init__(self, label: str, total: int, *columns: str, is_shown: bool = True, **fields: Any) -> None:
+    def __init__(self, label: str, total: int, *columns: str, shown: bool = True, **fields: Any) -> None:
         console = Console(stderr=True)
         kind = NotebookProgress if console.is_jupyter else Progress
         self._bar = kind(
@@ -77,7 +77,7 @@ class _Bar:
             TextColumn("left"),
             TimeRemainingColumn(),
             console=console,
-            disable=not is_shown,
+            disable=not shown,
         )
         self._task = self._bar.add_task(label, start=False, total=total, **fields)
 
