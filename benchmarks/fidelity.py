@@ -238,12 +238,12 @@ def share(episodes: Sequence[Episode], outcome: str) -> float:
 
 def navigator(robot: Robot, guide: str) -> Navigator:
     """LME with the published weights, or the simple planner alone, which does not avoid obstacles."""
-    guide_config = (
+    chosen = (
         Lme(LmeConfig(parameters=load_parameters("published")), robot)
         if guide == "lme"
         else Target(TargetConfig(), robot)
     )
-    return Navigator(guide_config, Simple(SimpleConfig(), robot))
+    return Navigator(chosen, Simple(SimpleConfig(), robot))
 
 
 if __name__ == "__main__":

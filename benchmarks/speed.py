@@ -91,9 +91,9 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
         for scene in observations:
             navigator.guide.guide(scene)
 
-    minimum, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
-    label = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
-    yield f"| {label} | {minimum:.0f} / {median:.0f} µs |"
+    least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
+    what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
+    yield f"| {what} | {least:.0f} / {median:.0f} µs |"
     yield rate_row(f"`{name}`", Barn(BarnConfig()), navigator, simulator)
 
 

@@ -122,17 +122,13 @@ def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
     """Return a file and those that it refers to: the picture of a ROS map, the weights beside an ONNX file."""
     picture = picture_of(path)
     if picture is not None:
-        picture_name = name.parent / (picture if is_beside(picture) else Path(picture).name)
-        return {str(name): path, str(picture_name): path.parent / expanded(picture)}
+        place = name.parent / (picture if is_beside(picture) else Path(picture).name)
+        return {str(name): path, str(place): path.parent / expanded(picture)}
     if path.suffix == ".onnx":
-        companions = sorted(path.parent.glob(f"{path.stem}*data"))
+        beside = sorted(path.parent.glob(f"{path.stem}*data"))
         return {
             str(name): path,
-            **{
-                str(name.parent / companion.name): companion
-                for companion in companions
-                if companion.is_file()
-            },
+            **{str(name.parent / each.name): each for each in beside if each.is_file()},
         }
     return {str(name): path}
 

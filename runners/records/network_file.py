@@ -20,15 +20,14 @@ CARD = "card.yaml"  # in the run's directory; NAME.card.yaml next to the registe
 _PACKAGES = ("numpy", "numba", "torch")
 
 
-def register(run_dir: Path, name: str, metadata: Mapping[str, Any], command: str) -> list[Path]:
+def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:
     """Copy the network of a run to outputs/weights/NAME.npz and write its card next to both.
 
-    metadata: entries of the card. command: the command that drives with the network. Returns the files in `run_dir`.
+    about: entries of the card. use: command that drives with the network. Returns the files in `run_dir`.
     Raises OSError.
     """
-    content = {"name": name, **metadata, "versions": versions(*_PACKAGES)}
-    card = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-    text = f"# Written by lme learn; use with: {command}\n{card}"
+    content = {"name": name, **about, "versions": versions(*_PACKAGES)}
+    text = f"# Written by lme learn; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
     REGISTERED.mkdir(parents=True, exist_ok=True)
     with replacing(REGISTERED / f"{name}.npz") as draft:
         shutil.copyfile(run_dir / NETWORK, draft)
