@@ -126,10 +126,7 @@ def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
         return {str(name): path, str(place): path.parent / expanded(picture)}
     if path.suffix == ".onnx":
         beside = sorted(path.parent.glob(f"{path.stem}*data"))
-        return {
-            str(name): path,
-            **{str(name.parent / each.name): each for each in beside if each.is_file()},
-        }
+        return {str(name): path, **{str(name.parent / each.name): each for each in beside if each.is_file()}}
     return {str(name): path}
 
 
