@@ -87,16 +87,15 @@ class FeaturePage:
         self.figure.text(*corner, text, va="bottom", fontsize=7, color=INK)
 
     def _describe_sector(self) -> str:
-        view_seen = self._shot.why.view
-        if view_seen.blockage is None:
+        scene = self._shot.why.view
+        if scene.blockage is None:
             return "No sector blocks the way to the target."
         if view.blockage_seen(self._shot.why, self._box) is None:
             return "The sector that blocks the way to the target lies beyond this view."
-        end_number = "1" if np.array_equal(view_seen.blockage.A, view_seen.blockage.E1) else "2"
+        end_number = "1" if np.array_equal(scene.blockage.A, scene.blockage.E1) else "2"
         return (
-            f"The blocking sector is outlined at $r$ = {view_seen.radius:.3g} m. $A$, here "
-            f"$E_{end_number}$, is the end of it that "
-            "is nearer in angle to the target."
+            f"The blocking sector is outlined at $r$ = {scene.radius:.3g} m. $A$, here "
+            f"$E_{end_number}$, is the end of it that is nearer in angle to the target."
         )
 
     def _draw_key(self) -> None:
