@@ -6,11 +6,13 @@ import os
 import posixpath
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from runners.config.flatten import flatten
 from runners.config.urls import masked_text
-from runners.records.episode_record import RunLabels
+
+if TYPE_CHECKING:
+    from runners.records.episode_record import RunLabels
 
 KEY_LENGTH = 250
 LABELS = ("system", "robot", "map", "ablation")  # what users search for
