@@ -76,19 +76,19 @@ def main() -> None:
         "--baselines", action="store_true", help="change values of the baselines instead of LME"
     )
     parser.add_argument("--out", type=Path, default=Path("outputs/assumptions"))
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     print("| changed | success | collision | timeout | BARN metric | success moves by |")
     print("|---|---:|---:|---:|---:|---:|")
-    if not given.baselines:
-        table("", CHANGES, SEEDS, given.out)
-    for name, words in BASELINES.items() if given.baselines else ():
-        table(f"{words} {FRESH}", ["", *changes(name)], SEEDS[:1], given.out)
+    if not arguments.baselines:
+        table("", CHANGES, SEEDS, arguments.out)
+    for name, words in BASELINES.items() if arguments.baselines else ():
+        table(f"{words} {FRESH}", ["", *changes(name)], SEEDS[:1], arguments.out)
 
 
-def table(words: str, changed: Sequence[str], seeds: Sequence[int], out: Path) -> None:
+def table(words: str, change_words: Sequence[str], seeds: Sequence[int], out: Path) -> None:
     """Print the lines of the table for these overrides, alone and with each change."""
     base = None
-    for change in changed:
+    for change in change_words:
         frame = episodes(f"{words} {change}".strip(), seeds, out)
         if frame is None:
             print(f"| `{change}` | not allowed | | | | |", flush=True)
@@ -132,10 +132,10 @@ def episodes(change: str, seeds: Sequence[int], out: Path) -> pd.DataFrame | Non
             ]
             resume = ["resume=true"] if folder.exists() else []
             command = [str(Path(sys.executable).parent / "lme"), *words, *resume]
-            done = subprocess.run(command, check=False, capture_output=True, text=True)
-            if done.returncode == REFUSED:
+            process = subprocess.run(command, check=False, capture_output=True, text=True)
+            if process.returncode == REFUSED:
                 return None
-            done.check_returncode()
+            process.check_returncode()
         frames.append(pd.read_parquet(folder / "episodes.parquet"))
     return pd.concat(frames)
 

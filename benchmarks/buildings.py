@@ -58,10 +58,10 @@ def main() -> None:
     """Print the report, and write it with --record."""
     words = parser(__doc__, "buildings")
     words.add_argument("map", nargs="?", type=Path, help="a ROS map (.yaml) instead of the drawn floor plan")
-    given = words.parse_args()
-    check_named("MAP", given.map)
+    arguments = words.parse_args()
+    check_named("MAP", arguments.map)
     with tempfile.TemporaryDirectory() as folder:
-        show(report(given.map or draw_map(Path(folder))), "buildings", given.record)
+        show(report(arguments.map or draw_map(Path(folder))), "buildings", arguments.record)
 
 
 def report(path: Path) -> Iterator[str]:
@@ -74,10 +74,10 @@ def report(path: Path) -> Iterator[str]:
     yield "| what | s |"
     yield "|---|---:|"
     yield from setup_rows(path)
-    places = (("map=file", f"map.path={path}", *RULES), BARN)
+    map_words = (("map=file", f"map.path={path}", *RULES), BARN)
     with Composer("eval") as composer:
         drives = {
-            (robot, system): [composed(composer, robot, system, place) for place in places]
+            (robot, system): [composed(composer, robot, system, words) for words in map_words]
             for robot in ROBOTS
             for system in SYSTEMS
         }
@@ -103,8 +103,8 @@ def setup_rows(path: Path) -> Iterator[str]:
     across, up = np.ptp(plan.outline, axis=0)
     size = f"{across * up:,.0f} m², {len(plan.world.edges):,} edges, {space.clearance.size:,} lattice points"
     yield f"| all: {size} | {sum(times):.2f} |"
-    parts = ("read the map", "free space", f"{PAIRS} starts and goals", f"{PAIRS} shortest paths")
-    yield from (f"| {name} | {seconds:.2f} |" for name, seconds in zip(parts, times, strict=True))
+    phases = ("read the map", "free space", f"{PAIRS} starts and goals", f"{PAIRS} shortest paths")
+    yield from (f"| {name} | {seconds:.2f} |" for name, seconds in zip(phases, times, strict=True))
 
 
 def set_up(path: Path) -> tuple[FloorPlan, FreeSpace, list[float]]:
@@ -123,12 +123,12 @@ def set_up(path: Path) -> tuple[FloorPlan, FreeSpace, list[float]]:
 
 
 def composed(
-    composer: Composer, robot: str, system: str, place: Sequence[str]
+    composer: Composer, robot: str, system: str, map_words: Sequence[str]
 ) -> tuple[MapSet, Navigator, Simulator, Lidar]:
     """What drives a robot and a system in a place, as `lme eval` builds it, and the robot's lidar."""
-    config = compose_job(composer, [f"robot={robot}", f"system={system}", *place]).config
-    parts = build.map_set(config), build.navigator(config), build.simulator(config)
-    return *parts, config.robot.lidar
+    config = compose_job(composer, [f"robot={robot}", f"system={system}", *map_words]).config
+    systems = build.map_set(config), build.navigator(config), build.simulator(config)
+    return *systems, config.robot.lidar
 
 
 def kernel_rows(robot: str, building: MapSet, barn: MapSet, lidar: Lidar) -> Iterator[str]:
@@ -151,25 +151,25 @@ def kernel_rows(robot: str, building: MapSet, barn: MapSet, lidar: Lidar) -> Ite
         "collision check": check,
     }
     for name, kernel in kernels.items():
-        small, plain, large = (
+        small_us, barn_us, large_us = (
             np.mean([measure(partial(kernel, maps.task(number), tree), 0.05)[0] for number in maps.numbers])
             for maps, tree in ((barn, False), (building, False), (building, True))
         )
-        yield f"| {robot} | {name} | {small:.1f} | {plain:.1f} | {large:.1f} | {large / small:.1f} |"
+        yield f"| {robot} | {name} | {small_us:.1f} | {barn_us:.1f} | {large_us:.1f} | {large_us / small_us:.1f} |"
 
 
 def loop_rows(name: str, building: Sequence[Any], barn: Sequence[Any]) -> Iterator[str]:
     """Rows for the decision and for the simulator."""
-    times = [steps_us(*place[:3]) for place in (barn, building)]
-    for part, small, large in zip(("decision", "simulator"), *times, strict=True):
-        yield f"| {name} | {part} | {small:.0f} | {large:.0f} | {large / small:.1f} |"
+    times = [steps_us(*setup[:3]) for setup in (barn, building)]
+    for phase, small, large in zip(("decision", "simulator"), *times, strict=True):
+        yield f"| {name} | {phase} | {small:.0f} | {large:.0f} | {large / small:.1f} |"
 
 
 def steps_us(maps: MapSet, navigator: Navigator, simulator: Simulator) -> tuple[float, float]:
     """Mean processor time of a decision and of a step of the simulator [µs]; the first episode only compiles."""
     for i, number in enumerate((maps.numbers[0], *maps.numbers)):
         if i < 2:
-            spent, steps = np.zeros(2), 0
+            seconds, steps = np.zeros(2), 0
         observation = simulator.reset(maps.task(number), np.random.default_rng(number))
         navigator.reset(np.random.default_rng(number))
         for _ in range(STEPS):
@@ -178,10 +178,10 @@ def steps_us(maps: MapSet, navigator: Navigator, simulator: Simulator) -> tuple[
             times.append(time.thread_time())
             observation = simulator.step(command)
             times.append(time.thread_time())
-            spent, steps = spent + np.diff(times), steps + 1
+            seconds, steps = seconds + np.diff(times), steps + 1
             if simulator.state.contact or simulator.state.arrived:
                 break
-    decision, step = (spent / steps * 1e6).tolist()
+    decision, step = (seconds / steps * 1e6).tolist()
     return decision, step
 
 

@@ -52,70 +52,70 @@ def report(run_dir: Path) -> Iterator[str]:
     struck = episodes[episodes["outcome"] == str(Outcome.COLLISION)]
     yield f"{run_dir}: {len(struck)} collisions in {len(episodes)} episodes"
     for world, run in struck[["world", "run"]].itertuples(index=False):
-        driven = read_trajectories([run_dir], [EpisodeKey(world, run)])
-        yield f"- world {world}, run {run}: {explained(rerun_recorded(run_dir, world, run, driven))}"
+        trajectory = read_trajectories([run_dir], [EpisodeKey(world, run)])
+        yield f"- world {world}, run {run}: {explained(rerun_recorded(run_dir, world, run, trajectory))}"
 
 
 def explained(trace: Trace) -> str:
     """The class of a collision, and what it is concluded from."""
-    last = _last_that_stops(trace)
-    if last is None:
+    decision = _last_that_stops(trace)
+    if decision is None:
         return "never: the robot could not stop before what it saw at any step"
-    step, now, check = last
-    place = _touched(trace)
+    step, state, check = decision
+    contact = _touched(trace)
     v, omega = step.observation.twist
     ago = f"{trace.end.time - step.time:.1f} s before, at {v:.2f} m/s and {omega:.2f} rad/s"
-    if not check.stops(step.command, now):
+    if not check.stops(step.command, state):
         return f"command: {ago}"
-    away = 100.0 * np.hypot(*(now.points - to_robot(place, step.pose)).T).min(initial=math.inf)
-    if away > _NEAR:
-        return f"not seen: {ago}; the nearest known point was {away:.0f} cm from the place"
-    true = now._replace(points=to_robot(_surfaces(trace, step.pose), step.pose))
+    distance_cm = 100.0 * np.hypot(*(state.points - to_robot(contact, step.pose)).T).min(initial=math.inf)
+    if distance_cm > _NEAR:
+        return f"not seen: {ago}; the nearest known point was {distance_cm:.0f} cm from the place"
+    true = state._replace(points=to_robot(_surfaces(trace, step.pose), step.pose))
     name = "moved otherwise" if check.stops(step.command, true) else "misplaced"
-    return f"{name}: {ago}; the nearest known point was {away:.1f} cm from the place"
+    return f"{name}: {ago}; the nearest known point was {distance_cm:.1f} cm from the place"
 
 
 def _last_that_stops(trace: Trace) -> tuple[TracedStep, StoppingState, StoppingCheck] | None:
     """The last step from whose state the robot could stop, that state, and a check with its commands under way."""
     robot, sim = trace.robot, trace.config.sim
     delays = sim.get("latency", 0.0), sim.get("lag", 0.0)
-    found, check = None, StoppingCheck(robot.hull, robot.dt, *delays)
+    decision, check = None, StoppingCheck(robot.hull, robot.dt, *delays)
     blind = BlindArc(robot.lidar.mount, _REACH)
     for step in trace.steps:
         points = step.guidance.points
         points = blind.points(step.observation) if points is None else points
-        now = StoppingState.of(step.observation, points)
-        if check.stops(STILL, now):
-            found = step, now, [*check.under_way]
+        state = StoppingState.of(step.observation, points)
+        if check.stops(STILL, state):
+            decision = step, state, [*check.under_way]
         check.sent(step.command)
-    if found is None:
+    if decision is None:
         return None
-    check.under_way.extend(found[2])
-    return found[0], found[1], check
+    check.under_way.extend(decision[2])
+    return decision[0], decision[1], check
 
 
 def _touched(trace: Trace) -> Floats:
     """The place (2,) of an obstacle that is deepest in the outline at the end, in the world [m]."""
-    places = _surfaces(trace, trace.end.pose)
+    points = _surfaces(trace, trace.end.pose)
     half_length, half_width, rounding = map(float, trace.robot.hull.box)
-    at_robot = to_robot(places, trace.end.pose)
-    nearest: Floats = places[clearances(at_robot, (half_length, half_width, rounding)).argmin()]
+    at_robot = to_robot(points, trace.end.pose)
+    nearest: Floats = points[clearances(at_robot, (half_length, half_width, rounding)).argmin()]
     return nearest
 
 
 def _surfaces(trace: Trace, pose: Pose) -> Floats:
     """Points (N, 2) of the obstacles' surfaces within reach of a pose, in the world [m]."""
     world = trace.task.world
-    parts = [np.empty((0, 2))]
+    point_sets = [np.empty((0, 2))]
     for x, y, r in world.circles:
         angles = np.linspace(0.0, math.tau, math.ceil(math.tau * r / _SURFACE) + 1)
-        parts.append(np.column_stack((x + r * np.cos(angles), y + r * np.sin(angles))))
+        point_sets.append(np.column_stack((x + r * np.cos(angles), y + r * np.sin(angles))))
     for x0, y0, x1, y1 in world.edges:
         shares = np.linspace(0.0, 1.0, math.ceil(math.hypot(x1 - x0, y1 - y0) / _SURFACE) + 1)[:, None]
-        parts.append((1.0 - shares) * [x0, y0] + shares * [x1, y1])
-    points = np.vstack(parts)
-    near: Floats = points[np.hypot(*(points - pose[:2]).T) < _REACH]
-    return near
+        point_sets.append((1.0 - shares) * [x0, y0] + shares * [x1, y1])
+    points = np.vstack(point_sets)
+    nearby: Floats = points[np.hypot(*(points - pose[:2]).T) < _REACH]
+    return nearby
 
 
 if __name__ == "__main__":

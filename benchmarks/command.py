@@ -16,7 +16,7 @@ def run_main(main: Callable[[], None]) -> None:
         sys.exit(2)
 
 
-def check_named(what: str, path: Path | None) -> None:
-    """Raise InputError if there is no such path. what: the option that named it; None: it was not named."""
+def check_named(option: str, path: Path | None) -> None:
+    """Raise InputError if there is no such path. option: the option that named it; None: it was not named."""
     if path is not None and not path.exists():
-        raise InputError(f"{what} {path}: no such file or folder")
+        raise InputError(f"{option} {path}: no such file or folder")

@@ -80,10 +80,10 @@ def report() -> Iterator[str]:
 def measured(keywords: dict[str, Any]) -> Any:
     """(ROUNDS, 3) steps per second in one call, of one robot, and of a SyncVectorEnv."""
     env_id = "lme:lme/Barn-v0"
-    many: Any = gym.make_vec(env_id, ENVS, **keywords)
-    one: Any = gym.make(env_id, **keywords).unwrapped
+    vector_env: Any = gym.make_vec(env_id, ENVS, **keywords)
+    single_env: Any = gym.make(env_id, **keywords).unwrapped
     sync: Any = gym.make_vec(env_id, ENVS, "sync", **keywords)
-    for env in (many, one, sync):
+    for env in (vector_env, single_env, sync):
         for world in keywords["map"].numbers:  # builds and checks each
             env.reset(seed=0, options={"world": world})
         env.reset(seed=0)
@@ -91,16 +91,16 @@ def measured(keywords: dict[str, Any]) -> Any:
     rows = []
     for _ in range(ROUNDS + 1):
         actions = rng.uniform([0.0, -0.5], [1.0, 0.5], (STEPS, ENVS, 2))
-        ways = ((together, many), (alone, one), (together, sync))
-        rows.append([rate(drive, env, actions) for drive, env in ways])
+        methods = ((together, vector_env), (alone, single_env), (together, sync))
+        rows.append([rate(drive, env, actions) for drive, env in methods])
     return np.array(rows[1:])
 
 
 def rate(drive: Callable[[Any, Any], None], env: Any, actions: Any) -> float:
     """Steps of a robot per second."""
-    began = time.process_time()
+    start = time.process_time()
     drive(env, actions)
-    return STEPS * ENVS / (time.process_time() - began)
+    return STEPS * ENVS / (time.process_time() - start)
 
 
 def together(envs: Any, actions: Any) -> None:
@@ -121,9 +121,9 @@ def building(name: str, settings: Settings) -> list[float]:
     """Time to build each world [ms]."""
     maps, times = load_map_set(name, settings), []
     for number in maps.numbers:
-        began = time.process_time()
+        start = time.process_time()
         maps.task(number)
-        times.append(1e3 * (time.process_time() - began))
+        times.append(1e3 * (time.process_time() - start))
     return times
 
 

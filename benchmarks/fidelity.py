@@ -97,8 +97,8 @@ class Tape:
 
     def drive(self) -> Drive:
         """The drive since the reset."""
-        end = "contact" if self.state.contact else "arrival" if self.state.arrived else "still driving"
-        return Drive(self.commands, self.poses, end)
+        ending = "contact" if self.state.contact else "arrival" if self.state.arrived else "still driving"
+        return Drive(self.commands, self.poses, ending)
 
 
 def main() -> None:
@@ -144,14 +144,14 @@ def open_loop_row(name: str, guide: str, tasks: Sequence[Task]) -> str:
     """Compare drives in sim=fast with the same commands in sim=physics, open loop."""
     robot = load_robot(name)
     drives = [drive(robot, guide, task, seed) for seed, task in enumerate(tasks)]
-    replays = [replay(robot, task, one.commands) for task, one in zip(tasks, drives, strict=True)]
+    replays = [replay(robot, task, fast.commands) for task, fast in zip(tasks, drives, strict=True)]
     pairs = list(zip(drives, replays, strict=True))
-    same = np.mean([one.end == other.end for one, other in pairs])
-    ends = Counter(one.end for one in drives)
+    agreement = np.mean([fast.end == physics.end for fast, physics in pairs])
+    ends = Counter(fast.end for fast in drives)
     mix = " / ".join(str(ends[end]) for end in ("arrival", "contact", "still driving"))
-    apart = np.array([furthest_apart(one.poses, other.poses) for one, other in pairs]) * 1000.0
-    median, high = np.percentile(apart, [50, 99])
-    return f"| `{name}` | {guide} | {same:.1%} | {mix} | {median:.2f} / {high:.1f} / {apart.max():.1f} |"
+    distances_mm = np.array([furthest_apart(fast.poses, physics.poses) for fast, physics in pairs]) * 1000.0
+    median, high = np.percentile(distances_mm, [50, 99])
+    return f"| `{name}` | {guide} | {agreement:.1%} | {mix} | {median:.2f} / {high:.1f} / {distances_mm.max():.1f} |"
 
 
 def drive(robot: Robot, guide: str, task: Task, seed: int) -> Drive:
@@ -186,19 +186,20 @@ def replay(robot: Robot, task: Task, commands: Sequence[Twist]) -> Drive:
     return tape.drive()
 
 
-def furthest_apart(one: Sequence[tuple[float, ...]], other: Sequence[tuple[float, ...]]) -> float:
+def furthest_apart(path: Sequence[tuple[float, ...]], other_path: Sequence[tuple[float, ...]]) -> float:
     """Greatest distance between positions at the same time [m]; without the last, whose period may be cut short."""
-    together = min(len(one), len(other)) - 1
+    together = min(len(path), len(other_path)) - 1
     return max(
-        (math.dist(a[:2], b[:2]) for a, b in zip(one[:together], other[:together], strict=True)), default=0.0
+        (math.dist(a[:2], b[:2]) for a, b in zip(path[:together], other_path[:together], strict=True)),
+        default=0.0,
     )
 
 
 def closed_loop_row(sim: str, tasks: Sequence[Task], settings: Settings) -> str:
     """LME in one of the simulators, with the same seed per world in both."""
-    begin = time.process_time()
+    start = time.process_time()
     episodes = closed_loop(sim, tasks, settings)
-    rate = sum(episode.steps for episode in episodes) / (time.process_time() - begin)
+    rate = sum(episode.steps for episode in episodes) / (time.process_time() - start)
     success, collision, timeout = (
         share(episodes, outcome) for outcome in ("success", "collision", "timeout")
     )
@@ -210,8 +211,8 @@ def closed_loop_row(sim: str, tasks: Sequence[Task], settings: Settings) -> str:
 def disturbed_row(tasks: Sequence[Task], settings: Settings) -> str:
     """LME under a disturbance, in both simulators."""
     label = " ".join(f"`sim.{key}={value}`" for key, value in settings.items()) or "none"
-    both = [closed_loop(sim, tasks, settings) for sim in ("fast", "physics")]
-    rates = [f"{share(episodes, end):.2f}" for episodes in both for end in ("success", "collision")]
+    by_simulator = [closed_loop(sim, tasks, settings) for sim in ("fast", "physics")]
+    rates = [f"{share(episodes, end):.2f}" for episodes in by_simulator for end in ("success", "collision")]
     return f"| {label} | {' | '.join(rates)} |"
 
 

@@ -43,24 +43,26 @@ def main() -> None:
         metavar="WORD",
         help="words for lme eval, instead of the default's where they have the same key",
     )
-    given = options.parse_args()
-    check_named("--shared", given.shared)
-    folder = given.shared or SHARED
-    for name in given.log or ():
+    arguments = options.parse_args()
+    check_named("--shared", arguments.shared)
+    folder = arguments.shared or SHARED
+    for name in arguments.log or ():
         check_named("--log", _file(folder, name))
-    names = given.log or list(LOGS)
+    names = arguments.log or list(LOGS)
     absent = [name for name in names if not _file(folder, name).is_file()]
     if absent:
         print(f"Skipped: {folder} has no {', '.join(absent)}; give the logs' folder with --shared.")
         return
     logs = {name: read_log(_file(folder, name), name.partition(":")[2] or None) for name in names}
-    show(report(with_defaults([f"runs={given.runs}", *given.words]), logs), "gazebo", given.record)
+    show(
+        report(with_defaults([f"runs={arguments.runs}", *arguments.words]), logs), "gazebo", arguments.record
+    )
 
 
 def with_defaults(words: Sequence[str]) -> list[str]:
     """The words for lme eval: those of the default whose keys are not given, then these."""
-    given = {word.partition("=")[0] for word in words}
-    return [*(word for word in WORDS if word.partition("=")[0] not in given), *words]
+    keys = {word.partition("=")[0] for word in words}
+    return [*(word for word in WORDS if word.partition("=")[0] not in keys), *words]
 
 
 def report(words: Sequence[str], logs: Mapping[str, "pd.DataFrame"]) -> Iterator[str]:
@@ -74,18 +76,19 @@ def report(words: Sequence[str], logs: Mapping[str, "pd.DataFrame"]) -> Iterator
         "time ratio | time correlation |"
     )
     yield "|---|---|---:|---|---|---:|---:|---:|---:|"
-    ours = episodes(words)
+    records = episodes(words)
     for name, log in logs.items():
-        yield row("ours", name, agreement(ours, log))
-    for (one, log), (other, second) in itertools.combinations(logs.items(), 2):
-        yield row(one, other, agreement(log, second))
+        yield row("ours", name, agreement(records, log))
+    for (log_name, log), (other_name, second) in itertools.combinations(logs.items(), 2):
+        yield row(log_name, other_name, agreement(log, second))
 
 
-def row(one: str, other: str, found: Agreement) -> str:
+def row(name: str, reference: str, result: Agreement) -> str:
     """A line of the table."""
     return (
-        f"| {one} | {other} | {found.worlds} | {_rates(found.one)} | {_rates(found.other)} | "
-        f"{found.correlation:.2f} | {found.same_verdict:.2f} | {found.time_ratio:.2f} | {found.time_correlation:.2f} |"
+        f"| {name} | {reference} | {result.worlds} | {_rates(result.one)} | {_rates(result.other)} | "
+        f"{result.correlation:.2f} | {result.same_verdict:.2f} | {result.time_ratio:.2f} | "
+        f"{result.time_correlation:.2f} |"
     )
 
 
@@ -94,16 +97,16 @@ def episodes(words: Sequence[str]) -> "pd.DataFrame":
     from runners.records.records import read_episodes
 
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "run"
+        run_dir = Path(folder) / "run"
         command = [sys.executable, "-m", "runners.cli.main", "eval", *words]
-        options = ["tracking=none", f"hydra.run.dir={place}"]
+        options = ["tracking=none", f"hydra.run.dir={run_dir}"]
         subprocess.run([*command, *options], check=True, stdout=sys.stderr)
-        return read_episodes([place])
+        return read_episodes([run_dir])
 
 
-def _rates(found: Rates) -> str:
-    shares = f"{found.success:.3f} / {found.collision:.3f} / {found.timeout:.3f}"
-    return f"{shares}, {found.time_s:.1f} ({found.episodes} episodes)"
+def _rates(rates: Rates) -> str:
+    shares = f"{rates.success:.3f} / {rates.collision:.3f} / {rates.timeout:.3f}"
+    return f"{shares}, {rates.time_s:.1f} ({rates.episodes} episodes)"
 
 
 def _file(folder: Path, name: str) -> Path:

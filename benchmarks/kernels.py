@@ -92,9 +92,9 @@ def kernel_rows() -> Iterator[str]:
     for number in (0, 200):
         circles = barn.task(number).world.circles
         for kernel, (fast, slow) in rows(circles).items():
-            least, median = measure(fast)
+            minimum, median = measure(fast)
             twin = measure(slow)[1]
-            cells = [f"world {number}, {len(circles)} cylinders", kernel, f"{least:.1f}", f"{median:.1f}"]
+            cells = [f"world {number}, {len(circles)} cylinders", kernel, f"{minimum:.1f}", f"{median:.1f}"]
             cells += [f"{twin:,.0f}", f"{twin / median:,.0f}"]
             rays = measure(pymunk_scan(circles))[1] if kernel == "cast" else None
             cells += [f"{rays:,.0f}", f"{rays / median:,.0f}"] if rays else ["", ""]

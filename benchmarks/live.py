@@ -39,8 +39,8 @@ def main() -> None:
     """Print the report, and write it with --record."""
     arguments = parser(__doc__, "live_rosN")
     arguments.add_argument("version", type=int, choices=(1, 2))
-    given = arguments.parse_args()
-    show(report(given.version), f"live_ros{given.version}", given.record)
+    parsed = arguments.parse_args()
+    show(report(parsed.version), f"live_ros{parsed.version}", parsed.record)
 
 
 def report(version: int) -> Iterator[str]:
@@ -73,9 +73,9 @@ def report(version: int) -> Iterator[str]:
 
 def _row(delays: list[float], seconds: float, rate: int) -> str:
     per_second = len(delays) / seconds
-    p50, p99, most = np.percentile(delays, [50, 99, 100])
-    held = "yes" if per_second >= HELD * rate else "no"
-    return f"| {rate} | {per_second:.1f} | {p50:.2f} | {p99:.2f} | {most:.2f} | {held} |"
+    p50, p99, maximum = np.percentile(delays, [50, 99, 100])
+    is_held = "yes" if per_second >= HELD * rate else "no"
+    return f"| {rate} | {per_second:.1f} | {p50:.2f} | {p99:.2f} | {maximum:.2f} | {is_held} |"
 
 
 def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> float:
@@ -84,23 +84,23 @@ def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> floa
     pinned = ["taskset", "-c", "0"] if shutil.which("taskset") else []
     node = (name, *ROBOT, f"robot.control_rate={rate}", "live.clock=received")
     robot = ("simulator", f"--{name}", *ROBOT, WORLDS, "live.pause=0")
-    with _started(pinned, node, folder, "node"), _started([], robot, folder, "robot"):
+    with _start_process(pinned, node, folder, "node"), _start_process([], robot, folder, "robot"):
         while len(delays) < 3 * rate:  # until it drives, with code that is loaded
             ros.handle(0.1)
         delays.clear()
-        began = time.monotonic()
-        while time.monotonic() < began + seconds:
+        start = time.monotonic()
+        while time.monotonic() < start + seconds:
             ros.handle(0.01)
     return seconds
 
 
 @contextlib.contextmanager
-def _started(before: list[str], words: tuple[str, ...], folder: str, name: str) -> Iterator[None]:
+def _start_process(prefix: list[str], words: tuple[str, ...], folder: str, name: str) -> Iterator[None]:
     """`lme live` with these words while the `with` lasts."""
-    command = [*before, sys.executable, "-m", "runners.cli.main", "live", *words]
-    place = Path(tempfile.mkdtemp(dir=folder)) / name
+    command = [*prefix, sys.executable, "-m", "runners.cli.main", "live", *words]
+    run_dir = Path(tempfile.mkdtemp(dir=folder)) / name
     with (Path(folder) / f"{name}.log").open("a") as log:
-        process = subprocess.Popen([*command, f"hydra.run.dir={place}"], stdout=log, stderr=log)
+        process = subprocess.Popen([*command, f"hydra.run.dir={run_dir}"], stdout=log, stderr=log)
     try:
         yield
     finally:

@@ -102,10 +102,10 @@ def _episode() -> Trace:
 
 
 def _program() -> str:
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
         raise SystemExit(f"needs a browser: none of {', '.join(BROWSERS)} is on the PATH")
-    return found
+    return program
 
 
 if __name__ == "__main__":

@@ -41,8 +41,10 @@ def main() -> None:
     words.add_argument("folder", type=Path, metavar="DIR")
     words.add_argument("--seeds", type=int, default=10)
     words.add_argument("--worlds", type=int, default=300)
-    given = words.parse_args()
-    show(report(given.folder, range(given.seeds), given.worlds), "paper_training", given.record)
+    arguments = words.parse_args()
+    show(
+        report(arguments.folder, range(arguments.seeds), arguments.worlds), "paper_training", arguments.record
+    )
 
 
 def report(folder: Path, seeds: range, worlds: int) -> Iterator[str]:
@@ -53,23 +55,23 @@ def report(folder: Path, seeds: range, worlds: int) -> Iterator[str]:
     yield f"{worlds} worlds of each map, each driven once.\n"
     tables = []
     for reading in READINGS:
-        for name, (what, space) in RANGES.items():
+        for name, (description, space) in RANGES.items():
             words = [*STUDY, *space, f"guide.surmount={reading}"]
             rows = list(table(folder / f"{name}-{reading}", seeds, MAPS, worlds, words))
-            tables += [f"\n## {reading}, {what}\n", f"`{' '.join(words[len(STUDY) :])}`\n", *rows]
+            tables += [f"\n## {reading}, {description}\n", f"`{' '.join(words[len(STUDY) :])}`\n", *rows]
     yield "\n## Success over the seeds: median (lowest–highest)\n"
     yield f"| ranges | `guide.surmount` | {' | '.join(MAPS)} |"
     yield f"|---|---|{'---:|' * len(MAPS)}"
-    for name, (what, _) in RANGES.items():
+    for name, (description, _) in RANGES.items():
         for reading in READINGS:
-            cells = [_spread(folder / f"{name}-{reading}", seeds, place) for place in MAPS]
-            yield f"| {what} | {reading} | {' | '.join(cells)} |"
+            cells = [_spread(folder / f"{name}-{reading}", seeds, map_name) for map_name in MAPS]
+            yield f"| {description} | {reading} | {' | '.join(cells)} |"
     yield "\nIn the tables: success with its interval, collision and BARN metric."
     yield from tables
 
 
-def _spread(folder: Path, seeds: range, place: str) -> str:
-    frames = [read_episodes([folder / str(seed) / f"many_{place}"]) for seed in seeds]
+def _spread(folder: Path, seeds: range, map_name: str) -> str:
+    frames = [read_episodes([folder / str(seed) / f"many_{map_name}"]) for seed in seeds]
     success = [(frame["outcome"] == "success").mean() for frame in frames]
     return f"{np.median(success):.3f} ({min(success):.3f}–{max(success):.3f})"
 

@@ -63,25 +63,25 @@ def report() -> Iterator[str]:
     yield "that of the processor; the others are in wall time, where the most counts on a shared machine.\n"
     yield "| simulator | steps/s, most | median | ours, times its most | median difference of a range [m] |"
     yield "|---|---:|---:|---:|---:|"
-    ours = fast()
-    least, median = measure(ours, 2.0)
-    yield f"| lme, `sim=fast` | {_rate(least)} | {_rate(median)} | | |"
-    for name, make in {"navground": navground, "ir-sim": ir_sim, "pymunk": pymunk_rays}.items():
-        yield peer_row(name, make, least)
-    yield stage_row(least)
+    fast_step = fast()
+    minimum, median = measure(fast_step, 2.0)
+    yield f"| lme, `sim=fast` | {_rate(minimum)} | {_rate(median)} | | |"
+    for name, make_step in {"navground": navground, "ir-sim": ir_sim, "pymunk": pymunk_rays}.items():
+        yield peer_row(name, make_step, minimum)
+    yield stage_row(minimum)
 
 
-def peer_row(name: str, make: Callable[[], Step], our_least: float) -> str:
+def peer_row(name: str, make_step: Callable[[], Step], our_least: float) -> str:
     """The row of a simulator that Python can import."""
     try:
-        step = make()
+        step = make_step()
     except ImportError as error:
         return f"| {name} | not measured: {error}; `pip install {name}` | | | |"
     pose, ranges = step()
     angles = (ROBOT.lidar.angle_min, ROBOT.lidar.angle_increment, BEAMS)
     off = float(np.median(np.abs(ranges - cast(Pose(*pose), angles, RANGE_MAX, CIRCLES, np.empty((0, 4))))))
-    least, median = measure(step, 2.0)
-    speeds = f"{_rate(least)} | {_rate(median)} | {least / our_least:,.0f}"
+    minimum, median = measure(step, 2.0)
+    speeds = f"{_rate(minimum)} | {_rate(median)} | {minimum / our_least:,.0f}"
     return f"| {name} {version(name)} | {speeds} | {off:.1g} |"
 
 
@@ -162,10 +162,12 @@ def pymunk_rays() -> Step:
         body.velocity = body.rotation_vector * COMMAND.v
         space.step(DT)
         space.shape_query(disc)
-        here, angles = body.position, body.angle + bearings
-        ends = np.column_stack([np.cos(angles), np.sin(angles)]) * RANGE_MAX + here
-        hits = [space.segment_query_first(here, end, 0.0, accept) for end in ends.tolist()]
-        return (*here, body.angle), np.array([RANGE_MAX * hit.alpha if hit else RANGE_MAX for hit in hits])
+        position, angles = body.position, body.angle + bearings
+        ends = np.column_stack([np.cos(angles), np.sin(angles)]) * RANGE_MAX + position
+        hits = [space.segment_query_first(position, end, 0.0, accept) for end in ends.tolist()]
+        return (*position, body.angle), np.array(
+            [RANGE_MAX * hit.alpha if hit else RANGE_MAX for hit in hits]
+        )
 
     return step
 
@@ -175,8 +177,8 @@ def stage_row(our_least: float) -> str:
     program = shutil.which("stage")
     if program is None:
         return "| Stage | not measured: `stage` is not on the PATH; build github.com/rtv/Stage | | | |"
-    short, long = (min(stage_time(program, seconds) for _ in range(3)) for seconds in STAGE_S)
-    rate = (STAGE_S[1] - STAGE_S[0]) / DT / (long - short)
+    short_s, long_s = (min(stage_time(program, seconds) for _ in range(3)) for seconds in STAGE_S)
+    rate = (STAGE_S[1] - STAGE_S[0]) / DT / (long_s - short_s)
     return f"| {stage_version(program)} | {rate:,.0f} | | {1e6 / our_least / rate:,.0f} | |"
 
 
@@ -188,8 +190,8 @@ def _rate(step_us: float) -> str:
 
 def stage_version(program: str) -> str:
     """Name and version, as it prints them."""
-    said = subprocess.run([program, "-h"], capture_output=True, text=True).stdout
-    return " ".join(said.split()[:2])
+    help_text = subprocess.run([program, "-h"], capture_output=True, text=True).stdout
+    return " ".join(help_text.split()[:2])
 
 
 def stage_time(program: str, simulated: float) -> float:
@@ -197,10 +199,10 @@ def stage_time(program: str, simulated: float) -> float:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "barn.world"
         path.write_text(stage_world(simulated))
-        before = os.times()
+        start = os.times()
         subprocess.run([program, "-g", str(path)], check=True, capture_output=True)
-        after = os.times()
-    return sum(after[2:4]) - sum(before[2:4])
+        end = os.times()
+    return sum(end[2:4]) - sum(start[2:4])
 
 
 def stage_world(simulated: float) -> str:

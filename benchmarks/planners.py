@@ -68,15 +68,15 @@ def row(composer: Composer, guide: str, planner: str) -> str:
     maps, navigator, simulator = build.map_set(config), build.navigator(config), build.simulator(config)
     tasks = [maps.task(number) for number in WORLDS]
     run_episode(tasks[0], navigator, simulator, np.random.default_rng(0))  # compiles
-    steps, decisions, began = 0, [], time.perf_counter()
+    steps, decisions, start = 0, [], time.perf_counter()
     for seed, task in enumerate(tasks):
         episode = run_episode(task, navigator, simulator, np.random.default_rng(seed))
         steps += episode.steps
         decisions.append(episode.decision_us)
-    rate = steps / (time.perf_counter() - began)
+    rate = steps / (time.perf_counter() - start)
     p50, p99 = np.percentile(np.concatenate(decisions), [50, 99])
-    wanted = WANTED.get((guide, planner), SLOW.get(planner, LEAST))
-    return f"| {guide} | {planner} | {rate:,.0f} | {p50:.0f} | {p99:.0f} | {wanted:,} |"
+    required = WANTED.get((guide, planner), SLOW.get(planner, LEAST))
+    return f"| {guide} | {planner} | {rate:,.0f} | {p50:.0f} | {p99:.0f} | {required:,} |"
 
 
 if __name__ == "__main__":

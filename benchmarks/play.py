@@ -80,7 +80,7 @@ def _served(words: tuple[str, ...]) -> Iterator[str]:
         thread.join()
 
 
-def _measured(browser: Any, words: tuple[str, ...]) -> tuple[float, list[float]]:
+def _measure(browser: Any, words: tuple[str, ...]) -> tuple[float, list[float]]:
     """Pictures a second, and times from a drag to its picture [ms]."""
     with _served(words) as address:
         page = browser.new_context(viewport=WINDOW).new_page()
@@ -102,9 +102,9 @@ def main() -> None:
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=[*ARGUMENTS])
         for name, words in CASES.items():
-            rate, times = _measured(browser, words)
-            shown = ", ".join(f"{value:.0f}" for value in (*np.percentile(times, [50, 90]), max(times)))
-            print(f"{name:28}  {rate:10.0f}   {shown}", flush=True)
+            rate, times = _measure(browser, words)
+            cells = ", ".join(f"{value:.0f}" for value in (*np.percentile(times, [50, 90]), max(times)))
+            print(f"{name:28}  {rate:10.0f}   {cells}", flush=True)
         browser.close()
 
 

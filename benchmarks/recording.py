@@ -9,17 +9,17 @@ RESULTS = Path(__file__).parent / "results"
 
 def parser(doc: str, name: str) -> argparse.ArgumentParser:
     """A parser with --record, which writes the report to benchmarks/results/NAME.md."""
-    made = argparse.ArgumentParser(description=doc.splitlines()[0])
-    made.add_argument("--record", action="store_true", help=f"write benchmarks/results/{name}.md")
-    return made
+    arguments = argparse.ArgumentParser(description=doc.splitlines()[0])
+    arguments.add_argument("--record", action="store_true", help=f"write benchmarks/results/{name}.md")
+    return arguments
 
 
 def show(lines: Iterable[str], name: str, record: bool) -> None:
     """Print each line as it is made; write all of them at the end if `record`."""
-    kept = []
+    lines_shown = []
     for line in lines:
         print(line, flush=True)
-        kept.append(line)
+        lines_shown.append(line)
     if record:
         RESULTS.mkdir(exist_ok=True)
-        (RESULTS / f"{name}.md").write_text("\n".join(kept) + "\n", encoding="utf-8")
+        (RESULTS / f"{name}.md").write_text("\n".join(lines_shown) + "\n", encoding="utf-8")

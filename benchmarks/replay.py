@@ -35,12 +35,12 @@ def report() -> Iterator[str]:
     yield "| robot | decisions | × real time | decision p50 [ms] | p99 [ms] |"
     yield "|---|---:|---:|---:|---:|"
     for robot, words in DRIVES.items():
-        found = measured(robot, words)
+        figures = measured(robot, words)
         cells = (
-            found["ticks"],
-            found["times_real_time"],
-            found["decision_ms_p50"],
-            found["decision_ms_p99"],
+            figures["ticks"],
+            figures["times_real_time"],
+            figures["decision_ms_p50"],
+            figures["decision_ms_p99"],
         )
         yield "| `{}` | {:.0f} | {:.0f} | {:.2f} | {:.2f} |".format(robot, *cells)
 

@@ -59,8 +59,8 @@ def main() -> None:
     """Print the report, and write it with --record."""
     words = parser(__doc__, "scale")
     words.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="numbers of episodes, in hundreds")
-    given = words.parse_args()
-    show(report(given.sizes, given.record), "scale", given.record)
+    arguments = words.parse_args()
+    show(report(arguments.sizes, arguments.record), "scale", arguments.record)
 
 
 def report(numbers: Sequence[int], record: bool) -> Iterator[str]:
@@ -111,9 +111,9 @@ def measured(number: int) -> Size:
         first = watch(command(number, 2), folder, kill_at=number // 2)
         second = watch([*command(number, 2), "resume=true"], folder)
         table = watch(["table", RUN], folder)
-        again = watch([*command(number, 2), "resume=true"], folder)
+        table_again = watch([*command(number, 2), "resume=true"], folder)
         files = [(folder / RUN / file).stat().st_size for file in (EPISODES, TRAJECTORIES)]
-    return Size(number, first, second, table, again, *files)
+    return Size(number, first, second, table, table_again, *files)
 
 
 def place(name: str) -> Path:
@@ -123,22 +123,22 @@ def place(name: str) -> Path:
     return folder
 
 
-def command(number: int, workers: int, what: Sequence[str] = CHEAP) -> list[str]:
+def command(number: int, workers: int, experiment: Sequence[str] = CHEAP) -> list[str]:
     """The words of `lme` that drive so many episodes."""
     words = [f"runs={number // STARTS}", f"executor.workers={workers}", "tracking=none"]
-    return ["eval", *what, *words, f"hydra.run.dir={RUN}"]
+    return ["eval", *experiment, *words, f"hydra.run.dir={RUN}"]
 
 
 def growth_row(size: Size) -> str:
     """Time and memory of the two halves."""
-    new, resumed = size.first, size.second
+    first, resumed = size.first, size.second
     cells = [
         f"{size.number:,}",
-        f"{new.ms_per_episode:.2f}, {resumed.ms_per_episode:.2f}",
-        f"{new.start_s:.1f}, {resumed.start_s:.1f}",
+        f"{first.ms_per_episode:.2f}, {resumed.ms_per_episode:.2f}",
+        f"{first.start_s:.1f}, {resumed.start_s:.1f}",
         f"{resumed.merge_s:.1f}",
         f"{resumed.report_s:.1f}",
-        f"{new.driving_mb:.0f}, {resumed.driving_mb:.0f}",
+        f"{first.driving_mb:.0f}, {resumed.driving_mb:.0f}",
         f"{resumed.peak_mb:.0f}",
     ]
     return f"| {' | '.join(cells)} |"
@@ -146,21 +146,21 @@ def growth_row(size: Size) -> str:
 
 def table_row(size: Size) -> str:
     """Time and memory of what works on a complete run."""
-    cells = [f"{done.wall_s:.1f} | {done.peak_mb:.0f}" for done in (size.table, size.again)]
+    cells = [f"{table.wall_s:.1f} | {table.peak_mb:.0f}" for table in (size.table, size.again)]
     return f"| {size.number:,} | {' | '.join(cells)} |"
 
 
 def disk_row(size: Size) -> str:
     """Bytes per episode."""
-    parts = (size.second.log_bytes, size.episodes, size.trajectories)
-    return f"| {size.number:,} | {' | '.join(f'{part / size.number:,.0f}' for part in parts)} |"
+    sizes = (size.second.log_bytes, size.episodes, size.trajectories)
+    return f"| {size.number:,} | {' | '.join(f'{count / size.number:,.0f}' for count in sizes)} |"
 
 
-def worker_rows(name: str, number: int, what: Sequence[str]) -> Iterator[str]:
+def worker_rows(name: str, number: int, words: Sequence[str]) -> Iterator[str]:
     """A row for each number of workers."""
     for workers in WORKERS:
         with tempfile.TemporaryDirectory() as folder:
-            run = watch(command(number, workers, what), place(folder))
+            run = watch(command(number, workers, words), place(folder))
         yield f"| {name} | {number:,} | {workers} | {run.ms_per_episode:.2f} | {run.driving_mb:.0f} |"
 
 
@@ -192,14 +192,14 @@ def draw(sizes: Sequence[Size], stem: Path) -> None:
     figure = new_figure(10, 3.2)
     pace, memory, commands = figure.subplots(1, 3)
     largest = sizes[-1]
-    for half, colour, name in ((largest.first, BLUE, "new"), (largest.second, VERMILION, "resumed")):
-        counts = np.array([sample.episodes for sample in half.driving])
-        times = np.array([sample.time_s for sample in half.driving])
-        ends = np.linspace(counts[0], counts[-1], WINDOWS + 1)
-        ms = np.diff(np.interp(ends, counts, times)) / np.diff(ends) * 1e3
-        pace.plot((ends[1:] + ends[:-1]) / 2, ms, "o-", color=colour, markersize=3, label=name)
+    for phase, colour, name in ((largest.first, BLUE, "new"), (largest.second, VERMILION, "resumed")):
+        counts = np.array([sample.episodes for sample in phase.driving])
+        times = np.array([sample.time_s for sample in phase.driving])
+        edges = np.linspace(counts[0], counts[-1], WINDOWS + 1)
+        ms = np.diff(np.interp(edges, counts, times)) / np.diff(edges) * 1e3
+        pace.plot((edges[1:] + edges[:-1]) / 2, ms, "o-", color=colour, markersize=3, label=name)
         memory.plot(
-            counts, [sample.rss_mb for sample in half.driving], color=colour, label=f"{name}, driving"
+            counts, [sample.rss_mb for sample in phase.driving], color=colour, label=f"{name}, driving"
         )
     pace.set(title="ms per episode", xlabel="episodes on disk", ylim=(0, None))
     numbers = [size.number for size in sizes]

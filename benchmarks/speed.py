@@ -90,8 +90,8 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
 
     def decide_all() -> None:
         navigator.reset(np.random.default_rng(0))
-        for seen in observations:
-            navigator.guide.guide(seen)
+        for scene in observations:
+            navigator.guide.guide(scene)
 
     least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
     what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
@@ -109,8 +109,8 @@ def skid_row() -> str:
 def rate_row(name: str, maps: MapSet, navigator: Navigator, simulator: Simulator) -> str:
     """A row with the median of three measurements of closed-loop steps per second."""
     rates = [closed_loop(maps, navigator, simulator) for _ in range(3)]
-    what = f"closed-loop steps, {name}: scan, decision, control, motion, collision"
-    return f"| {what} | {statistics.median(rates):,.0f} per second |"
+    label = f"closed-loop steps, {name}: scan, decision, control, motion, collision"
+    return f"| {label} | {statistics.median(rates):,.0f} per second |"
 
 
 def cloud_row() -> str:
@@ -131,9 +131,9 @@ def lme_on(robot: Robot) -> Navigator:
 def closed_loop(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
     """Steps per second of processor time over every fifth task: twenty episodes of BARN."""
     tasks = [maps.task(number) for number in maps.numbers[::5]]
-    begin = time.process_time()
+    start = time.process_time()
     episodes = [run_episode(task, navigator, simulator, np.random.default_rng(1)) for task in tasks]
-    return sum(episode.steps for episode in episodes) / (time.process_time() - begin)
+    return sum(episode.steps for episode in episodes) / (time.process_time() - start)
 
 
 def command_rows() -> Iterator[str]:
@@ -156,7 +156,7 @@ def command_rows() -> Iterator[str]:
 
 def timed(command: list[str], folder: str) -> tuple[float, float]:
     """Wall time [s], and peak memory of all processes together [MB], as proportional set size."""
-    begin = time.perf_counter()
+    start = time.perf_counter()
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
@@ -165,7 +165,7 @@ def timed(command: list[str], folder: str) -> tuple[float, float]:
         peak = max(peak, memory_of_session(process.pid))
         time.sleep(0.02)
     assert process.returncode == 0, f"{command} failed"
-    return time.perf_counter() - begin, peak
+    return time.perf_counter() - start, peak
 
 
 def memory_of_session(session: int) -> float:

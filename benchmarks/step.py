@@ -25,9 +25,9 @@ def step_rows(maps: MapSet, navigator: Navigator, simulator: Simulator) -> Itera
     _drive(maps, navigator, simulator)  # compiles
     step = min(_drive(maps, navigator, simulator) for _ in range(_RUNS))
     yield f"| whole step | {step:.1f} | | |"
-    ((decision, _),) = _spent([(navigator, "act")], maps, navigator, simulator).values()
+    ((decision, _),) = _time_per_method([(navigator, "act")], maps, navigator, simulator).values()
     yield f"| of it the decision | {decision:.1f} | {decision / step:.0%} | 1 |"
-    kernels = _spent(_kernels(), maps, navigator, simulator)
+    kernels = _time_per_method(_kernels(), maps, navigator, simulator)
     for name, (spent, calls) in sorted(kernels.items(), key=lambda kernel: -kernel[1][0]):
         yield f"| `{name}` | {spent:.1f} | {spent / step:.0%} | {calls:.2g} |"
     between = step - sum(spent for spent, _ in kernels.values())
@@ -38,19 +38,19 @@ def step_rows(maps: MapSet, navigator: Navigator, simulator: Simulator) -> Itera
 def _drive(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
     """Processor time of a step [µs], over every fifth task."""
     tasks = [maps.task(number) for number in maps.numbers[::5]]
-    begin = time.thread_time_ns()
+    start = time.thread_time_ns()
     episodes = [run_episode(task, navigator, simulator, np.random.default_rng(1)) for task in tasks]
-    return (time.thread_time_ns() - begin) / 1e3 / sum(episode.steps for episode in episodes)
+    return (time.thread_time_ns() - start) / 1e3 / sum(episode.steps for episode in episodes)
 
 
-def _spent(
-    places: list[tuple[Any, str]], maps: MapSet, navigator: Navigator, simulator: Simulator
+def _time_per_method(
+    methods: list[tuple[Any, str]], maps: MapSet, navigator: Navigator, simulator: Simulator
 ) -> dict[str, tuple[float, float]]:
     """Processor time [µs] and calls per step of the functions that are found in these places."""
     times: dict[str, list[int]] = {}
     best, least = {}, float("inf")
     with ExitStack() as patches:
-        for owner, name in [*places, (simulator, "step")]:
+        for owner, name in [*methods, (simulator, "step")]:
             patches.enter_context(patch.object(owner, name, _timed(getattr(owner, name), times)))
         for _ in range(_RUNS):
             times.clear()
@@ -79,9 +79,9 @@ def _timed(function: Callable[..., Any], times: dict[str, list[int]]) -> Callabl
 
     @wraps(function)
     def timed(*args: Any) -> Any:
-        begin = time.thread_time_ns()
+        start = time.thread_time_ns()
         result = function(*args)
-        times.setdefault(name, []).append(time.thread_time_ns() - begin - _CLOCK_NS)
+        times.setdefault(name, []).append(time.thread_time_ns() - start - _CLOCK_NS)
         return result
 
     return timed

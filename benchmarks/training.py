@@ -23,8 +23,8 @@ def main() -> None:
     """Print the report, and write it with --record."""
     words = parser(__doc__, "training")
     words.add_argument("--gp", action="store_true", help="also measure search=gp")
-    given = words.parse_args()
-    show(report(given.gp), "training", given.record)
+    arguments = words.parse_args()
+    show(report(arguments.gp), "training", arguments.record)
 
 
 def report(with_gp: bool) -> Iterator[str]:
@@ -44,18 +44,18 @@ def report(with_gp: bool) -> Iterator[str]:
     ]
     cases += [[*ENV1_ALONE, "search=gp"]] if with_gp else []
     for words in [*cases, ["tracking=none"]]:
-        whole, search = measured(words)
-        alike = words[0] == ENV1_ALONE[0] and not any(word.startswith("trials=") for word in words)
-        share = f"{PAPER_S / whole:,.0f}" if alike else ""
-        yield f"| `{' '.join(['lme', 'train', *words])}` | {whole:.1f} | {search:.1f} | {share} |"
+        total_s, search = measured(words)
+        is_papers = words[0] == ENV1_ALONE[0] and not any(word.startswith("trials=") for word in words)
+        share = f"{PAPER_S / total_s:,.0f}" if is_papers else ""
+        yield f"| `{' '.join(['lme', 'train', *words])}` | {total_s:.1f} | {search:.1f} | {share} |"
 
 
 def measured(words: list[str]) -> tuple[float, float]:
     """Wall times of a training command and of its search [s]."""
     lme = str(Path(sys.executable).parent / "lme")
     with tempfile.TemporaryDirectory() as folder:
-        whole, _ = timed([lme, "train", *words, "executor.workers=2", "hydra.run.dir=run"], folder)
-        return whole, search_time(Path(folder) / "run" / "study.journal")
+        total_s, _ = timed([lme, "train", *words, "executor.workers=2", "hydra.run.dir=run"], folder)
+        return total_s, search_time(Path(folder) / "run" / "study.journal")
 
 
 def search_time(journal: Path) -> float:
@@ -65,9 +65,9 @@ def search_time(journal: Path) -> float:
 
     storage = JournalStorage(JournalFileBackend(str(journal)))
     trials = storage.get_all_trials(storage.get_all_studies()[0]._study_id)
-    begin = min(trial.datetime_start for trial in trials if trial.datetime_start)
+    start = min(trial.datetime_start for trial in trials if trial.datetime_start)
     end = max(trial.datetime_complete for trial in trials if trial.datetime_complete)
-    return (end - begin).total_seconds()
+    return (end - start).total_seconds()
 
 
 if __name__ == "__main__":

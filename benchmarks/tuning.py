@@ -47,9 +47,9 @@ def main() -> None:
     )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--variant", choices=VARIANTS, default="tuned")
-    given = parser.parse_args()
-    for planner in given.planners or GUIDES:
-        print(tune(planner, given.variant, given.seed), flush=True)
+    arguments = parser.parse_args()
+    for planner in arguments.planners or GUIDES:
+        print(tune(planner, arguments.variant, arguments.seed), flush=True)
 
 
 def tune(planner: str, name: str, seed: int) -> Path:
@@ -57,25 +57,25 @@ def tune(planner: str, name: str, seed: int) -> Path:
     pair = [f"guide={GUIDES[planner]}", f"planner={planner}"]
     pair += [f"planner.{key}={value:g}" for key, value in FIXED.get(planner, {}).items()]
     words = ["train", "experiment=tune", *pair, *VARIANTS[name][1], f"seed={seed}"]
-    place = OUT / f"{planner}-{name}-{seed}"
-    options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
+    run_dir = OUT / f"{planner}-{name}-{seed}"
+    options = [f"hydra.run.dir={run_dir}", "resume=true", "tracking=none"]
     subprocess.run([sys.executable, "-m", "runners.cli.main", *words, *options], check=True)
-    found = yaml.safe_load((place / "weights.yaml").read_text(encoding="utf-8"))
+    result = yaml.safe_load((run_dir / "weights.yaml").read_text(encoding="utf-8"))
     path = resource_dir("conf") / "planner" / f"{planner}_{name}.yaml"
-    text = variant(planner, VARIANTS[name][0], found, " ".join(["lme", *words]))
+    text = variant(planner, VARIANTS[name][0], result, " ".join(["lme", *words]))
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def variant(planner: str, robot: str, found: dict[str, Any], command: str) -> str:
+def variant(planner: str, robot: str, result: dict[str, Any], command: str) -> str:
     """The text of the YAML file: the planner's file with the values found, each with the textbook value."""
-    own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
-    title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)
-    settings = {key.removeprefix("planner."): value for key, value in found["settings"].items()}
-    values = _lines({**settings, **FIXED.get(planner, {})}, before)
+    shipped_text = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
+    title, shipped = shipped_text.splitlines()[0].removeprefix("# "), yaml.safe_load(shipped_text)
+    settings = {key.removeprefix("planner."): value for key, value in result["settings"].items()}
+    values = _lines({**settings, **FIXED.get(planner, {})}, shipped)
     return f"""# {title.partition(":")[0]}, tuned for {robot} on fresh BARN worlds
 # Found by {command}
-# Reward {found["reward"]:.3f} on {len(found["configurations"])} worlds, trial {found["trial"]} of {found["trials"]}
+# Reward {result["reward"]:.3f} on {len(result["configurations"])} worlds, trial {result["trial"]} of {result["trials"]}
 defaults:
   - {planner}
   - _self_
@@ -84,21 +84,21 @@ defaults:
 """
 
 
-def _lines(settings: Mapping[str, float | None], before: Mapping[str, Any]) -> str:
+def _lines(settings: Mapping[str, float | None], shipped: Mapping[str, Any]) -> str:
     """YAML lines of dotted keys, nested at most once: those without a group first."""
     lines: list[str] = []
     groups = defaultdict[str, list[str]](list)
     for key, value in settings.items():
         group, _, name = key.rpartition(".")
-        textbook = before[group][name] if group else before[name]
-        line = f"{name}: {_short(value)}  # textbook: {_short(textbook)}"
+        textbook = shipped[group][name] if group else shipped[name]
+        line = f"{name}: {_shorten(value)}  # textbook: {_shorten(textbook)}"
         (groups[group] if group else lines).append(line)
     for group, inner in groups.items():
         lines += [f"{group}:", *(f"  {line}" for line in inner)]
     return "\n".join(lines)
 
 
-def _short(value: float | None) -> str:
+def _shorten(value: float | None) -> str:
     return "null" if value is None else f"{value:.{DIGITS}g}"
 
 

@@ -52,11 +52,11 @@ class Watched:
     def driving(self) -> list[Sample]:
         """From the first new episode to the last. Only for a command that drives."""
         counts = [sample.episodes for sample in self.samples]
-        before = next(
+        first_count = next(
             (sample.episodes for sample in self.samples if sample.episodes), 0
         )  # of an earlier command
-        begin = next(place for place, count in enumerate(counts) if count > before)
-        return self.samples[begin : counts.index(max(counts)) + 1]
+        start = next(index for index, count in enumerate(counts) if count > first_count)
+        return self.samples[start : counts.index(max(counts)) + 1]
 
     @property
     def driving_mb(self) -> float:
@@ -92,22 +92,22 @@ class Watched:
 
 def watch(words: list[str], folder: Path, kill_at: int | None = None) -> Watched:
     """Run `lme` with these words in `folder` until it ends, or kill it when its log holds `kill_at` episodes."""
-    begin = time.perf_counter()
+    start = time.perf_counter()
     log = _Tail(folder / RUN / APPEND_LOG)
     samples: list[Sample] = []
     with (folder / "output.txt").open("w") as output:
         process = subprocess.Popen([LME, *words], cwd=folder, stdout=output, stderr=output)
         while process.poll() is None:
             size = log.look()
-            sample = Sample(time.perf_counter() - begin, log.lines, size, *_memory(process.pid))
+            sample = Sample(time.perf_counter() - start, log.lines, size, *_memory(process.pid))
             if not samples or sample[1:] != samples[-1][1:]:
                 samples.append(sample)
             if kill_at is not None and log.lines >= kill_at:
                 process.kill()
             time.sleep(POLL_S)
-    wanted = 0 if kill_at is None else -signal.SIGKILL
-    assert process.returncode == wanted, (folder / "output.txt").read_text()
-    return Watched(samples, time.perf_counter() - begin)
+    expected_status = 0 if kill_at is None else -signal.SIGKILL
+    assert process.returncode == expected_status, (folder / "output.txt").read_text()
+    return Watched(samples, time.perf_counter() - start)
 
 
 class _Tail:
@@ -123,9 +123,9 @@ class _Tail:
         try:
             with self._path.open("rb") as file:
                 file.seek(self._read)
-                while part := file.read(1 << 20):
-                    self._read += len(part)
-                    self.lines += part.count(b"\n")
+                while chunk := file.read(1 << 20):
+                    self._read += len(chunk)
+                    self.lines += chunk.count(b"\n")
         except FileNotFoundError:
             return None
         return self._read
@@ -137,5 +137,5 @@ def _memory(process: int) -> tuple[float, float]:
         status = Path(f"/proc/{process}/status").read_text()
     except OSError:
         return 0.0, 0.0
-    found = dict(re.findall(r"(VmRSS|VmHWM):\s+(\d+) kB", status))
-    return int(found.get("VmRSS", 0)) / 1024, int(found.get("VmHWM", 0)) / 1024
+    kilobytes = dict(re.findall(r"(VmRSS|VmHWM):\s+(\d+) kB", status))
+    return int(kilobytes.get("VmRSS", 0)) / 1024, int(kilobytes.get("VmHWM", 0)) / 1024

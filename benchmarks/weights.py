@@ -46,9 +46,11 @@ def main() -> None:
     words.add_argument("--worlds", type=int, default=1000)
     words.add_argument("--maps", default="env1,env2,fresh")
     words.add_argument("words", nargs="*", metavar="KEY=VALUE")
-    given = words.parse_intermixed_args()
-    lines = report(given.folder, range(given.seeds), given.maps.split(","), given.worlds, given.words)
-    show(lines, "weights", given.record)
+    arguments = words.parse_intermixed_args()
+    lines = report(
+        arguments.folder, range(arguments.seeds), arguments.maps.split(","), arguments.worlds, arguments.words
+    )
+    show(lines, "weights", arguments.record)
 
 
 def report(
@@ -68,14 +70,14 @@ def table(
     """Yield the rows: the weights that ship with the system, then the best proposal of each seed."""
     yield f"| weights | winner | verdict | {' | '.join(maps)} |"
     yield f"|---|---|---|{'---|' * len(maps)}"
-    driven = [word for word in words if re.split(r"[.=]", word)[0] in DRIVEN_WITH]
-    start = [measured(folder / "start" / name, name, worlds, [], driven) for name in maps]
+    drive_words = [word for word in words if re.split(r"[.=]", word)[0] in DRIVEN_WITH]
+    start = [measured(folder / "start" / name, name, worlds, [], drive_words) for name in maps]
     yield f"| shipped | | | {' | '.join(start)} |"
     for seed in seeds:
         run_dir = folder / str(seed)
         winner, verdict, weights = trained(run_dir, seed, words)
-        found = [measured(run_dir / f"many_{name}", name, worlds, weights, driven) for name in maps]
-        yield f"| seed {seed} | {winner} | {verdict} | {' | '.join(found)} |"
+        cells = [measured(run_dir / f"many_{name}", name, worlds, weights, drive_words) for name in maps]
+        yield f"| seed {seed} | {winner} | {verdict} | {' | '.join(cells)} |"
 
 
 def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, list[str]]:
@@ -92,21 +94,23 @@ def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, l
         best = int(proposals[proposals["rung"] == proposals["rung"].max()].iloc[0]["trial"])
     values = {key: float(value) for key, value in trials.loc[best].items() if "." in str(key)}
     parameters = {
-        key.removeprefix(PARAMETERS): each for key, each in values.items() if key.startswith(PARAMETERS)
+        key.removeprefix(PARAMETERS): number for key, number in values.items() if key.startswith(PARAMETERS)
     }
-    settings = [f"{key}={each!r}" for key, each in values.items() if not key.startswith(PARAMETERS)]
+    settings = [f"{key}={number!r}" for key, number in values.items() if not key.startswith(PARAMETERS)]
     proposal = run_dir / "proposal.yaml"
     proposal.write_text(yaml.safe_dump({"parameters": {**content["parameters"], **parameters}}))
     return str(content["trial"]), content["held_out"]["verdict"], [f"weights={proposal}", *settings]
 
 
-def measured(run_dir: Path, name: str, worlds: int, weights: Sequence[str], driven: Sequence[str]) -> str:
+def measured(
+    run_dir: Path, name: str, worlds: int, weights: Sequence[str], drive_words: Sequence[str]
+) -> str:
     """ "0.980 / 0.013 / 0.4831", of a run that is driven unless it was before. `lab100` is driven three times."""
     words = [f"{word}{worlds}" if word.endswith("=") else word for word in MAPS[name]]
     runs = 3 if name == "lab100" else 1
     if not (run_dir / "table.md").is_file():
         common = ("tracking=none", f"hydra.run.dir={run_dir}", "resume=true")
-        lme("eval", *words, *driven, *weights, f"runs={runs}", *common)
+        lme("eval", *words, *drive_words, *weights, f"runs={runs}", *common)
     frame = read_episodes([run_dir])
     low, high = interval_of_mean(frame, "success")
     success, collision = ((frame["outcome"] == outcome).mean() for outcome in ("success", "collision"))

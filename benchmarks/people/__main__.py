@@ -42,46 +42,46 @@ def main() -> None:
     options.add_argument(
         "--moving", type=Path, help=f"recording of a robot that drives; default: SHARED/{MOVING}"
     )
-    given = options.parse_args()
-    check_named("--shared", given.shared)
-    check_named("--moving", given.moving)
-    shared = given.shared or SHARED
-    moving = given.moving or shared / MOVING
-    show(report(shared, given.worlds, given.part, moving), "people", given.record)
+    arguments = options.parse_args()
+    check_named("--shared", arguments.shared)
+    check_named("--moving", arguments.moving)
+    shared = arguments.shared or SHARED
+    moving = arguments.moving or shared / MOVING
+    show(report(shared, arguments.worlds, arguments.part, moving), "people", arguments.record)
 
 
-def report(shared: Path, worlds: str, parts: list[str], moving: Path) -> Iterator[str]:
+def report(shared: Path, worlds: str, sections: list[str], moving: Path) -> Iterator[str]:
     """Yield the lines of the report in Markdown."""
     yield "# People, from the scan alone\n"
     yield f"`python -m benchmarks.people --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield "| data | success | recall | precision | MOTA | switches | false a scan | velocity: median | rms | µs |"
     yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
-    if "dynabarn" in parts:
+    if "dynabarn" in sections:
         for difficulty in ("easy", "medium", "hard"):
-            yield _driven(f"DynaBARN {difficulty}", worlds, difficulty)
-        yield _driven("DynaBARN hard, slip 5 %, noise 2 cm", worlds, "hard", *NOISE)
-    if "static" in parts:
-        fresh = ("map=barn", "map.subset=fresh", "map.count=60", "map.fresh_seed=1")
-        yield _row("static BARN", *_scored(*fresh))
-        yield _row("static BARN, slip 5 %, noise 2 cm", *_scored(*fresh, *NOISE))
-    if "real" in parts:
-        yield from _real(shared / "bags" / "legs")
-    if "moving" in parts:
+            yield _closed_loop_row(f"DynaBARN {difficulty}", worlds, difficulty)
+        yield _closed_loop_row("DynaBARN hard, slip 5 %, noise 2 cm", worlds, "hard", *NOISE)
+    if "static" in sections:
+        fresh_worlds = ("map=barn", "map.subset=fresh", "map.count=60", "map.fresh_seed=1")
+        yield _row("static BARN", *_score_episodes(*fresh_worlds))
+        yield _row("static BARN, slip 5 %, noise 2 cm", *_score_episodes(*fresh_worlds, *NOISE))
+    if "real" in sections:
+        yield from _real_scan_rows(shared / "bags" / "legs")
+    if "moving" in sections:
         yield _moving(moving)
 
 
-def _driven(name: str, worlds: str, difficulty: str, *words: str) -> str:
-    places = ("map=dynabarn", f"map.difficulty={difficulty}", f"map.worlds={worlds}")
-    return _row(name, *_scored(*places, *words))
+def _closed_loop_row(name: str, worlds: str, difficulty: str, *words: str) -> str:
+    map_words = ("map=dynabarn", f"map.difficulty={difficulty}", f"map.worlds={worlds}")
+    return _row(name, *_score_episodes(*map_words, *words))
 
 
-def _scored(*words: str) -> tuple[Score, str, float]:
+def _score_episodes(*words: str) -> tuple[Score, str, float]:
     score = Score()
     successes, episodes, times = drive(words, score)
     return score, f"{successes} of {episodes}", float(np.median(times))
 
 
-def _real(folder: Path) -> Iterator[str]:
+def _real_scan_rows(folder: Path) -> Iterator[str]:
     """A row for the recordings together."""
     if not folder.exists():
         yield f"| real: {folder} is absent |"
@@ -115,19 +115,19 @@ def _add(
     score.begin()
     for k, (tracks, spent) in enumerate(tracks_of_scans):
         times.append(spent)
-        now = truth.scan == k
-        scored = now & truth.walking
-        seen = np.hstack([truth.place[scored], truth.velocity[scored]])
-        score.add(truth.person[scored], seen, tracks, truth.place[now & ~truth.walking])
+        in_scan = truth.scan == k
+        walking = in_scan & truth.walking
+        truth_rows = np.hstack([truth.place[walking], truth.velocity[walking]])
+        score.add(truth.person[walking], truth_rows, tracks, truth.place[in_scan & ~truth.walking])
 
 
 def _row(name: str, score: Score, success: str, spent: float) -> str:
     values = score.result()
-    shown = [_shown(values[key], 0 if key == "switches" else 3) for key in _COLUMNS]
-    return f"| {name} | {success} | {' | '.join(shown)} | {spent:.0f} |"
+    cells = [_cell(values[key], 0 if key == "switches" else 3) for key in _COLUMNS]
+    return f"| {name} | {success} | {' | '.join(cells)} | {spent:.0f} |"
 
 
-def _shown(value: float, digits: int) -> str:
+def _cell(value: float, digits: int) -> str:
     """A number; a dash where nobody is there to be seen."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 

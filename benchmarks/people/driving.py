@@ -51,10 +51,10 @@ class _Timed(TrackedPeople):
 
     def seen(self, observation: Observation, time: float | None) -> Observation:
         """As of its class."""
-        began = thread_time_ns()
-        found = super().seen(observation, time)
-        self.times.append((thread_time_ns() - began) / 1000.0)
-        return found
+        start_ns = thread_time_ns()
+        tracks = super().seen(observation, time)
+        self.times.append((thread_time_ns() - start_ns) / 1000.0)
+        return tracks
 
 
 class _Watcher:
@@ -63,26 +63,26 @@ class _Watcher:
     def __init__(self, simulator: Simulator, task: Task, robot: Robot, people: TrackedPeople, score: Score):
         self._simulator, self._mount, self._people, self._score = simulator, robot.lidar.mount, people, score
         self._static, self._dt = len(task.world.circles), robot.dt
-        self._before: Floats | None = None
+        self._discs_before: Floats | None = None
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
         """Score a decision's tracks."""
         discs = self._simulator.obstacles[0][self._static :]
-        moved = 0.0 if self._before is None else (discs[:, :2] - self._before) / self._dt
-        velocities = np.zeros((len(discs), 2)) + moved
-        self._before = discs[:, :2].copy()
+        displacement = 0.0 if self._discs_before is None else (discs[:, :2] - self._discs_before) / self._dt
+        velocities = np.zeros((len(discs), 2)) + displacement
+        self._discs_before = discs[:, :2].copy()
         scan, lidar = observation.scan, compose(state.pose, self._mount)
         angles = (scan.angle_min, scan.angle_increment)
         limits = (scan.range_min, scan.range_max, _SLACK)
-        places = (*lidar,), (*state.pose,)
-        seen = [
-            discs_in_sight(discs[k : k + 1], velocities[k : k + 1], scan.ranges, angles, limits, *places)
+        poses = (*lidar,), (*state.pose,)
+        visible_discs = [
+            discs_in_sight(discs[k : k + 1], velocities[k : k + 1], scan.ranges, angles, limits, *poses)
             for k in range(len(discs))
         ]
-        people = np.array([k for k, each in enumerate(seen) if len(each)], dtype=np.int64)
+        people = np.array([k for k, disc in enumerate(visible_discs) if len(disc)], dtype=np.int64)
         tracks = self._people.tracks
         assert tracks is not None
-        self._score.add(people, np.vstack([np.empty((0, 4)), *seen]), tracks)
+        self._score.add(people, np.vstack([np.empty((0, 4)), *visible_discs]), tracks)
 
     def ended(self, *end: Any) -> None:
         """There is no decision to score."""

@@ -44,19 +44,24 @@ def main() -> None:
     options.add_argument("--start", type=float, default=0.0, help="[s]")
     options.add_argument("--end", type=float, default=np.inf, help="[s]")
     options.add_argument("--to", type=Path, default=Path("people.gif"), help="a GIF or an MP4")
-    given = options.parse_args()
-    film(given.shared / "bags" / "legs" / f"positive_{given.recording}.bag", given.start, given.end, given.to)
-    print(f"film     {given.to}")
+    arguments = options.parse_args()
+    film(
+        arguments.shared / "bags" / "legs" / f"positive_{arguments.recording}.bag",
+        arguments.start,
+        arguments.end,
+        arguments.to,
+    )
+    print(f"film     {arguments.to}")
 
 
 def film(bag: Path, start: float, end: float, to: Path) -> None:
     """Track a recording, and film its part from `start` to `end` [s]."""
     recording = read(bag)
-    tracks = [each for each, _ in tracked(recording)]
-    shown = np.flatnonzero((recording.times >= start) & (recording.times <= end))
-    sample = shown[:: max(len(shown) // _SAMPLE, 1)]
+    tracks = [tracks_of_scan for tracks_of_scan, _ in tracked(recording)]
+    scans = np.flatnonzero((recording.times >= start) & (recording.times <= end))
+    sample = scans[:: max(len(scans) // _SAMPLE, 1)]
     rate = 1.0 / float(np.median(np.diff(recording.times)))
-    write_film(_pictures(recording, tracks, shown), to, rate, list(_pictures(recording, tracks, sample)))
+    write_film(_pictures(recording, tracks, scans), to, rate, list(_pictures(recording, tracks, sample)))
 
 
 def _pictures(recording: Recording, tracks: list[Tracks], scans: Ints) -> Iterator[Picture]:
@@ -69,17 +74,20 @@ def _pictures(recording: Recording, tracks: list[Tracks], scans: Ints) -> Iterat
         axes.clear()
         axes.set(xlim=_BOX[:2], ylim=_BOX[2:], aspect="equal")
         axes.set_axis_off()
-        seen = recording.ranges[k] > 0.0
+        is_return = recording.ranges[k] > 0.0
         points = recording.ranges[k][:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-        axes.plot(*points[seen].T, ".", color="0.35", markersize=2.5)
+        axes.plot(*points[is_return].T, ".", color="0.35", markersize=2.5)
         axes.plot(0.0, 0.0, "^", color="black", markersize=8)
         axes.text(_BOX[0] + 0.2, _BOX[3] - 0.5, f"{recording.times[k]:.1f} s", fontsize=11)
         for name, (x, y, vx, vy), radius in zip(*tracks[k][:3], strict=True):
             colour = _COLOURS[name % len(_COLOURS)]
-            before = [some.pedestrians[some.names == name] for some in tracks[max(k - _WAY, 0) : k + 1]]
-            axes.plot(*np.vstack(before)[:, :2].T, "-", color=colour, linewidth=1.5)
-            around = np.linspace(0.0, 2.0 * np.pi, 40)
-            axes.plot(x + radius * np.cos(around), y + radius * np.sin(around), color=colour, linewidth=1.8)
+            history = [
+                scan_tracks.pedestrians[scan_tracks.names == name]
+                for scan_tracks in tracks[max(k - _WAY, 0) : k + 1]
+            ]
+            axes.plot(*np.vstack(history)[:, :2].T, "-", color=colour, linewidth=1.5)
+            circle = np.linspace(0.0, 2.0 * np.pi, 40)
+            axes.plot(x + radius * np.cos(circle), y + radius * np.sin(circle), color=colour, linewidth=1.8)
             axes.annotate("", (x + vx, y + vy), (x, y), arrowprops={"arrowstyle": "->", "color": colour})
             axes.text(x + radius, y + radius, str(name), color=colour, fontsize=11, fontweight="bold")
         canvas.draw()

@@ -58,21 +58,23 @@ class Labels(NamedTuple):
 def read(path: Path) -> Recording:
     """The scans of a ROS recording with one topic. Raises InputError if it cannot be read."""
     with Bag(path) as bag:
-        return recording_of([each.content for each in bag.messages([topic.name for topic in bag.topics()])])
+        return recording_of(
+            [message.content for message in bag.messages([topic.name for topic in bag.topics()])]
+        )
 
 
 def recording_of(messages: Sequence[Any]) -> Recording:
     """The scans in messages of type LaserScan."""
-    first = messages[0]
+    scan = messages[0]
     stamps = [m.header.stamp for m in messages]
     ranges = np.array([m.ranges for m in messages], dtype=np.float64)
-    returned = np.isfinite(ranges) & (ranges > first.range_min) & (ranges < first.range_max)
+    returned = np.isfinite(ranges) & (ranges > scan.range_min) & (ranges < scan.range_max)
     return Recording(
         np.array([s.sec - stamps[0].sec + 1e-9 * s.nanosec for s in stamps]),
         np.where(returned | np.isnan(ranges), ranges, 0.0),
-        float(first.angle_min),
-        float(first.angle_increment),
-        float(first.range_max),
+        float(scan.angle_min),
+        float(scan.angle_increment),
+        float(scan.range_max),
     )
 
 
@@ -94,11 +96,13 @@ def _foreground_points(recording: Recording) -> list[Floats]:
     for beam in range(ranges.shape[1]):
         own = ranges[returned[:, beam], beam]
         levels = np.sort(own)
-        seen = np.searchsorted(levels, own + _SAME) - np.searchsorted(levels, own - _SAME)
-        share[returned[:, beam], beam] = seen / len(ranges)
+        num_like = np.searchsorted(levels, own + _SAME) - np.searchsorted(levels, own - _SAME)
+        share[returned[:, beam], beam] = num_like / len(ranges)
     angles = recording.angle_min + recording.angle_increment * np.arange(ranges.shape[1])
     xy = ranges[:, :, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return [points[own & (part < _BACKGROUND)] for points, own, part in zip(xy, returned, share, strict=True)]
+    return [
+        points[own & (shares < _BACKGROUND)] for points, own, shares in zip(xy, returned, share, strict=True)
+    ]
 
 
 def _clusters(points: Floats) -> list[Floats]:
@@ -118,17 +122,17 @@ def _clusters(points: Floats) -> list[Floats]:
 def _linked(detections: list[list[Floats]], times: Floats) -> list[list[tuple[int, float, float]]]:
     """Tracks of (scan, x, y): each detection goes to the nearest place where somebody is expected."""
     tracks: list[list[tuple[int, float, float]]] = []
-    for scan, places in enumerate(detections):
+    for scan, clusters in enumerate(detections):
         alive = [t for t in tracks if scan - t[-1][0] <= _LONGEST_GAP]
         expected = np.array([_expected(t, times, times[scan]) for t in alive]).reshape(-1, 2)
-        found = np.array(places).reshape(-1, 2)
-        apart = np.linalg.norm(expected[:, None] - found[None], axis=2)
-        taken = set()
+        positions = np.array(clusters).reshape(-1, 2)
+        apart = np.linalg.norm(expected[:, None] - positions[None], axis=2)
+        linked = set()
         for i, j in zip(*linear_sum_assignment(np.minimum(apart, 10.0 * _GATE)), strict=True):
             if apart[i, j] <= _GATE:
-                alive[i].append((scan, *found[j]))
-                taken.add(j)
-        tracks += [[(scan, *place)] for j, place in enumerate(found) if j not in taken]
+                alive[i].append((scan, *positions[j]))
+                linked.add(j)
+        tracks += [[(scan, *position)] for j, position in enumerate(positions) if j not in linked]
     return tracks
 
 
@@ -141,11 +145,11 @@ def _expected(track: list[tuple[int, float, float]], times: Floats, time: float)
     return line(seconds, last[:, 1:], time)[0]
 
 
-def line(seconds: Floats, places: Floats, time: float) -> tuple[Floats, Floats]:
+def line(seconds: Floats, positions: Floats, time: float) -> tuple[Floats, Floats]:
     """Place (2,) and velocity (2,) at a time, by least squares."""
     design = np.column_stack([np.ones(len(seconds)), seconds - time])
-    place, velocity = np.linalg.lstsq(design, places, rcond=None)[0]
-    return place, velocity
+    position, velocity = np.linalg.lstsq(design, positions, rcond=None)[0]
+    return position, velocity
 
 
 def _rows(person: int, track: Floats, times: Floats) -> Floats:
@@ -155,7 +159,7 @@ def _rows(person: int, track: Floats, times: Floats) -> Floats:
     moves = len(track) >= _SHORTEST and box >= _LEAST_WAY
     rows = []
     for scan in scans:
-        near = np.abs(scans - scan) <= SMOOTHED
-        place, velocity = line(times[scans[near]], track[near, 1:], times[scan])
-        rows.append((scan, person, *place, *velocity, moves and np.linalg.norm(velocity) >= WALKING))
+        is_near = np.abs(scans - scan) <= SMOOTHED
+        position, velocity = line(times[scans[is_near]], track[is_near, 1:], times[scan])
+        rows.append((scan, person, *position, *velocity, moves and np.linalg.norm(velocity) >= WALKING))
     return np.array(rows, dtype=np.float64)

@@ -45,25 +45,27 @@ class Drive(NamedTuple):
 def read_drive(path: Path) -> Drive:
     """Read a recording. Raises InputError if it cannot be read, or lacks labels, poses or the scanner's mount."""
     labels: list[tuple[int, Any]] = []
-    found: list[PosedScan] = []
+    posed_scans: list[PosedScan] = []
     with Bag(path) as bag:
         topics = choose(bag, BagTopicsConfig(), None)
-        about = inspect(bag, topics, FramesConfig(), "auto")
-        if about.mount is None:
-            raise InputError(f"bag {path}: no transform from {about.frames.base} to the scanner")
-        scans = PosedScans(about, _STALE)
+        recording = inspect(bag, topics, FramesConfig(), "auto")
+        if recording.mount is None:
+            raise InputError(f"bag {path}: no transform from {recording.frames.base} to the scanner")
+        scans = PosedScans(recording, _STALE)
         for message in bag.messages({*topics.names, _LABELS}):
-            found += scans.ready(message)
+            posed_scans += scans.ready(message)
             scans.take(message)
             if message.topic == _LABELS:
                 labels.append((scans.scans - 1, message.content))
-        found += scans.ready(None)
+        posed_scans += scans.ready(None)
     if not labels:
         raise InputError(f"bag {path}: no labels: it has no messages on {_LABELS}")
-    mount, _ = planar_matrix(about.mount)
-    table = [(scan, each.id, each.pose.position.x, each.pose.position.y) for scan, each in labels]
-    scanner = [compose(_pose(each, path), mount) for each in found]
-    return Drive(recording_of([each.message.content for each in found]), scanner, np.array(table, np.float64))
+    mount, _ = planar_matrix(recording.mount)
+    table = [(scan, label.id, label.pose.position.x, label.pose.position.y) for scan, label in labels]
+    scanner = [compose(_pose(label, path), mount) for label in posed_scans]
+    return Drive(
+        recording_of([label.message.content for label in posed_scans]), scanner, np.array(table, np.float64)
+    )
 
 
 def labels_of(drive: Drive) -> Labels:
@@ -73,16 +75,18 @@ def labels_of(drive: Drive) -> Labels:
     frame of the odometry. Who was labelled only once in that time counts as standing.
     """
     scans, people = drive.labels[:, :2].astype(np.int64).T
-    places, times = drive.labels[:, 2:], drive.recording.times
-    ground = np.array([to_world(place, drive.poses[k]) for k, place in zip(scans, places, strict=True)])
-    velocities = np.zeros_like(places)
+    positions, times = drive.labels[:, 2:], drive.recording.times
+    ground = np.array(
+        [to_world(position, drive.poses[k]) for k, position in zip(scans, positions, strict=True)]
+    )
+    velocities = np.zeros_like(positions)
     for i, scan in enumerate(scans):
-        near = (people == people[i]) & (np.abs(scans - scan) <= SMOOTHED)
-        if near.sum() > 1:
-            velocity = line(times[scans[near]], ground[near], times[scan])[1]
+        neighbours = (people == people[i]) & (np.abs(scans - scan) <= SMOOTHED)
+        if neighbours.sum() > 1:
+            velocity = line(times[scans[neighbours]], ground[neighbours], times[scan])[1]
             velocities[i] = to_robot(velocity, Pose(0.0, 0.0, drive.poses[scan].yaw))
     walking = np.hypot(*velocities.T) >= WALKING
-    return Labels(scans, people, places, velocities, walking & _in_sector(places))
+    return Labels(scans, people, positions, velocities, walking & _in_sector(positions))
 
 
 def tracked_in_sector(drive: Drive) -> Iterator[tuple[Tracks, float]]:
@@ -93,11 +97,11 @@ def tracked_in_sector(drive: Drive) -> Iterator[tuple[Tracks, float]]:
         yield Tracks(names[own], pedestrians[own], radius[own], age[own], covariance[own]), spent
 
 
-def _in_sector(places: Floats) -> Bools:
+def _in_sector(positions: Floats) -> Bools:
     """Which of the places (P, 2) count."""
-    angles = np.arctan2(places[:, 1], places[:, 0])
-    counted: Bools = (angles >= _SECTOR[0]) & (angles <= _SECTOR[1])
-    return counted
+    angles = np.arctan2(positions[:, 1], positions[:, 0])
+    is_inside: Bools = (angles >= _SECTOR[0]) & (angles <= _SECTOR[1])
+    return is_inside
 
 
 def _pose(scan: PosedScan, path: Path) -> Pose:

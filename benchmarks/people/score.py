@@ -23,7 +23,7 @@ class Score:
     _episodes: int = 0
     _log: motmetrics.MOTAccumulator = field(default_factory=motmetrics.MOTAccumulator)
     _true: dict[tuple[int, int], Floats] = field(default_factory=dict)
-    _found: dict[tuple[int, int], Floats] = field(default_factory=dict)
+    _tracked_velocities: dict[tuple[int, int], Floats] = field(default_factory=dict)
 
     def begin(self) -> None:
         """Start an episode."""
@@ -31,28 +31,28 @@ class Score:
 
     def add(self, people: Ints, truth: Floats, tracks: Tracks, others: Floats | None = None) -> None:
         """Add a scan: people (P,) and where they are and go, (P, 4); others (O, 2): may be tracked, or not."""
-        apart = _apart(truth[:, :2], tracks.pedestrians[:, :2])
-        counted: Any = np.ones(len(tracks.names), np.bool_)
-        if others is not None and len(others) and len(counted):
-            beside = (_apart(others, tracks.pedestrians[:, :2]) <= NEAR).any(axis=0)
-            counted = ~beside | (apart <= NEAR).any(axis=0)
+        distances = _apart(truth[:, :2], tracks.pedestrians[:, :2])
+        is_counted: Any = np.ones(len(tracks.names), np.bool_)
+        if others is not None and len(others) and len(is_counted):
+            is_other = (_apart(others, tracks.pedestrians[:, :2]) <= NEAR).any(axis=0)
+            is_counted = ~is_other | (distances <= NEAR).any(axis=0)
         offset, scan = self._episodes * _CLOCK, self.scans
-        names, apart = tracks.names[counted] + offset, apart[:, counted]
-        near = np.where(apart <= NEAR, apart, np.nan)
-        self._log.update((people + offset).tolist(), names.tolist(), near, frameid=scan)
+        names, distances = tracks.names[is_counted] + offset, distances[:, is_counted]
+        pairs = np.where(distances <= NEAR, distances, np.nan)
+        self._log.update((people + offset).tolist(), names.tolist(), pairs, frameid=scan)
         self._true |= {(scan, int(name)): v for name, v in zip(people + offset, truth[:, 2:], strict=True)}
-        found = tracks.pedestrians[counted, 2:]
-        self._found |= {(scan, int(name)): v for name, v in zip(names, found, strict=True)}
+        velocities = tracks.pedestrians[is_counted, 2:]
+        self._tracked_velocities |= {(scan, int(name)): v for name, v in zip(names, velocities, strict=True)}
         self.scans += 1
 
     def result(self) -> dict[str, float]:
         """recall, precision, mota; switches; false: tracks a scan; median and rms of the velocity's error [m/s]."""
-        wanted = ["recall", "precision", "mota", "num_switches", "num_false_positives"]
-        row = motmetrics.metrics.create().compute(self._log, metrics=wanted, name="all").iloc[0]
+        metrics = ["recall", "precision", "mota", "num_switches", "num_false_positives"]
+        row = motmetrics.metrics.create().compute(self._log, metrics=metrics, name="all").iloc[0]
         events = self._log.mot_events.reset_index()
         pairs = events[events.Type.isin(("MATCH", "SWITCH"))]
         errors = [
-            float(np.hypot(*(self._true[scan, int(person)] - self._found[scan, int(track)])))
+            float(np.hypot(*(self._true[scan, int(person)] - self._tracked_velocities[scan, int(track)])))
             for scan, person, track in zip(pairs.FrameId, pairs.OId, pairs.HId, strict=True)
         ] or [np.nan]
         return {

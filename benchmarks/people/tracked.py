@@ -29,6 +29,6 @@ def tracked(recording: Recording, poses: Sequence[Pose] | None = None) -> Iterat
     stations = [_HERE] * len(steps) if poses is None else poses
     for ranges, dt, pose in zip(recording.ranges, steps, stations, strict=True):
         scan = LaserScan(ranges.astype(np.float32), *angles, _RANGE_MIN, recording.range_max)
-        began = time.thread_time_ns()
+        start_ns = time.thread_time_ns()
         tracks = tracker.update(scan, pose, float(dt))
-        yield tracks, (time.thread_time_ns() - began) / 1000.0
+        yield tracks, (time.thread_time_ns() - start_ns) / 1000.0

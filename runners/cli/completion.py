@@ -57,39 +57,39 @@ SCRIPTS = {"bash": BASH, "zsh": ZSH}
 def candidates(line: str, commands: Iterable[str]) -> list[str]:
     """Return the whole words that may replace the last word of `line`."""
     words = line.split(" ")
-    *before, word = [text for text in words[:-1] if text] + words[-1:]
-    if len(before) <= 1:
+    *preceding, word = [text for text in words[:-1] if text] + words[-1:]
+    if len(preceding) <= 1:
         return _starting(word, (*commands, "--help", "--version"))
     # The value of a flag comes before options of the command.
-    folders = [Path(value) for flag, value in pairwise(before) if _is_config_dir(flag)]
+    folders = [Path(value) for flag, value in pairwise(preceding) if _is_config_dir(flag)]
     configs = catalogue.shipped(*folders)
-    if _is_config_dir(before[-1]):
+    if _is_config_dir(preceding[-1]):
         return _paths(word, folders_only=True)
-    if before[-1] in _AFTER_FLAG:
-        return _starting(word, _AFTER_FLAG[before[-1]])
+    if preceding[-1] in _AFTER_FLAG:
+        return _starting(word, _AFTER_FLAG[preceding[-1]])
     # A command with a config takes overrides, any other its own flags and paths.
     try:
-        groups = configs.groups(before[1])
+        groups = configs.groups(preceding[1])
     except FileNotFoundError:  # a command without a config
-        command = Path(__file__).parent / "commands" / f"{before[1].replace('-', '_')}.py"
+        command = Path(__file__).parent / "commands" / f"{preceding[1].replace('-', '_')}.py"
         return _starting(word, _flags(command)) if word.startswith("-") else _paths(word)
     if word.startswith("-"):
         return _starting(word, _flags(Path(arguments.__file__)))
-    return _override(word, before[1], groups, before, configs)
+    return _override(word, preceding[1], groups, preceding, configs)
 
 
-def drop_broken_part(found: Sequence[str], line: str, breaks: str) -> list[str]:
+def drop_broken_part(texts: Sequence[str], line: str, breaks: str) -> list[str]:
     """Return the candidates without the part that bash takes for an earlier word: it splits words at = and :."""
     word = line.rpartition(" ")[2]
     cut = max((word.rfind(letter) for letter in "=:" if letter in breaks), default=-1) + 1
-    return [candidate[cut:] for candidate in found]
+    return [candidate[cut:] for candidate in texts]
 
 
 def _override(
     word: str,
     command: str,
     groups: dict[str, str | None],
-    before: Sequence[str],
+    preceding: Sequence[str],
     configs: catalogue.Catalogue,
 ) -> list[str]:
     plus = "+" * (len(word) - len(word.lstrip("+")))
@@ -99,23 +99,25 @@ def _override(
         names = [*(f"{group}=" for group in groups), *(f"{item.name}=" for item in configs.keys(command))]
         head = key.partition(".")[0]
         if "." in key and head in groups:
-            names = [f"{head}.{name}=" for name in _keys(head, groups[head], before, configs)]
-        if not plus and len(before) == len(("lme", command)):
+            names = [f"{head}.{name}=" for name in _keys(head, groups[head], preceding, configs)]
+        if not plus and len(preceding) == len(("lme", command)):
             names = [*configs.options(command), *names]  # lme figure KIND
         return [plus + name for name in _starting(key, names)]
     # Complete the last value of a list or of a sweep.
-    last = re.split(r"[,\[]", value)[-1]
-    done = value.removesuffix(last)
-    found = _values(key, last, groups, command, configs)
-    return [f"{plus}{key}={done}{text}" for text in found]
+    last_item = re.split(r"[,\[]", value)[-1]
+    finished_items = value.removesuffix(last_item)
+    values_found = _values(key, last_item, groups, command, configs)
+    return [f"{plus}{key}={finished_items}{text}" for text in values_found]
 
 
-def _keys(group: str, default: str | None, before: Sequence[str], configs: catalogue.Catalogue) -> list[str]:
+def _keys(
+    group: str, default: str | None, preceding: Sequence[str], configs: catalogue.Catalogue
+) -> list[str]:
     """Return the keys of the option that the line chooses, or of the default option."""
-    chosen = [text.partition("=")[2] for text in before if text.lstrip("+").startswith(f"{group}=")]
-    if before[1] == group and len(before) > 2 and before[2] in configs.options(group):
-        chosen.insert(0, before[2])  # lme figure KIND
-    option = chosen[-1] if chosen else default
+    options = [text.partition("=")[2] for text in preceding if text.lstrip("+").startswith(f"{group}=")]
+    if preceding[1] == group and len(preceding) > 2 and preceding[2] in configs.options(group):
+        options.insert(0, preceding[2])  # lme figure KIND
+    option = options[-1] if options else default
     try:
         return [key.name for key in configs.keys(f"{group}/{option}")]
     except FileNotFoundError:
@@ -123,12 +125,12 @@ def _keys(group: str, default: str | None, before: Sequence[str], configs: catal
 
 
 def _values(
-    key: str, last: str, groups: dict[str, str | None], command: str, configs: catalogue.Catalogue
+    key: str, last_item: str, groups: dict[str, str | None], command: str, configs: catalogue.Catalogue
 ) -> list[str]:
     if key in groups:
-        return _starting(last, configs.choices(key, command))
-    named = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
-    return _starting(last, named) + (_paths(last) if key in _PATH_KEYS else [])
+        return _starting(last_item, configs.choices(key, command))
+    names = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
+    return _starting(last_item, names) + (_paths(last_item) if key in _PATH_KEYS else [])
 
 
 def _flags(module: Path) -> list[str]:
@@ -149,10 +151,10 @@ def _paths(word: str, folders_only: bool = False) -> list[str]:
     """Return the files and folders that begin with `word`; folders end in a slash."""
     folder, slash, start = word.rpartition("/")
     try:
-        place = expanded(f"{folder}{slash}" or ".")
-        entries = sorted(entry for entry in place.iterdir() if entry.name.startswith(start))
+        directory = expanded(f"{folder}{slash}" or ".")
+        entries = sorted(entry for entry in directory.iterdir() if entry.name.startswith(start))
     except (InputError, OSError):
         return []
     visible = [entry for entry in entries if start.startswith(".") or not entry.name.startswith(".")]
-    wanted = [entry for entry in visible if entry.is_dir() or not folders_only]
-    return [f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}" for entry in wanted]
+    entries_shown = [entry for entry in visible if entry.is_dir() or not folders_only]
+    return [f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}" for entry in entries_shown]

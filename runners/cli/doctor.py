@@ -42,48 +42,55 @@ class Line(NamedTuple):
 
 def report() -> list[Line]:
     """Return all lines: versions, extras, machine, folders."""
-    packages = [_package(each) for each in extras.needed()]
-    optional = [_extra(name, each) for name, each in extras.optional().items()]
+    packages = [_package(requirement) for requirement in extras.needed()]
+    optional = [_extra(name, requirement) for name, requirement in extras.optional().items()]
     return [_lme(), _python(), *packages, *optional, _cores(), *_memory(), _numba(), _outputs(), _mlflow()]
 
 
 def _lme() -> Line:
-    found = f"{lme.__version__}, {Path(lme.__file__).parent}"
+    description = f"{lme.__version__}, {Path(lme.__file__).parent}"
     installed = _version(DISTRIBUTION)
     if installed is None:
         return Line(
-            "lme", found, f"{DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
+            "lme", description, f"{DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
         )
     if installed != lme.__version__:
-        return Line("lme", found, f"the installed metadata is of {installed}; {_REINSTALL}")
-    return Line("lme", found)
+        return Line("lme", description, f"the installed metadata is of {installed}; {_REINSTALL}")
+    return Line("lme", description)
 
 
 def _python() -> Line:
-    found = f"{platform.python_version()}, {platform.platform()}, {sys.executable}"
+    description = f"{platform.python_version()}, {platform.platform()}, {sys.executable}"
     try:
-        wanted = metadata(DISTRIBUTION)["Requires-Python"]
+        specifier = metadata(DISTRIBUTION)["Requires-Python"]
     except PackageNotFoundError:
-        wanted = ""
-    fits = SpecifierSet(wanted).contains(platform.python_version(), prereleases=True)
-    return Line("Python", found, "" if fits else f"must be {wanted}: make an environment with such a Python")
+        specifier = ""
+    is_supported = SpecifierSet(specifier).contains(platform.python_version(), prereleases=True)
+    return Line(
+        "Python",
+        description,
+        "" if is_supported else f"must be {specifier}: make an environment with such a Python",
+    )
 
 
 def _package(needed: Requirement) -> Line:
-    found = _version(needed.name)
-    fits = found is not None and needed.specifier.contains(found, prereleases=True)
-    return Line(needed.name, found or "missing", "" if fits else install(needed.name))
+    version = _version(needed.name)
+    is_suitable = version is not None and needed.specifier.contains(version, prereleases=True)
+    return Line(needed.name, version or "missing", "" if is_suitable else install(needed.name))
 
 
 def _extra(name: str, needed: Sequence[Requirement]) -> Line:
     """Describe an extra. It is no problem if it is not installed, but it is one if its version is unsuitable."""
-    found = {each.name: _version(each.name) for each in needed}
-    label, names = f"extra {name}", [each.name for each in needed]
-    if None in found.values():
+    versions_by_name = {requirement.name: _version(requirement.name) for requirement in needed}
+    label, names = f"extra {name}", [requirement.name for requirement in needed]
+    if None in versions_by_name.values():
         return Line(label, f"no; {install(*names)}")
-    fits = all(each.specifier.contains(str(found[each.name]), prereleases=True) for each in needed)
-    versions = ", ".join(f"{package} {version}" for package, version in found.items())
-    return Line(label, f"yes, {versions}", "" if fits else install(*names))
+    are_suitable = all(
+        requirement.specifier.contains(str(versions_by_name[requirement.name]), prereleases=True)
+        for requirement in needed
+    )
+    versions = ", ".join(f"{package} {version}" for package, version in versions_by_name.items())
+    return Line(label, f"yes, {versions}", "" if are_suitable else install(*names))
 
 
 def _version(package: str) -> str | None:
@@ -104,9 +111,9 @@ def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
         total, free = (int(fields[name].split()[0]) / 2**20 for name in ("MemTotal", "MemAvailable"))
     except (OSError, KeyError, ValueError):
         return []
-    fitting = max(int(free / WORKER_GB), 1)
-    advice = f"little for {available_cores()} worker processes: try executor.workers={fitting}"
-    enough = fitting >= available_cores()
+    max_workers = max(int(free / WORKER_GB), 1)
+    advice = f"little for {available_cores()} worker processes: try executor.workers={max_workers}"
+    enough = max_workers >= available_cores()
     return [Line("memory", f"{total:.1f} GB, {free:.1f} GB available", "" if enough else advice)]
 
 
@@ -119,11 +126,11 @@ def _numba() -> Line:
 
 
 def _outputs() -> Line:
-    place = OUTPUTS.absolute()
-    if _is_writable(place):
-        return Line("outputs", f"{place}, writable")
+    directory = OUTPUTS.absolute()
+    if _is_writable(directory):
+        return Line("outputs", f"{directory}, writable")
     return Line(
-        "outputs", f"{place}, not writable", "call lme in a folder that you own, or set hydra.run.dir=DIR"
+        "outputs", f"{directory}, not writable", "call lme in a folder that you own, or set hydra.run.dir=DIR"
     )
 
 

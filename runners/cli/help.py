@@ -85,7 +85,7 @@ def command(name: str, title: str, examples: Sequence[str], words: Sequence[str]
             "",
             "how to:",
             *_table((_WORLDS,) if "map" in configs.groups(name) else ()),
-            *_table((how, what.format(command=name)) for how, what in _HOW_TO),
+            *_table((how, template.format(command=name)) for how, template in _HOW_TO),
         ]
     )
 
@@ -98,8 +98,8 @@ def _keys(configs: catalogue.Catalogue, name: str, prefix: str = "") -> list[str
 def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:
     lines = []
     for group, default in configs.groups(command_name).items():
-        kind, at, _ = group.partition("@")
-        if at:  # one more choice of a group, at another place of the config
+        kind, package, _ = group.partition("@")
+        if package:  # one more choice of a group, at another place of the config
             lines.append(f"  {group}: an option of {kind}; * {default}")
             continue
         options = configs.choices(group, command_name)

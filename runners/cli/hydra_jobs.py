@@ -9,7 +9,11 @@ that `hydra.main` would make.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import contextlib
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +25,69 @@ from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from runners.cli.submitted import Submitted
 from runners.config import worlds
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
 from runners.config.urls import masked_text
 from runners.tracking.mlflow import sweep_closed
+
+_ID = "%j"  # submitit's sign for the number of a job
+
+
+class LauncherError(RuntimeError):
+    """Jobs could not be submitted, or one of them ended without a result, for instance because it was killed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Submitted:
+    """The jobs of a sweep. name: of the command. folder: for a job's output, with _ID; "" for other launchers."""
+
+    name: str
+    folder: str
+
+    @classmethod
+    def of(cls, config: DictConfig, name: str) -> Submitted:
+        """Return the jobs of a config that includes Hydra's own part."""
+        return cls(name, str(OmegaConf.select(config, "hydra.launcher.submitit_folder", default="")))
+
+    def announce(self, num_jobs: int) -> None:
+        """Print where to look while the jobs run."""
+        if self.folder:
+            print(
+                f"lme {self.name}: {num_jobs} jobs submitted; their output: {self._output_folder}",
+                file=sys.stderr,
+            )
+
+    def report_failures(self, jobs: Sequence[JobReturn]) -> None:
+        """Name every failed job, and the file in which it says why."""
+        for job in jobs if self.folder else ():
+            if int(job.return_value):
+                assert job.hydra_cfg is not None
+                job_settings, words = job.hydra_cfg.hydra.job, " ".join(job.overrides or ())
+                log = Path(self.folder.replace(_ID, job_settings.id)) / f"{job_settings.id}_0_log.err"
+                print(f"lme {self.name}: job {job_settings.num} failed ({words}): see {log}", file=sys.stderr)
+
+    @contextlib.contextmanager
+    def explain_errors(self) -> Iterator[None]:
+        """Raise a LauncherError of one line in place of submitit's error about a job or the cluster."""
+        try:
+            yield
+        except RuntimeError as error:
+            if not _is_of_submitit(error):
+                raise
+            summary = " ".join(str(error).splitlines()[:2])  # the log of the job follows
+            raise LauncherError(f"{summary}; output of the jobs: {self._output_folder}") from error
+
+    @property
+    def _output_folder(self) -> Path:
+        """Return the folder with the output of all jobs."""
+        return Path(self.folder.partition(_ID)[0])
+
+
+def _is_of_submitit(error: Exception) -> bool:
+    """Return whether submitit itself raised the error. Errors of a job's code are raised elsewhere."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return str(frames[-1].f_globals["__name__"]).startswith("submitit.")
 
 
 def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]) -> int:
@@ -42,17 +103,17 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     _set(config, {"job.name": name, "run.dir": str(directory), "mode": RunMode.RUN})
     callbacks = Callbacks(config)
     callbacks.on_run_start(config=config, config_name=composer.config_name)
-    callbacks.callbacks.append(_Masked())
+    callbacks.callbacks.append(_MaskPasswords())
     context = HydraContext(config_loader=composer.loader, callbacks=callbacks)
-    result = run_job(
+    job_return = run_job(
         hydra_context=context,
         task_function=task,
         config=config,
         job_dir_key="hydra.run.dir",
         job_subdir_key=None,
     )
-    callbacks.on_run_end(config=config, config_name=composer.config_name, job_return=result)
-    return int(result.return_value)
+    callbacks.on_run_end(config=config, config_name=composer.config_name, job_return=job_return)
+    return int(job_return.return_value)
 
 
 def _sweep(
@@ -60,14 +121,14 @@ def _sweep(
 ) -> int:
     """Run the jobs of a plan with Hydra's sweeper and launcher."""
     config = composer.compose(plan.overrides, RunMode.MULTIRUN)
-    own = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
-    _set(config, own)
+    settings = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
+    _set(config, settings)
     callbacks = Callbacks(config)
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
     # Hand the checked configs over to the loader; the plan drops its own, so that none is kept twice.
-    loader = _Planned(composer, plan, own)
+    loader = _PlannedJobs(composer, plan, settings)
     plan.configs.clear()
-    callbacks.callbacks += [loader, _Masked()]
+    callbacks.callbacks += [loader, _MaskPasswords()]
     # Let the sweeper run the jobs, here or through a launcher.
     sweeper = Plugins.instance().instantiate_sweeper(
         config=config,
@@ -85,7 +146,7 @@ def _sweep(
     return max((int(job.return_value) for job in jobs), default=0)
 
 
-class _Masked(Callback):
+class _MaskPasswords(Callback):
     """Callback that masks the passwords of URLs in the files that Hydra has written about a job."""
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
@@ -97,18 +158,18 @@ class _Masked(Callback):
                 file.write_text(masked_text(text), encoding="utf-8")
 
 
-class _Planned(ConfigLoaderImpl, Callback):
+class _PlannedJobs(ConfigLoaderImpl, Callback):
     """Hydra's config loader, but with the configs of the jobs as they were checked.
 
     The configs of a job are dropped once it has run, since those of a thousand jobs take half a gigabyte.
     """
 
-    def __init__(self, composer: Composer, plan: Plan, own: Mapping[str, Any]) -> None:
-        """Store the jobs' configs. own: keys of Hydra's own part that every job has."""
+    def __init__(self, composer: Composer, plan: Plan, settings: Mapping[str, Any]) -> None:
+        """Store the jobs' configs. settings: keys of Hydra's own part that every job has."""
         super().__init__(composer.loader.get_search_path())
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer
-        self._own = own
+        self._job_settings = settings
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         """Return the config of one job. In a very large sweep, some jobs have not been composed yet."""
@@ -116,7 +177,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
             worlds.expand_worlds(config)
-        _set(config, self._own)
+        _set(config, self._job_settings)
         return config
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
@@ -124,7 +185,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         job_return.cfg = None
         if job_return.status == JobStatus.COMPLETED and job_return.return_value == 0:
             job_return.hydra_cfg = None  # names the job that failed
-        for key in [key for key, known in self._configs.items() if known is config]:
+        for key in [key for key, job_config in self._configs.items() if job_config is config]:
             del self._configs[key]
 
 

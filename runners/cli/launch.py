@@ -17,9 +17,9 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from lme.inputs.user_code import explained, show_traceback
 from runners.cli import hydra_jobs, show
-from runners.cli.interrupts import status_of, terminable
-from runners.cli.os_errors import explain_os_error
-from runners.cli.submitted import LauncherError
+from runners.cli.error_messages import explain_os_error
+from runners.cli.guards import status_of, terminable
+from runners.cli.hydra_jobs import LauncherError
 from runners.config import arguments, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, without_hydra
@@ -28,7 +28,7 @@ from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
 from runners.config.urls import masked_text
 from runners.records import inputs, launch_record, run_directories, trust
-from runners.workers import server
+from runners.workers import forkserver
 from runners.workers.environment import search_working_folder_last
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
@@ -57,44 +57,44 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     Raises InputError for what the user can put right.
     """
     # Read the command line, with the overrides of a run that is resumed.
-    typed = arguments.parse(argv)
-    given, resumed = _with_resumed(command.name, typed)
-    config_name = given.config_name or command.name
-    if given.info or given.hydra_help:
-        return show.print_hydra_info(command.name, config_name, given)
+    typed_args = arguments.parse(argv)
+    args, resumed = _with_resumed(command.name, typed_args)
+    config_name = args.config_name or command.name
+    if args.info or args.hydra_help:
+        return show.print_hydra_info(command.name, config_name, args)
     # Compose the config of every job.
-    with Composer(config_name, given.config_dir) as composer:
-        plan = command_line.plan(composer, given.overrides, given.multirun, typed.overrides)
+    with Composer(config_name, args.config_dir) as composer:
+        plan = command_line.plan(composer, args.overrides, args.multirun, typed_args.overrides)
         if resumed is not None:
             _check_code(plan, resumed)
-        if given.cfg:
-            show.config(plan.first, given.cfg, given.package, given.resolve)
+        if args.cfg:
+            show.config(plan.first, args.cfg, args.package, args.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
-            server.start()  # imports while this process builds and checks the jobs
+            forkserver.start()  # imports while this process builds and checks the jobs
         # Check every job before anything is written, then choose the directory and run them.
         jobs = command_line.validated(plan, composer, command.validate)
-        record, directory = _directory(command, given, plan, jobs, resumed)
+        record, directory = _directory(command, args, plan, jobs, resumed)
         with trust.trusting(directory):  # whose config is the one just composed
             return _start(command, record, plan, composer, jobs, directory)
 
 
-def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
+def _with_resumed(command: str, args: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
     """Add the overrides of the run that `resume=PATH` names, below those given now; return the PATH too.
 
     Where an option is chosen again, such as `hydra/launcher=basic`, the saved keys of the former option are left out.
     """
-    directory = _resume_path(given.overrides)
+    directory = _resume_path(args.overrides)
     if directory is None:
-        return given, None
+        return args, None
     # Read the launch record of the run, which must be one of this command.
     try:
         saved = launch_record.read_launch(directory)
     except InputError as error:
         raise InputError(f"resume={error}") from error
     if saved is None:
-        lacking = f"holds no {launch_record.LAUNCH}, so it is not a run"
-        problem = lacking if directory.is_dir() else "no such directory"
+        not_a_run = f"holds no {launch_record.LAUNCH}, so it is not a run"
+        problem = not_a_run if directory.is_dir() else "no such directory"
         raise InputError(f"resume={directory}: {problem}; give true, or the directory of a run")
     if saved.command != command:
         hint = resume_command(saved.command, directory)
@@ -102,50 +102,52 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
             f"resume={directory}: holds a run of lme {saved.command}, not of lme {command}: use {hint}"
         )
     # Refuse an untrusted run, and an override that names the directory a second time.
-    _check_foreign(saved, directory, given)
-    keys = {_key(override) for override in given.overrides}
+    _check_foreign(saved, directory, args)
+    keys = {_key(override) for override in args.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
     # Keep the saved overrides that nothing given now replaces: neither their key, nor the option that holds it.
     anew = tuple(f"{key.replace('/', '.')}." for key in keys)
-    kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
+    saved_overrides = [
+        word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)
+    ]
     if not saved.multirun and "hydra.mode" not in keys:
-        kept.append("hydra.mode=RUN")  # a single job, even if its experiment asks for a sweep
+        saved_overrides.append("hydra.mode=RUN")  # a single job, even if its experiment asks for a sweep
     # Take everything else that was not given now from the launch.
-    config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
+    config_dir = args.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
     if config_dir is not None:
         arguments.check_config_dir(config_dir)
     return replace(
-        given,
-        overrides=kept + given.overrides,
-        multirun=given.multirun or saved.multirun,
+        args,
+        overrides=saved_overrides + args.overrides,
+        multirun=args.multirun or saved.multirun,
         config_dir=config_dir,
-        config_name=given.config_name or saved.config_name,
+        config_name=args.config_name or saved.config_name,
     ), directory
 
 
-def _check_foreign(saved: launch_record.Launch, directory: Path, given: arguments.Arguments) -> None:
+def _check_foreign(saved: launch_record.Launch, directory: Path, args: arguments.Arguments) -> None:
     """Raise UntrustedError where a run that somebody else made must not decide what is read and executed.
 
     The user's own runs, and those that --trust vouches for, are allowed to. Code that such a run used and that is no
     longer in its place is imported from the run's copy.
     """
     # A lost input has to be restored by the user, whoever made the run.
-    lost = next((each for each in saved.inputs if inputs.is_lost(each)), None)
-    if lost is not None:
+    lost_source = next((source for source in saved.inputs if inputs.is_lost(source)), None)
+    if lost_source is not None:
         raise InputError(
-            f"resume={directory}: {lost.given}, its {lost.key}, is not here; the run holds a copy, "
-            f"{inputs.FOLDER}/{lost.digest}/{lost.name}: put that there first"
+            f"resume={directory}: {lost_source.given}, its {lost_source.key}, is not here; the run holds a copy, "
+            f"{inputs.FOLDER}/{lost_source.digest}/{lost_source.name}: put that there first"
         )
     # A trusted run only needs its code.
     if saved.is_own or trust.is_trusted(directory):
         with trust.trusting(directory):
-            inputs.provide_code([each for each in saved.inputs if inputs.is_gone(each)], directory)
+            inputs.provide_code([source for source in saved.inputs if inputs.is_gone(source)], directory)
         return
     # In any other run, check everything that it would decide: its words, its folder of options, and its configs.
     trust.check_words(saved.overrides, directory)
     trust.check_words([f"config_name={saved.config_name or ''}"], directory)
-    if saved.config_dir and given.config_dir is None:
+    if saved.config_dir and args.config_dir is None:
         trust.check_words([f"--config-dir={saved.config_dir}"], directory)
     for config in saved.configs:
         trust.check_config(config, directory)
@@ -174,7 +176,7 @@ def _resume_path(words: Sequence[str]) -> Path | None:
 
 def _directory(
     command: Command,
-    given: arguments.Arguments,
+    args: arguments.Arguments,
     plan: command_line.Plan,
     jobs: Sequence[Job[Any]],
     resumed: Path | None,
@@ -182,18 +184,18 @@ def _directory(
     """Return the launch record and the directory to write to; create both unless a run is resumed."""
     # Record what is launched, without the words that only say where to write.
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
-    record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
+    record = launch_record.launch_of(command.name, jobs, words, plan.multirun, args.config_name)
     record.num_jobs = plan.num_jobs if plan.multirun else None
     # Find out whether to start afresh: also if resume=true finds nothing in the directory.
-    asked = _requested_directory(plan.first, plan.multirun)
-    fresh = resumed is None and OmegaConf.select(plan.first, "resume") is not True
-    if not (fresh or resumed) and asked is not None and not run_directories.holds_run(asked):
-        print(f"resume=true: nothing in {asked} yet, starting afresh", file=sys.stderr)
-        fresh = True
-    if fresh:
-        return record, run_directories.make_fresh(record, asked)
+    requested = _requested_directory(plan.first, plan.multirun)
+    is_fresh = resumed is None and OmegaConf.select(plan.first, "resume") is not True
+    if not (is_fresh or resumed) and requested is not None and not run_directories.holds_run(requested):
+        print(f"resume=true: nothing in {requested} yet, starting afresh", file=sys.stderr)
+        is_fresh = True
+    if is_fresh:
+        return record, run_directories.make_fresh(record, requested)
     # Else continue in the directory of the same launch.
-    directory = resumed or asked or run_directories.resumable(record)
+    directory = resumed or requested or run_directories.resumable(record)
     run_directories.check_same(record, directory)
     return record, directory
 
@@ -203,18 +205,18 @@ def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
 
     Raises InputError if its interpolations cannot be resolved.
     """
-    before = HydraConfig.instance().cfg
+    previous_config = HydraConfig.instance().cfg
     HydraConfig.instance().set_config(config)  # resolves ${hydra:...}
     try:
         for name in ("sweep", "run") if multirun else ("run",):
-            written = OmegaConf.to_container(config.hydra[name], resolve=False)
-            assert isinstance(written, dict)
-            if not str(written["dir"]).startswith(_HYDRAS_OWN):
+            hydra_settings = OmegaConf.to_container(config.hydra[name], resolve=False)
+            assert isinstance(hydra_settings, dict)
+            if not str(hydra_settings["dir"]).startswith(_HYDRAS_OWN):
                 return Path(str(config.hydra[name].dir))
     except OmegaConfBaseException as error:
         raise translate_error(error) from error
     finally:
-        HydraConfig.instance().cfg = before
+        HydraConfig.instance().cfg = previous_config
     return None
 
 
@@ -234,8 +236,8 @@ def _start(
     try:
         status = hydra_jobs.run(composer, plan, command.name, directory, task)
         if plan.multirun and status == 0 and command.finish_sweep is not None:
-            first = replace(jobs[0], sweep_dir=directory)
-            command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
+            sweep_job = replace(jobs[0], sweep_dir=directory)
+            command.finish_sweep(sweep_job, run_directories.jobs_of_sweep(directory, plan.num_jobs))
     # An error that ended the sweep becomes an exit status and, for a sweep, the command that resumes it.
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
@@ -285,11 +287,11 @@ class _Task:
         except (Exception, SystemExit) as error:  # a user's own class may raise anything
             # Without a status and an explanation, the error is one of the program itself: show all of it.
             status = _status(error)
-            own = explained(error) if status is None else ""
-            if status is None and not own:
+            explanation = explained(error) if status is None else ""
+            if status is None and not explanation:
                 raise
-            said = own or explain_os_error(error) or masked_text(str(error))
-            print(f"lme {self.command.name}: {said}", file=sys.stderr)
+            message = explanation or explain_os_error(error) or masked_text(str(error))
+            print(f"lme {self.command.name}: {message}", file=sys.stderr)
             show_traceback(error)
             # End this job alone, or all jobs if the error would end them too.
             if status is None or isinstance(error, EpisodeError) or os.getpid() != self.process:
@@ -324,10 +326,10 @@ class _Task:
         if checked is not None:
             return checked
         # Not composed at launch: compose it now, from files that must be the same as then.
-        changed = [source for each in self.record.inputs for source in inputs.changed_files(each)]
-        if changed:
+        changed_paths = [source for saved in self.record.inputs for source in inputs.changed_files(saved)]
+        if changed_paths:
             raise InputError(
-                f"{changed[0]} has changed since the sweep began, and a sweep of more than "
+                f"{changed_paths[0]} has changed since the sweep began, and a sweep of more than "
                 f"{command_line.MAX_JOBS_CHECKED} jobs reads it for every job: restore it, and resume the sweep"
             )
         return Job.composed(config, hydra, Catalogue(self.folders))
@@ -348,5 +350,5 @@ def _status(error: BaseException) -> int | None:
 
     if isinstance(error, InputError):
         return 2
-    known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return _FAILED if explain_os_error(error) or known else None
+    is_reported = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
+    return _FAILED if explain_os_error(error) or is_reported else None

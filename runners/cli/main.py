@@ -27,10 +27,8 @@ from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.inputs.user_code import explained, show_traceback
 from runners.cli import commands, help
-from runners.cli.interrupts import status_of, terminable
-from runners.cli.missing_packages import explain_missing
-from runners.cli.os_errors import explain_os_error
-from runners.cli.plain_output import plain_output
+from runners.cli.error_messages import explain_missing, explain_os_error
+from runners.cli.guards import plain_output, status_of, terminable
 from runners.config.urls import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
@@ -44,23 +42,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: Sequence[str] | None) -> int:
     _collect_rarely()
-    lost = open_streams()
+    stdout_lost = open_streams()
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else "--help"
-    known = command_files()
+    command_paths = command_files()
     search_working_folder_last()
     # Run the command with the guards that all commands share.
     try:
         with plain_warnings(), terminable(), environment(SAFE_PATH), _trusting(words):
-            status = _run(name, [word for word in words[1:] if word != trust.FLAG], known)
+            status = _run(name, [word for word in words[1:] if word != trust.FLAG], command_paths)
             sys.stdout.flush()
-            if lost:
+            if stdout_lost:
                 print(f"lme {name}: standard output is closed, so nothing could be shown", file=sys.stderr)
-            return status or int(lost)
+            return status or int(stdout_lost)
     # Translate what ended it into a message and an exit status.
     except InputError as error:
-        said = masked_text(str(error))
-        print(f"lme {name}: {said}" if name in known else f"lme: {said}", file=sys.stderr)
+        message = masked_text(str(error))
+        print(f"lme {name}: {message}" if name in command_paths else f"lme: {message}", file=sys.stderr)
         show_traceback(error)
         return 2
     except KeyboardInterrupt as interrupt:
@@ -69,10 +67,10 @@ def _main(argv: Sequence[str] | None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (Exception, SystemExit) as error:
-        said = _explain(error, name) or explained(error)
-        if not said:
+        message = _explain(error, name) or explained(error)
+        if not message:
             raise
-        print(f"lme {name}: {said}", file=sys.stderr)
+        print(f"lme {name}: {message}", file=sys.stderr)
         show_traceback(error)
         return 1
 
@@ -99,7 +97,7 @@ def open_streams() -> bool:
     A closed stream is redirected to the null device: otherwise the next opened file would get its number, and printed
     text would be written into that file. A character that the terminal's encoding lacks becomes a question mark.
     """
-    lost = sys.stdout is None
+    stdout_lost = sys.stdout is None
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -109,7 +107,7 @@ def open_streams() -> bool:
     for stream in (sys.stdout, sys.stderr):
         if getattr(stream, "errors", "") in ("strict", "surrogateescape") and hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
-    return lost
+    return stdout_lost
 
 
 def _is_open(number: int) -> bool:
@@ -129,8 +127,8 @@ def _collect_rarely() -> None:
 def command_files() -> dict[str, Path]:
     """Return every command's file by the command's name."""
     files = [path for folder in commands.__path__ for path in Path(folder).glob("[!_]*.py")]
-    first = {path.stem.replace("_", "-"): path for path in reversed(files)}  # as import finds them
-    return dict(sorted(first.items()))
+    files_by_command = {path.stem.replace("_", "-"): path for path in reversed(files)}  # as import finds them
+    return dict(sorted(files_by_command.items()))
 
 
 def title(path: Path) -> str:
@@ -150,19 +148,21 @@ def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def _run(name: str, argv: list[str], known: dict[str, Path]) -> int:
+def _run(name: str, argv: list[str], command_paths: dict[str, Path]) -> int:
     if name in ("-h", "--help", "help"):
-        print(help.overview({name: title(path) for name, path in known.items()}))
+        print(help.overview({name: title(path) for name, path in command_paths.items()}))
         return 0
     if name in ("-V", "--version"):
         print(f"lme {lme.__version__}")
         return 0
-    if name not in known:
-        raise InputError(f"{name}: no such command; {nearest(name, known)}there are: {', '.join(known)}")
+    if name not in command_paths:
+        raise InputError(
+            f"{name}: no such command; {nearest(name, command_paths)}there are: {', '.join(command_paths)}"
+        )
     if {"-h", "--help"} & set(argv) and (resource_dir("conf") / f"{name}.yaml").is_file():
-        print(help.command(name, title(known[name]), examples(known[name]), argv))
+        print(help.command(name, title(command_paths[name]), examples(command_paths[name]), argv))
         return 0
-    module = importlib.import_module(f"{commands.__name__}.{known[name].stem}")
+    module = importlib.import_module(f"{commands.__name__}.{command_paths[name].stem}")
     return int(module.main(argv))
 
 
@@ -172,17 +172,17 @@ def plain_warnings() -> Iterator[None]:
 
     Python's own "once" forgets what it has shown whenever a library changes the filters.
     """
-    shown: set[str] = set()
-    before = warnings.formatwarning
+    shown_texts: set[str] = set()
+    original_format = warnings.formatwarning
 
     def plain(
         message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
     ) -> str:
         if category is not UserWarning:
-            return before(message, category, filename, lineno, line)
+            return original_format(message, category, filename, lineno, line)
         text = f"lme: warning: {masked_text(str(message))}\n"
-        is_new = text not in shown
-        shown.add(text)
+        is_new = text not in shown_texts
+        shown_texts.add(text)
         return text if is_new else ""
 
     # Python prints what the formatter returns: nothing for a warning that was shown before.
@@ -191,7 +191,7 @@ def plain_warnings() -> Iterator[None]:
     try:
         yield
     finally:
-        warnings.formatwarning = before
+        warnings.formatwarning = original_format
 
 
 if __name__ == "__main__":

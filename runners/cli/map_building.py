@@ -129,7 +129,7 @@ def _build(arguments: argparse.Namespace) -> None:
     from runners.recordings.log import log_config
     from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
 
-    logs, settings = _sorted_out(arguments.what)
+    logs, settings = _split_words(arguments.what)
     config = BuildConfig(
         resolution=arguments.resolution,
         max_range=arguments.max_range,
@@ -151,7 +151,7 @@ def _build(arguments: argparse.Namespace) -> None:
     print(f"Drive in it: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
 
 
-def _sorted_out(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
+def _split_words(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     """Split the words into logs and settings. Raises InputError if there is no log, or a setting is not YAML."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
@@ -162,10 +162,10 @@ def _sorted_out(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     if not logs:
         raise InputError("give the log of a drive, e.g. lme maps build drive.bag")
     try:
-        given: Any = OmegaConf.to_container(OmegaConf.from_dotlist(settings))
+        parsed_settings: Any = OmegaConf.to_container(OmegaConf.from_dotlist(settings))
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error
-    return logs, given
+    return logs, parsed_settings
 
 
 def _default_output(log: Path) -> Path:

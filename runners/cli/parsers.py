@@ -11,15 +11,15 @@ from runners.records import trust
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
     """Describe --trust, which `runners/cli/main.py` removes from the words of every command."""
-    what = "run the code that a run names (SECURITY.md); without it, only lme's own is run"
-    parser.add_argument(trust.FLAG, action="store_true", help=what)
+    help_text = "run the code that a run names (SECURITY.md); without it, only lme's own is run"
+    parser.add_argument(trust.FLAG, action="store_true", help=help_text)
 
 
 def texts(description: str | None, examples: Iterable[str], notes: str = "") -> dict[str, Any]:
     """Return keywords for `ArgumentParser` and `add_parser`; the help ends with notes, if any, and examples."""
-    shown = "\n".join(["examples:", *(f"  {example}" for example in examples)])
+    example_text = "\n".join(["examples:", *(f"  {example}" for example in examples)])
     return {
         "description": description,
-        "epilog": f"{notes}\n\n{shown}" if notes else shown,
+        "epilog": f"{notes}\n\n{example_text}" if notes else example_text,
         "formatter_class": argparse.RawDescriptionHelpFormatter,
     }

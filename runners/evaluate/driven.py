@@ -24,14 +24,14 @@ def driven(job: Job[SystemConfig], command: str, values: Collection[str]) -> lis
     keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
     trained = {*values, *(PARAMETERS.rstrip(".") for key in values if key.startswith(PARAMETERS))}
     words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in trained]
-    usual = Catalogue(job.folders).groups(command)
-    chosen = {
+    defaults = Catalogue(job.folders).groups(command)
+    choices = {
         group: job.choices[group]
         for group in _OPTIONS
-        if job.choices.get(group, usual[group]) != usual[group]
+        if job.choices.get(group, defaults[group]) != defaults[group]
     }
     if not all(key.startswith(PARAMETERS) for key in values):
-        chosen |= {group: job.choices[group] for group in PAIR}
-    if "system" in {*chosen, *keys.values()}:  # it chooses the pair
-        chosen = {group: option for group, option in chosen.items() if group not in PAIR}
-    return [*words, *(f"{group}={option}" for group, option in chosen.items() if group not in keys.values())]
+        choices |= {group: job.choices[group] for group in PAIR}
+    if "system" in {*choices, *keys.values()}:  # it chooses the pair
+        choices = {group: option for group, option in choices.items() if group not in PAIR}
+    return [*words, *(f"{group}={option}" for group, option in choices.items() if group not in keys.values())]

@@ -21,8 +21,8 @@ from runners.records.records import RecordWriter, read_episodes
 from runners.reports.analysis import failures
 from runners.reports.explainer import pages
 from runners.tracking.mlflow import Tracking, closed_by
-from runners.tracking.parameters import parameters
-from runners.workers import mcap_file, recorder
+from runners.tracking.names import parameters
+from runners.workers import recorder
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
@@ -50,13 +50,13 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
             f"crowd is {job.choices['crowd']}: must be none where the map draws a robot for every episode"
         )
     # Keys that the map set draws must not be given as well.
-    told = {
+    reported = {
         "planner.latency",
         "filter.latency",
         *(f"sim.{key}" for key in maps.drawn(maps.numbers[0]).disturbances),
     }
     for key, value in {**_chosen_robot(job), **job.changes}.items():
-        if key in told or key.partition(".")[0] == "robot":
+        if key in reported or key.partition(".")[0] == "robot":
             raise InputError(
                 f"{key} is {value}: must be left out where the map draws it for every episode (map.ranges)"
             )
@@ -81,7 +81,7 @@ def check_report(job: Job[ReportConfig]) -> None:
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
-        mcap_file.check_installed()
+        recorder.check_installed()
     configured(config.tracking, "tracking")
 
 
@@ -90,21 +90,24 @@ def evaluate(job: Job[EvalConfig]) -> None:
     from runners.reports.analysis.summary import metrics
     from runners.reports.analysis.tables import print_table
 
-    with closed_by(start_tracking(job)) as tracking:
+    maps = build.map_set(job.config)
+    with closed_by(start_tracking(job, maps)) as tracking:
+        # Drive the missing episodes, and write everything that follows from the records.
         with resume_hint("eval", job.run_dir):
-            frame, rows, artifacts = run_and_report(job)
+            frame, rows, artifacts = run_and_report(job, maps)
+        # Print the table, and where everything is.
         print_table(frame, rows)
         if limits := build.describe_limits(job.config, frame):
             print(limits)
         print(f"Records, tables and pictures: {job.run_dir}")
-        for place in failures.folder(job.run_dir):
-            print(f"Why the robot went there: {place / failures.INDEX}")
+        for directory in failures.folder(job.run_dir):
+            print(f"Why the robot went there: {directory / failures.INDEX}")
         tracking.finish(metrics(frame), artifacts)
 
 
-def start_tracking(job: Job[EvalConfig]) -> Tracking:
-    """Open the tracked run of a job as its config says."""
-    labels = run_labels(job, build.map_set(job.config))
+def start_tracking(job: Job[EvalConfig], maps: MapSet) -> Tracking:
+    """Open the tracked run of a job as its config says. maps: the job's map set."""
+    labels = run_labels(job, maps)
     tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
     config = {**asdict(job.config), "weights": job.weights}
@@ -112,16 +115,21 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
     return tracking
 
 
-def run_and_report(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
+def run_and_report(
+    job: Job[EvalConfig], maps: MapSet, progress: bool = True
+) -> tuple[pd.DataFrame, list[Row], list[Path]]:
     """Run the missing episodes and report; return the records, the rows of the table, and all files.
 
-    progress: show a bar.
+    maps: the job's map set. progress: show a bar.
     """
-    maps, run_dir = build.map_set(job.config), job.run_dir
+    run_dir = job.run_dir
+    # Drive what the records lack.
     drive(job.config, run_labels(job, maps), maps, run_dir, progress)
+    # Make the pages that `explain` asks for.
     pages.make_requested_pages(
         job.config.explain, run_dir, instantiate.build(job.config.executor, "executor")
     )
+    # Write tables and pictures from the records alone.
     frame, rows, artifacts = report(maps, job)
     return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
 
@@ -136,13 +144,13 @@ def drive(
         EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
     ):
         # Skip the episodes of an earlier run, and append each result to the log as it comes.
-        done = writer.done()
-        bar.skip(len(done))
-        if done:
+        driven_keys = writer.done()
+        bar.skip(len(driven_keys))
+        if driven_keys:
             labels = _recorded(labels, run_dir)
         payload = EpisodePayload(config, labels, _recordings(config, run_dir))
-        todo = (key for key in _by_run(maps, config.runs) if key not in done)
-        for result in executor.map(initialise, payload, todo):
+        remaining_keys = (key for key in _by_run(maps, config.runs) if key not in driven_keys)
+        for result in executor.map(initialise, payload, remaining_keys):
             writer.append(result)
             bar.add(result.record.outcome)
         writer.merge()
@@ -150,8 +158,8 @@ def drive(
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
     """Return the labels of the run's records: a resumed run keeps its names, even if files in `conf/` changed."""
-    first = read_episodes([run_dir]).iloc[0].dropna()
-    return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
+    episode = read_episodes([run_dir]).iloc[0].dropna()
+    return RunLabels(**{key: str(episode.get(key, label)) for key, label in asdict(labels).items()})
 
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:

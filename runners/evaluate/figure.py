@@ -53,10 +53,10 @@ def figure(job: Job[FigureConfig]) -> None:
         raise
 
 
-def draw_sweep(job: Job[FigureConfig], driven: Sequence[Path]) -> None:
+def draw_sweep(job: Job[FigureConfig], run_dirs: Sequence[Path]) -> None:
     """Draw one figure of all jobs of a sweep. job: the first one."""
     assert job.sweep_dir is not None
-    _draw(job, driven, job.sweep_dir)
+    _draw(job, run_dirs, job.sweep_dir)
 
 
 def worlds_of(world: Any) -> list[int]:
@@ -69,10 +69,10 @@ def worlds_of(world: Any) -> list[int]:
     return numbers
 
 
-def _draw(job: Job[FigureConfig], driven: Sequence[Path], folder: Path) -> None:
+def _draw(job: Job[FigureConfig], run_dirs: Sequence[Path], folder: Path) -> None:
     """Draw the runs that the config names, or else those just driven, and print the paths of the files."""
     config, kind = job.config, _kind(job)
-    runs = driven if config.run is None else [Path(config.run)]
+    runs = run_dirs if config.run is None else [Path(config.run)]
     driven_runs = read_runs(runs) if kind.drives else []
     if kind.drives and not driven_runs:
         raise InputError(f"run is {config.run}: there is no {LAUNCH} with its config, so it cannot be drawn")
@@ -105,8 +105,8 @@ def _remove_unless_drawn(run_dir: Path) -> None:
 
 
 def _kind(job: Job[FigureConfig]) -> Kind:
-    cls, own = instantiate.configured(job.config.figure, "figure")
-    args = (own, job.config.robot, Catalogue(job.folders)) if cls is Maps else (own,)
+    cls, config = instantiate.configured(job.config.figure, "figure")
+    args = (config, job.config.robot, Catalogue(job.folders)) if cls is Maps else (config,)
     kind: Kind = cls(*args)
     return kind
 

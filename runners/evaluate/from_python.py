@@ -88,7 +88,7 @@ def to_hydra(value: Any) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{to_hydra(each)}" for key, each in value.items()) + "}"
+        return "{" + ",".join(f"{key}:{to_hydra(item)}" for key, item in value.items()) + "}"
     if isinstance(value, Sequence):
         return "[" + ",".join(map(to_hydra, value)) + "]"
     raise InputError(
@@ -108,10 +108,10 @@ def _in_pythons_words() -> Iterator[None]:
         raise InputError(message) from error
 
 
-def _path(keyword: str, given: str | Path | None) -> Path | None:
-    if given is not None and not isinstance(given, str | Path):
-        raise InputError(f"{keyword}={given!r}: must be a path or None")
-    return None if given is None else expanded(given)
+def _path(keyword: str, path: str | Path | None) -> Path | None:
+    if path is not None and not isinstance(path, str | Path):
+        raise InputError(f"{keyword}={path!r}: must be a path or None")
+    return None if path is None else expanded(path)
 
 
 def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | None) -> list[str]:
@@ -119,17 +119,17 @@ def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | Non
     for word in overrides:
         if not isinstance(word, str):
             raise InputError(f'{word!r}: must be text, key=value, such as "map=barn"')
-    more = {**keys, **({} if workers is None else {"executor.workers": workers})}
-    return [*overrides, *(f"{key}={to_hydra(value)}" for key, value in more.items())]
+    settings = {**keys, **({} if workers is None else {"executor.workers": workers})}
+    return [*overrides, *(f"{key}={to_hydra(value)}" for key, value in settings.items())]
 
 
 def _overrides(words: list[str]) -> list[str]:
     """Return the overrides, with tracking=none if they choose none. Raises InputError for a key that is a keyword."""
-    given = [word.partition("=")[0].lstrip("+") for word in words]
-    for key, word in zip(given, words, strict=True):
+    keys = [word.partition("=")[0].lstrip("+") for word in words]
+    for key, word in zip(keys, words, strict=True):
         if key in _KEYWORDS:
             raise InputError(f"{word}: must be given as the keyword {_KEYWORDS[key]}")
-    return words if "tracking" in given else ["tracking=none", *words]
+    return words if "tracking" in keys else ["tracking=none", *words]
 
 
 def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
@@ -149,8 +149,12 @@ def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
 
 def _check_needs_no_directory(job: Job[EvalConfig]) -> None:
     """Raise InputError for a job that asks for files or a tracked run, which need a directory."""
-    asked = {"record": job.config.record, "explain": job.config.explain, "tracking": job.choices["tracking"]}
-    for key, value in asked.items():
+    requests = {
+        "record": job.config.record,
+        "explain": job.config.explain,
+        "tracking": job.choices["tracking"],
+    }
+    for key, value in requests.items():
         if value != "none":
             raise InputError(f"{key}={value}: needs into=DIR, the run's directory")
 
@@ -168,9 +172,11 @@ def _evaluate_into(
         run_directories.make_fresh(record, run_dir)
     job = replace(job, run_dir=run_dir)
     # The run may be trusted: its config is the one just composed.
-    with trust.trusting(run_dir), closed_by(start_tracking(job)) as tracking:
-        frame, _, artifacts = run_and_report(job, progress)
-        tracking.finish(metrics(frame), artifacts)
+    with trust.trusting(run_dir):
+        maps = build.map_set(job.config)
+        with closed_by(start_tracking(job, maps)) as tracking:
+            frame, _, artifacts = run_and_report(job, maps, progress)
+            tracking.finish(metrics(frame), artifacts)
     return _records(run_dir)
 
 

@@ -23,13 +23,14 @@ DRAWN = "drawn"  # instead of a robot's name, if every episode has another robot
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
     """Return the names of system, robot and map for all records of the job. maps: the job's map set."""
     config = job.config
-    guide, planner = _chosen("guide", job), _chosen("planner", job)
+    guide, planner = _option_label("guide", job), _option_label("planner", job)
     return RunLabels(
         system=_system(guide, planner, job),
         guide=guide,
         planner=planner,
         global_map=str(config.guide.get("global_map", "")),
-        ablation=_ablation(job),
+        # Several options are joined by +. If a file chooses several, the parameters that they set are named.
+        ablation=job.choices.get("ablation") or SEVERAL.join(config.ablation),
         weights=job.weights,
         robot=DRAWN if isinstance(maps, DrawsRobots) else config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
@@ -40,22 +41,17 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
 
 def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
     """Return the label of the chosen system if this is its pair, else that of the named pair."""
-    changed = any(key.startswith(("guide.", "planner.")) for key in job.changes)
-    known = systems.systems(job.folders)
-    chosen = [system for name, system in known.items() if name == job.choices.get("system")]
-    return systems.label(guide, planner, [*chosen, *known.values()], changed)
+    has_changes = any(key.startswith(("guide.", "planner.")) for key in job.changes)
+    all_systems = systems.systems(job.folders)
+    chosen_systems = [system for name, system in all_systems.items() if name == job.choices.get("system")]
+    return systems.label(guide, planner, [*chosen_systems, *all_systems.values()], has_changes)
 
 
-def _chosen(group: str, job: Job[DriveConfig]) -> str:
+def _option_label(group: str, job: Job[DriveConfig]) -> str:
     """Return the option of a group, or the name of a user's own class."""
     node = {"guide": job.config.guide, "planner": job.config.planner}[group]
     option = job.choices[group]
     return str(node["_target_"]).rpartition(".")[2] if option == CUSTOM else option
-
-
-def _ablation(job: Job[DriveConfig]) -> str:
-    """Return the option, or several joined by +. If a file chooses several, return the parameters that they set."""
-    return job.choices.get("ablation") or SEVERAL.join(job.config.ablation)
 
 
 @contextmanager

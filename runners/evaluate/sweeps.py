@@ -16,8 +16,7 @@ from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes
 from runners.reports.analysis.summary import Row, numbers, summarise
 from runners.tracking.mlflow import closed_by
-from runners.tracking.names import fitting_names
-from runners.tracking.parameters import LABELS, parameters
+from runners.tracking.names import LABELS, fitting_names, parameters
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +79,7 @@ def _studies(frame: pd.DataFrame, folder: Path) -> Report:
         studies = kind.studies(frame)
         if studies:
             files += study.write(studies, folder)
-            lines += [line for part in studies for line in part.sentences()]
+            lines += [line for sweep_study in studies for line in sweep_study.sentences()]
     return Report(files, lines)
 
 
@@ -101,15 +100,15 @@ def _track(
     with closed_by(tracking):
         rows = [row for row in summarise(frame, systems={}) if row.episodes]
         names = fitting_names([_name(row) for row in rows])
-        found = zip(names, map(numbers, rows), strict=True)
+        metrics = zip(names, map(numbers, rows), strict=True)
         tracking.finish(
-            {f"{name}/{key}": value for name, values in found for key, value in values.items()}, artifacts
+            {f"{name}/{key}": value for name, values in metrics for key, value in values.items()}, artifacts
         )
 
 
 def _name(row: Row) -> str:
-    parts = [
+    words = [
         row.label.removesuffix(" (ours)"),
         *(f"{key} {value}" for key, value in row.keys.items() if value),
     ]
-    return " ".join(parts)
+    return " ".join(words)

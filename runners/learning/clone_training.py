@@ -53,10 +53,10 @@ class CloneTraining:
         done = run.restore(take) or 0
         parts = [_read(_file(run, number)) for number in range(done)]
         for number in range(done, self._config.rounds):
-            new = self._collect(run, number)
-            parts = [_joined([*parts, new])]
+            collected = self._collect(run, number)
+            parts = [_concatenate([*parts, collected])]
             loss = self._fit(run, number, parts[0], optimiser)
-            row = {**self._row(number, parts[0], new, loss), **run.judge()}
+            row = {**self._row(number, parts[0], collected, loss), **run.judge()}
             run.save_checkpoint(number + 1, row, {"rounds": number + 1, "optimiser": optimiser.state_dict()})
 
     def _collect(self, run: Run, number: int) -> Data:
@@ -65,11 +65,16 @@ class CloneTraining:
         if not path.is_file():
             config = self._config
             present, (_, beta) = run.write(), config.in_round(number)
-            places = run.places(number * config.episodes, config.episodes)
-            pairs = zip(places, run.guides(number, config.episodes), strict=True)
-            lessons = [Lesson(*place, guide, present, beta, config.time_limit) for place, guide in pairs]
-            found = sorted(run.drive(lessons, "collect"), key=lambda taught: taught.lesson.world)
-            _write(path, found, config.failures)
+            configurations = run.places(number * config.episodes, config.episodes)
+            pairs = zip(configurations, run.guides(number, config.episodes), strict=True)
+            lessons = [
+                Lesson(*configuration, guide, present, beta, config.time_limit)
+                for configuration, guide in pairs
+            ]
+            lessons_driven = sorted(
+                run.drive(lessons, "collect"), key=lambda lesson_driven: lesson_driven.lesson.world
+            )
+            _write(path, lessons_driven, config.failures)
         return _read(path)
 
     def _fit(self, run: Run, number: int, data: Data, optimiser: torch.optim.Optimizer) -> float:
@@ -90,7 +95,7 @@ class CloneTraining:
         return float(np.mean(losses[-max(updates // 10, 1) :]))
 
     def _step(self, run: Run, data: Data, chosen: Tensor, optimiser: torch.optim.Optimizer) -> float:
-        features = tuple(each[chosen].to(run.device) for each in data.features)
+        features = tuple(feature[chosen].to(run.device) for feature in data.features)
         actions = data.actions[chosen].to(run.device)
         if self._config.mirror:
             features, actions = _half_mirrored(run, features, actions)
@@ -98,13 +103,13 @@ class CloneTraining:
         loss = -log_likelihood(mixture, actions, self._config.least_sigma).mean()
         return descend(optimiser, loss, run.network.parameters(), _GRADIENT_MAX)
 
-    def _row(self, number: int, data: Data, new: Data, loss: float) -> Row:
+    def _row(self, number: int, data: Data, collected: Data, loss: float) -> Row:
         return {
             "round": number + 1,
             "episodes": len(data.outcomes),
             "steps": len(data.actions),
             "beta": self._config.in_round(number)[1],
-            "collected_success": new.outcomes[:, 0].mean().item(),
+            "collected_success": collected.outcomes[:, 0].mean().item(),
             "loss": loss,
         }
 
@@ -113,8 +118,11 @@ def _half_mirrored(
     run: Run, features: tuple[Tensor, ...], actions: Tensor
 ) -> tuple[tuple[Tensor, ...], Tensor]:
     half = len(actions) // 2
-    mirrored, turned = run.network.mirror(tuple(each[:half] for each in features), actions[:half])
-    joined = tuple(torch.cat((new, old[half:])) for new, old in zip(mirrored, features, strict=True))
+    mirrored, turned = run.network.mirror(tuple(feature[:half] for feature in features), actions[:half])
+    joined = tuple(
+        torch.cat((mirrored_half, feature_all[half:]))
+        for mirrored_half, feature_all in zip(mirrored, features, strict=True)
+    )
     return joined, torch.cat((turned, actions[half:]))
 
 
@@ -122,21 +130,21 @@ def _file(run: Run, number: int) -> Path:
     return run.run_dir / _DATA / f"round_{number:03d}.npz"
 
 
-def _write(path: Path, found: list[LessonResult], failures: bool) -> None:
+def _write(path: Path, lessons: list[LessonResult], failures: bool) -> None:
     """Write the steps of the episodes, or of the successful ones only."""
-    kept = [each for each in found if len(each.actions) and (failures or each.outcome == "success")]
-    ends = [(each.outcome == "success", len(each.actions)) for each in found]
-    if not kept:
+    used = [lesson for lesson in lessons if len(lesson.actions) and (failures or lesson.outcome == "success")]
+    ends = [(lesson.outcome == "success", len(lesson.actions)) for lesson in lessons]
+    if not used:
         raise InputError(
-            f"learner.failures is false, but none of {len(found)} episodes was a success: must be true, "
+            f"learner.failures is false, but none of {len(lessons)} episodes was a success: must be true, "
             "or learner.expert must be a better one"
         )
-    parts = zip(*(each.features for each in kept), strict=True)
+    parts = zip(*(lesson.features for lesson in used), strict=True)
     path.parent.mkdir(exist_ok=True)
     with replacing(path) as draft:
         arrays = {f"feature_{i}": np.concatenate(part) for i, part in enumerate(parts)}
         arrays |= {
-            "actions": np.concatenate([each.actions for each in kept]),
+            "actions": np.concatenate([lesson.actions for lesson in used]),
             "outcomes": np.array(ends, np.float32),
         }
         np.savez(draft, **arrays)  # type: ignore[arg-type]  # as in lme.planners.dclp.weights
@@ -159,10 +167,10 @@ def _read(path: Path) -> Data:
         ) from error
 
 
-def _joined(data: list[Data]) -> Data:
-    features = zip(*(each.features for each in data), strict=True)
+def _concatenate(data: list[Data]) -> Data:
+    features = zip(*(batch.features for batch in data), strict=True)
     return Data(
         tuple(torch.cat(parts) for parts in features),
-        torch.cat([each.actions for each in data]),
-        torch.cat([each.outcomes for each in data]),
+        torch.cat([batch.actions for batch in data]),
+        torch.cat([batch.outcomes for batch in data]),
     )

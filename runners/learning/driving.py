@@ -153,20 +153,24 @@ class Driving:
         """Record the episodes that ended in a control period, and begin the next ones."""
         for row, i in enumerate(done.ended.tolist()):
             if not ends.ended[i]:
-                seen = self._observation(done.last_views, row)
-                ends.last[i] = self._followers[i].features(seen, seen.target)
+                final_view = self._observation(done.last_views, row)
+                ends.last[i] = self._followers[i].features(final_view, final_view.target)
                 ends.ended[i], ends.terminated[i] = True, done.terminated[i]
                 ends.results[i] = done.results[row]
             self._followers[i] = self._follower(done.views, i)
 
     def _features(self, views: Views, robots: Iterable[int]) -> Features:
         """Return the features of the rows of `views`, which belong to `robots`."""
-        seen = [(i, self._observation(views, row)) for row, i in enumerate(robots)]
-        return self._stacked([self._followers[i].features(each, each.target) for i, each in seen])
+        observations = [(i, self._observation(views, row)) for row, i in enumerate(robots)]
+        return self._stacked(
+            [self._followers[i].features(observation, observation.target) for i, observation in observations]
+        )
 
     def _stacked(self, rows: Sequence[tuple[Floats, ...]]) -> Features:
         """Stack the features of robots into tensors with a leading robot axis."""
-        return tuple(self._tensor(np.array(each, np.float32)) for each in zip(*rows, strict=True))
+        return tuple(
+            self._tensor(np.array(feature_rows, np.float32)) for feature_rows in zip(*rows, strict=True)
+        )
 
     def _tensor(self, array: NDArray[Any]) -> Tensor:
         return torch.from_numpy(array).to(self._device)
@@ -177,8 +181,8 @@ class Driving:
             views.ranges[row], lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
         )
         twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
-        here = Pose(0.0, 0.0, 0.0)
-        return Observation(scan, views.targets[row], twist, limits, here, last_command=twist)
+        origin = Pose(0.0, 0.0, 0.0)
+        return Observation(scan, views.targets[row], twist, limits, origin, last_command=twist)
 
     def _follower(self, views: Views, row: int) -> Follower:
         """Return the follower of a robot at the start of an episode."""
@@ -233,12 +237,12 @@ def check_driving(config: LearnConfig) -> None:
 
 
 def _simulator(config: LearnConfig) -> FastConfig:
-    cls, found = configured(config.sim, "sim")
+    cls, simulator_config = configured(config.sim, "sim")
     if cls is not FastSimulator:
         raise InputError(
             "sim is not fast: reinforcement learning drives many robots at once, which only sim=fast can"
         )
-    return cast(FastConfig, found)
+    return cast(FastConfig, simulator_config)
 
 
 def _robot(config: LearnConfig, views: Views, row: int) -> Robot:

@@ -25,7 +25,7 @@ from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.tracking.mlflow import closed_by
-from runners.tracking.parameters import parameters
+from runners.tracking.names import parameters
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.workers import lessons
 from runners.workers.lessons import Expert, LessonPayload
@@ -75,7 +75,7 @@ def learn(job: Job[LearnConfig]) -> None:
             frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
             report_held_out(job, frame)
             _register(job, run, _rates_by_map(frame))
-        pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
+        pages = [page for run_path in frame["run_dir"].unique() for page in failures.folder(Path(run_path))]
         tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))
 
 
@@ -146,10 +146,10 @@ def _check_network(job: Job[LearnConfig]) -> None:
     learned_config(config)
     if learns_guide(config):
         instantiate.build(with_network(config.planner), "planner", config.robot)
-    told = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
-    if told and ranged_keys(config.robots):
+    reported = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
+    if reported and ranged_keys(config.robots):
         raise InputError(
-            f"planner.told sets {', '.join(told)}: must be null if `robots` has ranges, such as with planner=dclp"
+            f"planner.told sets {', '.join(reported)}: must be null if `robots` has ranges, such as with planner=dclp"
         )
 
 
@@ -177,8 +177,8 @@ def _check_worlds(config: LearnConfig) -> None:
 def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> list[Path]:
     """Write network and card under the run's name; return the files in its directory."""
     config, name = job.config, network_name(job)
-    last = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
-    about = {
+    last_row = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
+    metadata = {
         "command": lme_command("learn", *_overrides(job), folders=job.folders),
         **({"guide": job.choices["guide"]} if learns_guide(config) else {}),
         "planner": job.choices["planner"],
@@ -191,15 +191,15 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
             "guides": list(run.config.guides),
             "best_success": run.best,
         },
-        "last": last,
+        "last": last_row,
         "held_out": dict(held_out),
     }
     key = f"{learned_part(config)}.weights"
-    use = lme_command("eval", *driven(job, "eval", [key]), override(key, name), folders=job.folders)
-    files = network_file.register(job.run_dir, name, about, use)
+    command = lme_command("eval", *driven(job, "eval", [key]), override(key, name), folders=job.folders)
+    files = network_file.register(job.run_dir, name, metadata, command)
     if not held_out:
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")
-        print(f"Network: {files[0]}; use it with: {use}")
+        print(f"Network: {files[0]}; use it with: {command}")
     return files
 
 
@@ -214,8 +214,8 @@ def _rates_by_map(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
     from runners.reports.analysis.summary import metrics
 
     return {
-        str(place): {key: round(float(value), 6) for key, value in metrics(part).items()}
-        for place, part in frame.groupby("map")
+        str(map_name): {key: round(float(value), 6) for key, value in metrics(episodes).items()}
+        for map_name, episodes in frame.groupby("map")
     }
 
 

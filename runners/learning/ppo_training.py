@@ -41,7 +41,9 @@ class Batch(NamedTuple):
 
     def of(self, chosen: Tensor) -> Batch:
         """Return the chosen steps."""
-        return Batch(tuple(each[chosen] for each in self.features), *(each[chosen] for each in self[1:]))
+        return Batch(
+            tuple(feature[chosen] for feature in self.features), *(feature[chosen] for feature in self[1:])
+        )
 
 
 class PpoTraining:
@@ -77,26 +79,29 @@ class PpoTraining:
             for _ in range(self._config.horizon):
                 mixture = policy(*features).with_min_sigma(self._config.least_sigma)
                 raw, values = mixture.draw(parts.generator), critic(*features)
-                found = driving.step(mixture.actions(raw))
-                rewards = found.rewards
-                if len(found.ended):  # a timeout does not end the task: add γ V(last)
-                    ongoing = found.truncated[found.ended].float() * critic(*found.last)
-                    rewards[found.ended] += self._config.gamma * ongoing
-                ended = found.terminated | found.truncated
+                experience = driving.step(mixture.actions(raw))
+                rewards = experience.rewards
+                if len(experience.ended):  # a timeout does not end the task: add γ V(last)
+                    ongoing = experience.truncated[experience.ended].float() * critic(*experience.last)
+                    rewards[experience.ended] += self._config.gamma * ongoing
+                ended = experience.terminated | experience.truncated
                 steps.append(PpoStep(features, raw, mixture.log_density(raw), values, rewards, ended))
-                features = found.features
+                features = experience.features
             advantages = advantages_of(steps, critic(*features), self._config.gamma, self._config.decay)
         # Join the steps into one batch, step by step, in which the advantages are in the same order.
         joined = [
             torch.cat([getattr(step, name) for step in steps]) for name in ("raw", "log_density", "values")
         ]
-        inputs = tuple(torch.cat(each) for each in zip(*(step.features for step in steps), strict=True))
+        inputs = tuple(
+            torch.cat(features_of_step)
+            for features_of_step in zip(*(step.features for step in steps), strict=True)
+        )
         raw, density, values = joined
         return features, Batch(inputs, raw, density, advantages, advantages + values)
 
     def _update(self, policy: Learnable, parts: Parts, batch: Batch, learn_policy: bool) -> dict[str, float]:
         """Train on the steps `epochs` times; return the mean losses. The policy stops if it has changed too much."""
-        found: dict[str, list[float]] = {"loss_policy": [], "loss_value": [], "kl": []}
+        losses: dict[str, list[float]] = {"loss_policy": [], "loss_value": [], "kl": []}
         for _ in range(self._config.epochs):
             order = torch.randperm(len(batch.raw), generator=parts.generator)
             # Batches in random order; once KL exceeds kl_max, only the critic goes on.
@@ -104,16 +109,16 @@ class PpoTraining:
                 part = batch.of(chosen)
                 if learn_policy:
                     loss, kl = self._policy_loss(policy, part)
-                    found["kl"].append(kl)
+                    losses["kl"].append(kl)
                     learn_policy = kl <= self._config.kl_max
                     if learn_policy:
-                        found["loss_policy"].append(
+                        losses["loss_policy"].append(
                             parts.descend("policy_optimiser", loss, policy.parameters())
                         )
                 critic = parts.modules["critic"]
                 loss = nn.functional.mse_loss(critic(*part.features), part.returns)
-                found["loss_value"].append(parts.descend("critic_optimiser", loss, critic.parameters()))
-        return {name: fmean(values) for name, values in found.items() if values}
+                losses["loss_value"].append(parts.descend("critic_optimiser", loss, critic.parameters()))
+        return {name: fmean(values) for name, values in losses.items() if values}
 
     def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
         """Return the clipped loss, and the KL divergence from the policy that drove (Schulman's estimate)."""
@@ -134,11 +139,11 @@ def advantages_of(steps: list[PpoStep], values: Tensor, gamma: float, decay: flo
     The order is step by step. values: (N,) of the observations after the last step.
     """
     # Backwards: δ_t = r_t + γ V_{t+1} − V_t and A_t = δ_t + γ λ A_{t+1}, without the t+1 terms after an end.
-    found, advantage = [], torch.zeros_like(values)
+    advantages, advantage = [], torch.zeros_like(values)
     for step in reversed(steps):
         goes_on = (~step.ended).float()
         error = step.rewards + gamma * goes_on * values - step.values
         advantage = error + gamma * decay * goes_on * advantage
-        found.append(advantage)
+        advantages.append(advantage)
         values = step.values
-    return torch.cat(found[::-1])
+    return torch.cat(advantages[::-1])

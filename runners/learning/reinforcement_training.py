@@ -103,8 +103,8 @@ def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) ->
         **numbers,
         **run.judge(),
     }
-    place = {"steps": done, "stage": driving.stage, "episodes": driving.episodes}
-    run.save_checkpoint(done, row, {**parts.state(), **place})
+    position = {"steps": done, "stage": driving.stage, "episodes": driving.episodes}
+    run.save_checkpoint(done, row, {**parts.state(), **position})
 
 
 def _restore(run: Run, parts: Parts) -> tuple[int, int, int]:

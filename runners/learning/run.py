@@ -142,21 +142,25 @@ class Run:
         """Validate the current network: return the shares of outcomes, and the success under each guide."""
         present = self.write()
         config = self.config
-        places = self._places(0, config.validation)
-        lessons = [Lesson(*place, guide, present, None) for place in places for guide in config.guides]
-        found = list(self.drive(lessons, "validate"))
-        outcomes = Counter(each.outcome for each in found)
-        row = {each: outcomes[each] / len(found) for each in ("success", "collision", "timeout")}
+        configurations = self._places(0, config.validation)
+        lessons = [
+            Lesson(*configuration, guide, present, None)
+            for configuration in configurations
+            for guide in config.guides
+        ]
+        results = list(self.drive(lessons, "validate"))
+        outcomes = Counter(result.outcome for result in results)
+        row = {outcome: outcomes[outcome] / len(results) for outcome in ("success", "collision", "timeout")}
         for guide in config.guides:
-            under = [each.outcome == "success" for each in found if each.lesson.guide == guide]
+            under = [result.outcome == "success" for result in results if result.lesson.guide == guide]
             row[f"success_{guide}"] = sum(under) / len(under)
         return row
 
     def drive(self, lessons: Sequence[Lesson], doing: str) -> Iterator[LessonResult]:
         """Drive the lessons and yield their results in any order. doing: text for the progress bar."""
-        for number, taught in enumerate(self._drive(lessons), 1):
+        for number, result in enumerate(self._drive(lessons), 1):
             self.describe(f"{doing} {number}/{len(lessons)}")
-            yield taught
+            yield result
 
     def places(self, first: int, count: int) -> list[tuple[str, int]]:
         """Return map sets and numbers of training worlds, from the `first` (from 0); none is a validation world."""
@@ -180,10 +184,10 @@ class Run:
 
 def device_of(name: str) -> torch.device:
     """Return the device of a value of `device`; auto: a GPU if there is one. Raises InputError without the GPU."""
-    found = torch.cuda.is_available()
-    if name == "cuda" and not found:
+    has_cuda = torch.cuda.is_available()
+    if name == "cuda" and not has_cuda:
         raise InputError("device is cuda: torch finds no GPU here; must be auto or cpu")
-    return torch.device("cuda" if found and name != "cpu" else "cpu")
+    return torch.device("cuda" if has_cuda and name != "cpu" else "cpu")
 
 
 def descend(

@@ -44,10 +44,12 @@ class Replay:
         """Add B steps, which replace the oldest ones when the memory is full."""
         flat = [*step.features, step.raw, step.rewards, step.terminated, *step.following]
         if not self._arrays:
-            self._arrays = [torch.empty((self._capacity, *each.shape[1:]), dtype=each.dtype) for each in flat]
-        places = torch.arange(self.count, self.count + len(step.raw)) % self._capacity
+            self._arrays = [
+                torch.empty((self._capacity, *field.shape[1:]), dtype=field.dtype) for field in flat
+            ]
+        indices = torch.arange(self.count, self.count + len(step.raw)) % self._capacity
         for array, rows in zip(self._arrays, flat, strict=True):
-            array[places] = rows.cpu()
+            array[indices] = rows.cpu()
         self.count += len(step.raw)
 
     def sample(self, size: int, generator: torch.Generator) -> ReplaySteps:
@@ -82,16 +84,19 @@ class SacTraining:
             # One step of all robots, then `updates` batches; the policy learns after the critics' first updates.
             nonlocal updates
             features = self._drive(policy, parts, driving, features, replay)
-            found: list[dict[str, float]] = []
+            updates_made: list[dict[str, float]] = []
             if replay.count >= max(config.warm_up, config.batch):
                 for _ in range(config.updates):
                     batch = replay.sample(config.batch, parts.generator)
-                    found.append(
+                    updates_made.append(
                         self._update(policy, parts, batch, done > 0 and updates >= config.critics_first)
                     )
                     updates += 1
-            names = {name for each in found for name in each}
-            losses = {name: fmean(each[name] for each in found if name in each) for name in names}
+            names = {name for update_losses in updates_made for name in update_losses}
+            losses = {
+                name: fmean(update_losses[name] for update_losses in updates_made if name in update_losses)
+                for name in names
+            }
             return Advanced(features, config.robots, losses)
 
         reinforce(run, config, parts, ["loss_policy", "loss_value", "entropy"], advance)
@@ -102,9 +107,11 @@ class SacTraining:
         """Drive one step and store it; return the features of the next observations."""
         with torch.no_grad():
             raw = self._mixture(policy, features).draw(parts.generator)
-        found = driving.step(raw.tanh())
-        replay.add(ReplaySteps(features, raw, found.rewards, found.terminated, next_features(found)))
-        return found.features
+        experience = driving.step(raw.tanh())
+        replay.add(
+            ReplaySteps(features, raw, experience.rewards, experience.terminated, next_features(experience))
+        )
+        return experience.features
 
     def _mixture(self, policy: Learnable, features: Features) -> MixtureBatch:
         return cast(MixtureBatch, policy(*features)).with_min_sigma(self._config.least_sigma)
@@ -113,25 +120,25 @@ class SacTraining:
         self, policy: Learnable, parts: Parts, batch: ReplaySteps, learn_policy: bool
     ) -> dict[str, float]:
         """Update critics and their targets, and the policy if it is due; return the losses."""
-        wanted = self._target_values(policy, parts, batch)
+        targets = self._target_values(policy, parts, batch)
         critics = parts.modules["critics"]
         errors = [
-            nn.functional.mse_loss(each(*batch.features, batch.raw.tanh()), wanted)
-            for each in critics.children()
+            nn.functional.mse_loss(critic(*batch.features, batch.raw.tanh()), targets)
+            for critic in critics.children()
         ]
-        found = {
+        losses = {
             "loss_value": parts.descend("critics_optimiser", errors[0] + errors[1], critics.parameters())
         }
         if learn_policy:
             loss, entropy = self._policy_loss(policy, parts, batch)
-            found["loss_policy"] = parts.descend("policy_optimiser", loss, policy.parameters())
-            found["entropy"] = entropy
+            losses["loss_policy"] = parts.descend("policy_optimiser", loss, policy.parameters())
+            losses["entropy"] = entropy
         # Targets follow the critics: θ' ← θ' + polyak · (θ − θ').
         with torch.no_grad():
             pairs = zip(critics.parameters(), parts.modules["targets"].parameters(), strict=True)
             for new, target in pairs:
                 target.lerp_(new, self._config.polyak)
-        return found
+        return losses
 
     def _target_values(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> Tensor:
         """Return the critics' target values (B,): r + γ (1 − terminated) (min Q'(s', a') − α log π(a' | s'))."""
@@ -148,22 +155,22 @@ class SacTraining:
         # loss = E[Σ_k π_k (α log π(a_k) − min Q(s, a_k))], with an action a_k from each component k.
         mixture = self._mixture(policy, batch.features)
         raw = mixture.draw_each(parts.generator)
-        density = torch.stack([log_density_of_actions(mixture, each) for each in raw.unbind(1)], 1)
+        density = torch.stack([log_density_of_actions(mixture, actions) for actions in raw.unbind(1)], 1)
         worth = lower_value(parts.modules["critics"], batch.features, raw.tanh())
         odds = mixture.logits.softmax(-1)
         loss = (odds * (self._config.alpha * density - worth)).sum(-1).mean()
         return loss, -(odds * density).sum(-1).mean().item()
 
 
-def next_features(found: Experience) -> Features:
+def next_features(experience: Experience) -> Features:
     """Return the features after a step: those of the final observation where it ended an episode."""
-    seen = tuple(each.clone() for each in found.features)
-    for each, last in zip(seen, found.last, strict=False):
-        each[found.ended] = last
+    seen = tuple(feature.clone() for feature in experience.features)
+    for feature, last in zip(seen, experience.last, strict=False):
+        feature[experience.ended] = last
     return seen
 
 
 def lower_value(critics: nn.Module, features: Features, actions: Tensor) -> Tensor:
     """Return the lower of both critics' values. actions: (B, 2), or (B, K, 2) for values (B, K)."""
-    first, second = (each(*features, actions) for each in critics.children())
+    first, second = (critic(*features, actions) for critic in critics.children())
     return torch.minimum(first, second)

@@ -38,17 +38,17 @@ class Desk:
         """Serve the session. root: the folder in which files may be read and written."""
         self.session, self._root = session, root.resolve()
         self._senders: list[Sender] = []
-        self._more: list[Reply] = []  # replies that a message asked for
-        self._told = _NOTHING  # revision that the page knows
+        self._replies: list[Reply] = []  # replies that a message asked for
+        self._sent_revision = _NOTHING  # revision that the page knows
         self._worlds: set[int] = set()  # steps at which a world begins that the page knows
 
     def welcome(self) -> Iterator[Reply]:
         """Yield everything that a newly opened page needs."""
-        self._told, self._senders, self._worlds = _NOTHING, [], set()
+        self._sent_revision, self._senders, self._worlds = _NOTHING, [], set()
         source = self.session.script.setup.source
         folders = (*SHIPPED, *([source.config_dir] if source and source.config_dir else []))
         yield json.dumps(options(folders, map_files(self._root)))
-        yield from self._news()
+        yield from self._changes()
 
     def answer(self, text: str) -> Iterator[Reply]:
         """Yield the replies to a message.
@@ -57,50 +57,50 @@ class Desk:
         """
         ticket: Any = None
         # Whatever the message does is taken back if it fails.
-        before = self.session.state()
+        previous_state = self.session.state()
         try:
             fields = Fields(text)
             ticket = fields.value("ticket")
             _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
-            news = list(self._news())
+            news = list(self._changes())
         except (Exception, SystemExit) as error:  # whatever fails, the page goes on
-            yield json.dumps({"type": "error", "text": _said(error)})
-            if self.session.revision != before["revision"]:  # the page has not been sent the change
-                self._told = _NOTHING
-            self.session.restore(before)
-            news, self._more = list(self._news()), []
+            yield json.dumps({"type": "error", "text": _explain_error(error)})
+            if self.session.revision != previous_state["revision"]:  # the page has not been sent the change
+                self._sent_revision = _NOTHING
+            self.session.restore(previous_state)
+            news, self._replies = list(self._changes()), []
         # Send the change itself first, then what the message asked for.
         yield from news
-        yield from self._more
-        self._more = []
+        yield from self._replies
+        self._replies = []
         if ticket is not None:
             yield json.dumps({"type": "done", "ticket": ticket})
 
-    def _news(self) -> Iterator[Reply]:
+    def _changes(self) -> Iterator[Reply]:
         """Yield what the page does not know yet."""
         session = self.session
-        told = self._told
-        if told != session.revision:
+        sent_revision = self._sent_revision
+        if sent_revision != session.revision:
             yield from self._situation()
         for number, (lane, sender) in enumerate(zip(session.lanes, self._senders, strict=True)):
-            about = {"type": "frames", "revision": session.revision, "lane": number}
+            header = {"type": "frames", "revision": session.revision, "lane": number}
             while sender.sent < len(lane.frames):
-                yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), about)
-        if told != session.revision:
+                yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), header)
+        if sent_revision != session.revision:
             yield json.dumps({"type": "settled"})  # all parts of the drawing are consistent again
 
     def _situation(self) -> Iterator[Reply]:
         # The page keeps its frames and worlds only if it knows the revision before this one.
         session = self.session
-        kept = session.kept if self._told == session.revision - 1 else 0
-        if kept == 0:
+        num_kept = session.kept if self._sent_revision == session.revision - 1 else 0
+        if num_kept == 0:
             self._senders, self._worlds = [Sender() for _ in session.lanes], set()
         for sender in self._senders:
-            sender.forget(kept)
-        self._told = session.revision
-        self._worlds = {step for step in self._worlds if step < kept}
+            sender.forget(num_kept)
+        self._sent_revision = session.revision
+        self._worlds = {step for step in self._worlds if step < num_kept}
         # Send the situation, then every world that the page has lost or never had.
-        yield json.dumps(situation(session, kept))
+        yield json.dumps(situation(session, num_kept))
         for step, drawing in sorted(session.script.drawings.items()):
             if step not in self._worlds:
                 self._worlds.add(step)
@@ -142,14 +142,20 @@ class Desk:
         lane = fields.integer("lane", len(session.lanes) - 1)
         step = min(self._step(fields), len(session.lanes[lane].frames) - 1)
         layers = fields.some_of("layers", LAYERS)
-        about = {"type": "detail", "revision": session.revision, "lane": lane, "step": step, "layers": layers}
-        self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
+        header = {
+            "type": "detail",
+            "revision": session.revision,
+            "lane": lane,
+            "step": step,
+            "layers": layers,
+        }
+        self._replies.append(detail_message(session.lanes[lane], step, session.tasks, layers, header))
 
     def _save(self, fields: Fields) -> None:
         """Save the session as a file of the requested kind, and reply with its path."""
         kind = fields.one_of("kind", KINDS)
         saved = save(self.session, kind, fields.text("name"), self._root, self._step(fields))
-        self._more.append(json.dumps({"type": "saved", "path": str(saved.path), "command": saved.command}))
+        self._replies.append(json.dumps({"type": "saved", "path": str(saved.path), "command": saved.command}))
 
     def _clear(self, fields: Fields) -> None:
         self.session.clear(self._step(fields))
@@ -167,7 +173,7 @@ class Desk:
         return fields.integer("step", MOST_STEPS)
 
 
-def _said(error: BaseException) -> str:
+def _explain_error(error: BaseException) -> str:
     """Return one line about an error. An error in lme itself is printed in full on the terminal."""
     if isinstance(error, InputError):
         return str(error)

@@ -18,25 +18,25 @@ LAYERS = ("memory", "times", "arcs")
 
 
 def detail_message(
-    lane: Lane, step: int, tasks: Tasks, layers: Collection[str], about: dict[str, Any]
+    lane: Lane, step: int, tasks: Tasks, layers: Collection[str], header_fields: dict[str, Any]
 ) -> bytes:
     """Return those of the requested layers that the decision has.
 
     memory: obstacle points that the guide knows, in the robot frame. times: expected times on a grid, in the frame in
     which `pose` is the pose of the robot. arcs: commands that the planner tried, with their costs.
     """
-    packer, header = Packer(), dict(about)
+    packer, header = Packer(), dict(header_fields)
     frame = lane.frames[min(step, len(lane.frames) - 1)]
     moment = frame.moment
     if isinstance(moment, TracedStep):
         if "memory" in layers and moment.guidance.points is not None:
             packer.add_singles("memory", moment.guidance.points)
         if {"times", "arcs"} & {*layers}:
-            header |= _thoughts(packer, lane, step, tasks, layers, moment)
+            header |= _explanation_fields(packer, lane, step, tasks, layers, moment)
     return packer.raw(header)
 
 
-def _thoughts(
+def _explanation_fields(
     packer: Packer, lane: Lane, step: int, tasks: Tasks, layers: Collection[str], moment: TracedStep
 ) -> dict[str, Any]:
     """Add what the guide and the planner computed to the packer, and return the entries of the header."""

@@ -62,23 +62,26 @@ class Sketch:
         """Return a sketch with an item that replaces any item or part of the base of its name. Raises InputError."""
         if name not in self.items and len(self.items) >= MOST_ITEMS:
             raise InputError(f"the drawing has {MOST_ITEMS} items: must not be more; erase some first")
-        others = [other for key, other in self.items.items() if key != name]
-        if item.kind == MOVERS and sum(other.kind == MOVERS for other in others) >= MOST_MOVERS:
+        other_items = [drawn_item for key, drawn_item in self.items.items() if key != name]
+        if (
+            item.kind == MOVERS
+            and sum(drawn_item.kind == MOVERS for drawn_item in other_items) >= MOST_MOVERS
+        ):
             raise InputError(f"the drawing has {MOST_MOVERS} movers: must not be more; erase some first")
-        points = sum(map(_num_points, others)) + _num_points(item)
+        points = sum(map(_num_points, other_items)) + _num_points(item)
         if points > MOST_POINTS_IN_ALL:
             raise InputError(
                 f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some items first"
             )
         _world_of({name: item})  # raises InputError for a wrong item
-        erased = self.erased | {name} if name in set(self._parts()) else self.erased
+        erased = self.erased | {name} if name in set(self._base_parts()) else self.erased
         return replace(self, items={**self.items, name: item}, erased=erased)
 
     def erase(self, name: str) -> Sketch:
         """Return a sketch without an item or a part of the base. Raises InputError for an unknown name."""
         if name in self.items:
             return replace(self, items={key: item for key, item in self.items.items() if key != name})
-        if name in self.erased or name not in set(self._parts()):
+        if name in self.erased or name not in set(self._base_parts()):
             raise InputError(f"{name}: there is nothing of this name in the world")
         return replace(self, erased=self.erased | {name})
 
@@ -94,8 +97,8 @@ class Sketch:
     def task(self) -> Task:
         """Return the sketch as a task; the base itself if it is untouched."""
         # The path length and the times of the base no longer hold once anything is changed.
-        same = self.start == Pose(*map(float, self.base.start)) and self.goal == _point(self.base.goal)
-        if same and not self.erased and not self.items:
+        is_unmoved = self.start == Pose(*map(float, self.base.start)) and self.goal == _point(self.base.goal)
+        if is_unmoved and not self.erased and not self.items:
             return self.base
         return replace(
             self.base,
@@ -109,38 +112,40 @@ class Sketch:
 
     def world(self) -> World:
         """Return the world of base and drawing together, the base's parts first."""
-        base, drawn = self.base.world, _world_of(self.items)
+        base, drawn_world = self.base.world, _world_of(self.items)
         return World(
-            circles=np.vstack([base.circles[self._kept("c", len(base.circles))], drawn.circles]),
-            segments=np.vstack([base.segments[self._kept("s", len(base.segments))], drawn.segments]),
-            polygons=(
-                *(base.polygons[i] for i in self._kept("p", len(base.polygons))),
-                *drawn.polygons,
+            circles=np.vstack([base.circles[self._unerased("c", len(base.circles))], drawn_world.circles]),
+            segments=np.vstack(
+                [base.segments[self._unerased("s", len(base.segments))], drawn_world.segments]
             ),
-            movers=(*(base.movers[i] for i in self._kept("m", len(base.movers))), *drawn.movers),
+            polygons=(
+                *(base.polygons[i] for i in self._unerased("p", len(base.polygons))),
+                *drawn_world.polygons,
+            ),
+            movers=(*(base.movers[i] for i in self._unerased("m", len(base.movers))), *drawn_world.movers),
         )
 
     def parts(self) -> Iterator[tuple[str, Item]]:
         """Yield everything in the world by name: the base's parts as items of a shape file, then the drawn items."""
         base = self.base.world
-        for i in self._kept("c", len(base.circles)):
+        for i in self._unerased("c", len(base.circles)):
             x, y, radius = base.circles[i].tolist()
             yield f"c{i}", Item("circles", {"centre": [x, y], "radius": radius})
-        for i in self._kept("s", len(base.segments)):
+        for i in self._unerased("s", len(base.segments)):
             yield f"s{i}", Item("walls", {"points": base.segments[i].reshape(2, 2).tolist()})
-        for i in self._kept("p", len(base.polygons)):
+        for i in self._unerased("p", len(base.polygons)):
             yield f"p{i}", Item("polygons", {"points": base.polygons[i].tolist()})
-        for i in self._kept("m", len(base.movers)):
+        for i in self._unerased("m", len(base.movers)):
             yield f"m{i}", Item(MOVERS, _entry_of(base.movers[i]))
         yield from self.items.items()
 
-    def _parts(self) -> Iterator[str]:
+    def _base_parts(self) -> Iterator[str]:
         world = self.base.world
         counts = (len(world.circles), len(world.segments), len(world.polygons), len(world.movers))
         for letter, count in zip("cspm", counts, strict=True):
             yield from (f"{letter}{i}" for i in range(count))
 
-    def _kept(self, letter: str, count: int) -> list[int]:
+    def _unerased(self, letter: str, count: int) -> list[int]:
         if not self.erased:
             return list(range(count))
         return [i for i in range(count) if f"{letter}{i}" not in self.erased]
@@ -206,5 +211,5 @@ def _entry_of(mover: Mover) -> Entry:
     return entry
 
 
-def _point(place: Floats) -> tuple[float, float]:
-    return float(place[0]), float(place[1])
+def _point(position: Floats) -> tuple[float, float]:
+    return float(position[0]), float(position[1])

@@ -52,19 +52,19 @@ class Fields:
             raise self._mistake(key, f"a list of {', '.join(names)}")
         return [name for name in names if name in value]
 
-    def integer(self, key: str, most: int) -> int:
-        """Return a whole number from 0 to `most`."""
+    def integer(self, key: str, maximum: int) -> int:
+        """Return a whole number from 0 to `maximum`."""
         value = self._values.get(key)
-        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
-            raise self._mistake(key, f"a whole number from 0 to {most}")
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= maximum:
+            raise self._mistake(key, f"a whole number from 0 to {maximum}")
         return value
 
-    def numbers(self, key: str, count: int, most: float) -> list[float]:
-        """Return `count` finite numbers between −`most` and `most`."""
+    def numbers(self, key: str, count: int, max_abs: float) -> list[float]:
+        """Return `count` finite numbers between −`max_abs` and `max_abs`."""
         value = self._values.get(key)
-        numbers = [_number(each) for each in value] if isinstance(value, list) else []
-        if len(numbers) != count or not all(abs(number) <= most for number in numbers):
-            raise self._mistake(key, f"{count} numbers between -{most:g} and {most:g}")
+        numbers = [_number(entry) for entry in value] if isinstance(value, list) else []
+        if len(numbers) != count or not all(abs(number) <= max_abs for number in numbers):
+            raise self._mistake(key, f"{count} numbers between -{max_abs:g} and {max_abs:g}")
         return numbers
 
     def mapping(self, key: str) -> dict[str, Any]:
@@ -74,8 +74,8 @@ class Fields:
             raise self._mistake(key, "an object")
         return value
 
-    def _mistake(self, key: str, right: str) -> InputError:
-        return InputError(f"{key} is {self._values.get(key)!r:.60}: must be {right}")
+    def _mistake(self, key: str, requirement: str) -> InputError:
+        return InputError(f"{key} is {self._values.get(key)!r:.60}: must be {requirement}")
 
 
 def _number(value: Any) -> float:

@@ -48,24 +48,24 @@ class Sender:
     """Encoder of the frames of one lane, each of which is encoded once."""
 
     def __init__(self) -> None:
-        self._new: list[np.ndarray[Any, Any]] = []  # cells that each frame saw first
-        self._seen: set[tuple[int, int]] = set()
+        self._cells_by_frame: list[np.ndarray[Any, Any]] = []  # cells that each frame saw first
+        self._sent_cells: set[tuple[int, int]] = set()
 
     @property
     def sent(self) -> int:
         """Number of frames that have been encoded."""
-        return len(self._new)
+        return len(self._cells_by_frame)
 
     def forget(self, step: int) -> None:
         """Encode the frames from `step` on again next time."""
         if step < self.sent:
-            self._new = self._new[:step]
-            self._seen = {(x, y) for cells in self._new for x, y in cells.tolist()}
+            self._cells_by_frame = self._cells_by_frame[:step]
+            self._sent_cells = {(x, y) for cells in self._cells_by_frame for x, y in cells.tolist()}
 
-    def frames(self, lane: Lane, until: int, about: dict[str, Any]) -> bytes:
-        """Encode the frames before `until` that were not encoded yet. about: further entries of the header."""
-        first = self.sent
-        frames = lane.frames[first:until]
+    def frames(self, lane: Lane, end_step: int, header_fields: dict[str, Any]) -> bytes:
+        """Encode the frames before `end_step` that were not encoded yet, with further fields in the header."""
+        start_step = self.sent
+        frames = lane.frames[start_step:end_step]
         packer = Packer()
         steps = [frame.moment for frame in frames if isinstance(frame.moment, TracedStep)]
         header = head(lane)
@@ -73,33 +73,33 @@ class Sender:
         self._add_seen(packer, lane, frames)
         return packer.raw(
             {
-                **about,
-                "from": first,
+                **header_fields,
+                "from": start_step,
                 "count": len(frames),
                 "decisions": len(steps),
                 "sentences": [frame.sentence for frame in frames],
                 "decision_us": [round(frame.decision_us) for frame in frames],
                 "outcome": str(lane.outcome)
-                if lane.outcome and len(lane.frames) == first + len(frames)
+                if lane.outcome and len(lane.frames) == start_step + len(frames)
                 else None,
             }
         )
 
     def _add_seen(self, packer: Packer, lane: Lane, frames: Sequence[Frame]) -> None:
         mount = lane.config.robot.lidar.mount
-        before = len(self._new)
+        num_before = len(self._cells_by_frame)
         # Each cell belongs to the first frame whose scan hit it.
         for frame in frames:
             points = to_world(obstacle_points(frame.moment.observation.scan, mount), frame.moment.pose)
             cells = dict.fromkeys(map(tuple, cells_of(points).tolist()))
-            new = [cell for cell in cells if cell not in self._seen]
-            self._seen.update(new)
-            self._new.append(np.array(new, dtype=np.int64).reshape(-1, 2))
-        new_cells = self._new[before:]
+            fresh_cells = [cell for cell in cells if cell not in self._sent_cells]
+            self._sent_cells.update(fresh_cells)
+            self._cells_by_frame.append(np.array(fresh_cells, dtype=np.int64).reshape(-1, 2))
+        new_cells = self._cells_by_frame[num_before:]
         add_seen(packer, np.array([len(cells) for cells in new_cells]), np.concatenate(new_cells))
 
 
-def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
+def world_message(drawing: Sketch, header_fields: dict[str, Any]) -> bytes:
     """Encode a world with its start and goal. If it has few enough parts to be dragged, they are included."""
     packer = Packer()
     task = drawing.task()
@@ -107,19 +107,19 @@ def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
     world = task.world
     # In a world of too many parts, only drawn items and movers are sent one by one.
     count = len(world.circles) + len(world.segments) + len(world.polygons) + len(world.movers)
-    parts = [
+    entries = [
         {"name": name, "kind": item.kind, "entry": item.entry}
         for name, item in drawing.parts()
         if count <= MOST_PARTS or name in drawing.items or item.kind == MOVERS
     ]
     return packer.raw(
         {
-            **about,
+            **header_fields,
             "start": list(drawing.start),
             "goal": list(drawing.goal),
             "goal_tolerance": task.goal_tolerance,
             "time_limit": task.time_limit,
-            "parts": parts,
+            "parts": entries,
             "editable": count <= MOST_PARTS,
             "touched": drawing.touched,
         }

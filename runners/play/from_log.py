@@ -41,8 +41,13 @@ def words_of_log(log: Path, root: Path = Path()) -> tuple[str, ...]:
     print(f"map: {target}", flush=True)
     start = built.way[0]
     goal = built.way[np.argmax(np.hypot(*(built.way - start).T))]
-    return "map=file", f"map.path={target}", f"map.start={_place(start)}", f"map.goal={_place(goal)}"
+    return (
+        "map=file",
+        f"map.path={target}",
+        f"map.start={_point_text(start)}",
+        f"map.goal={_point_text(goal)}",
+    )
 
 
-def _place(point: Floats) -> str:
+def _point_text(point: Floats) -> str:
     return f"[{point[0]:.3f},{point[1]:.3f}]"

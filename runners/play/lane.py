@@ -49,7 +49,7 @@ class Frame(NamedTuple):
         return self.state.time, x, y, wrap_angle(yaw), *self.state.twist, self.state.clearance
 
 
-class _Running(NamedTuple):
+class _RunningDrive(NamedTuple):
     """The whole state that decides how a drive continues. It is always copied as one."""
 
     episode: RunningEpisode
@@ -69,7 +69,7 @@ class Lane:
         self.frames: list[Frame] = []
         self._rng = rng
         self._navigator, self._simulator = build.navigator(config), build.simulator(config)
-        self._snapshots: dict[int, _Running] = {}
+        self._snapshots: dict[int, _RunningDrive] = {}
         self._command: Twist | None = None  # of the last frame, not executed yet
 
     @property
@@ -111,12 +111,14 @@ class Lane:
             return
         # Go back to the latest snapshot up to the step, or to the beginning.
         former = self.frames[:step]
-        self._snapshots = {at: kept for at, kept in self._snapshots.items() if 0 < at <= step}
-        at = max(self._snapshots, default=0)
-        self.frames, self._command = former[:at], None
-        if at:
-            self._world = tasks[max(begun for begun in tasks if begun < at or not begun)].world
-            self._running = self._copied(self._snapshots[at], tasks)
+        self._snapshots = {
+            start: snapshot for start, snapshot in self._snapshots.items() if 0 < start <= step
+        }
+        start = max(self._snapshots, default=0)
+        self.frames, self._command = former[:start], None
+        if start:
+            self._world = tasks[max(change for change in tasks if change < start or not change)].world
+            self._running = self._copy(self._snapshots[start], tasks)
         # Drive on to the step, but show the frames that were recorded first.
         while len(self.frames) < step:
             self.extend(tasks)
@@ -132,22 +134,22 @@ class Lane:
 
         There is none at the end of a drive, or if the episode cannot be copied.
         """
-        before = [at for at in self._snapshots if at <= step]
-        if not before or isinstance(self.frames[step].moment, TraceEnd):
+        snapshots = [snapshot_step for snapshot_step in self._snapshots if snapshot_step <= step]
+        if not snapshots or isinstance(self.frames[step].moment, TraceEnd):
             return None
         # Drive a copy of the latest snapshot on to the step, through every change of the task.
-        episode = self._copied(self._snapshots[max(before)], tasks).episode
-        for at in range(max(before), step + 1):
-            if at and at in tasks:
-                episode.change(tasks[at])
-            if at < step:
+        episode = self._copy(self._snapshots[max(snapshots)], tasks).episode
+        for replayed_step in range(max(snapshots), step + 1):
+            if replayed_step and replayed_step in tasks:
+                episode.change(tasks[replayed_step])
+            if replayed_step < step:
                 episode.move(episode.decide())
         return episode
 
     def _begin(self, task: Task) -> None:
         navigator, simulator = self._fresh()
         episode = RunningEpisode(task, navigator, simulator, self._rng())
-        self._running, self._world = _Running(episode, Explanations(navigator)), task.world
+        self._running, self._world = _RunningDrive(episode, Explanations(navigator)), task.world
 
     def _fresh(self) -> tuple[Navigator, Simulator]:
         """Return a navigator and a simulator that no other drive uses."""
@@ -180,32 +182,34 @@ class Lane:
         guidance, observation, state = navigator.guidance, navigator.observation, simulator.state
         assert guidance is not None
         assert observation is not None
-        why = explanations.new()
+        explanation = explanations.new()
         subgoal = to_world(guidance.subgoal, state.pose)
-        step = TracedStep(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
-        return Frame(step, state, movers, self._sentence(why), episode.decision_us)
+        step = TracedStep(
+            state.time, state.pose, observation, subgoal, guidance, command, obstacles, explanation
+        )
+        return Frame(step, state, movers, self._sentence(explanation), episode.decision_us)
 
-    def _sentence(self, why: Explanation | None) -> str:
-        if why is None:
+    def _sentence(self, explanation: Explanation | None) -> str:
+        if explanation is None:
             return ""
-        before = self.frames[-1].moment if self.frames else None
-        return reason(why, before.explanation if isinstance(before, TracedStep) else None)
+        previous = self.frames[-1].moment if self.frames else None
+        return reason(explanation, previous.explanation if isinstance(previous, TracedStep) else None)
 
     def _keep(self, step: int, tasks: Tasks) -> None:
         """Keep a copy of the drive before what happens at a step. A drive that cannot be copied has no snapshots."""
         try:
-            self._snapshots[step] = self._copied(self._running, tasks)
+            self._snapshots[step] = self._copy(self._running, tasks)
         except _NO_COPY:
             self._snapshots = {}
         if len(self._snapshots) > MOST_SNAPSHOTS:
-            for at in sorted(self._snapshots)[1 : -MOST_SNAPSHOTS // 3 : 2]:  # the first one stays
-                del self._snapshots[at]
+            for dropped_step in sorted(self._snapshots)[1 : -MOST_SNAPSHOTS // 3 : 2]:  # the first one stays
+                del self._snapshots[dropped_step]
 
-    def _copied(self, running: _Running, tasks: Tasks) -> _Running:
-        shared = {id(part): part for task in tasks.values() for part in _parts(task)}
+    def _copy(self, running: _RunningDrive, tasks: Tasks) -> _RunningDrive:
+        shared = {id(piece): piece for task in tasks.values() for piece in _task_pieces(task)}
         return copy.deepcopy(running, shared)
 
 
-def _parts(task: Task) -> tuple[Any, ...]:
+def _task_pieces(task: Task) -> tuple[Any, ...]:
     """Return the objects that never change and are recognised by identity: the task, its world, its movers."""
     return task, task.world, *task.world.movers

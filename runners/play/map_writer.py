@@ -19,9 +19,9 @@ def shape_file(drawing: Sketch, title: str) -> str:
     """Return the YAML of a drawing with its start and goal. A world without an outer wall gets one."""
     bounds, wall = _bounds(drawing)
     lines = [f"# {title}", f"bounds: {_flow(bounds)}"]
-    parts = [item for name, item in drawing.parts() if name not in wall]
+    drawn_items = [item for name, item in drawing.parts() if name not in wall]
     for kind in KINDS:
-        entries = [item.entry for item in parts if item.kind == kind]
+        entries = [item.entry for item in drawn_items if item.kind == kind]
         lines += [f"{kind}:"] if entries else []
         lines += [f"  - {_flow(entry)}" for entry in entries]
     lines += [
@@ -56,12 +56,12 @@ def _extent(drawing: Sketch) -> Floats:
     """Return points that span everything in the world."""
     world = drawing.world()
     centres, radii = world.circles[:, :2], world.circles[:, 2:]
-    ways = [mover.path[:, :2] for mover in world.movers]
+    paths = [mover.path[:, :2] for mover in world.movers]
     ends = np.array([drawing.start[:2], drawing.goal])
-    return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2), ends, *ways])
+    return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2), ends, *paths])
 
 
 def _flow(value: Any) -> str:
     """Return a value on one line, with all its digits."""
-    plain = list(value) if isinstance(value, list) else dict(value)
-    return yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=math.inf).strip()
+    container = list(value) if isinstance(value, list) else dict(value)
+    return yaml.safe_dump(container, default_flow_style=True, sort_keys=False, width=math.inf).strip()

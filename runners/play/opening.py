@@ -38,9 +38,9 @@ def open_episode(path: Path, word: str | None, step: int | None) -> Session:
     """
     session = _of_recording(path) if path.suffix == ".mcap" else _of_run(path, word)
     (lane,) = session.lanes
-    last = len(lane.frames) - 1
-    if step is not None and step > last:
-        raise InputError(f"--step {step}: must be at most {last}, the last step of the episode")
+    last_step = len(lane.frames) - 1
+    if step is not None and step > last_step:
+        raise InputError(f"--step {step}: must be at most {last_step}, the last step of the episode")
     session.shown = _telling_step(lane) if step is None else step
     return session
 
@@ -60,9 +60,9 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
     key = keys_of(select_episodes(episodes, [word]))[0] if word else _first_failed(episodes)
     # Drive the episode again, and make sure that it is the recorded one.
     labels = RunLabels(**{name: str(episodes.iloc[0].get(name, "")) for name in RunLabels.__annotations__})
-    session = _driven(_setup(launch, run_dir, labels, key), run_dir / SCRIPT)
-    steps, driven = read_trajectories([run_dir], [key]), session.lanes[0].episode()
-    if driven is None or not is_same_drive(driven, steps, read_record(run_dir, key)):
+    session = _replay_script(_setup(launch, run_dir, labels, key), run_dir / SCRIPT)
+    steps, drive = read_trajectories([run_dir], [key]), session.lanes[0].episode()
+    if drive is None or not is_same_drive(drive, steps, read_record(run_dir, key)):
         raise another_path(run_dir, key)
     return session
 
@@ -79,15 +79,16 @@ def _of_recording(path: Path) -> Session:
     labels = RunLabels(**dict.fromkeys(RunLabels.__annotations__, ""))
     task = _task(config, episode.world)
     entrant = Entrant(config, "recorded", (), labels)
-    return _driven(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
+    return _replay_script(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
 
 
 def _setup(launch: Launch, run_dir: Path, labels: RunLabels, key: EpisodeKey) -> Setup:
     config = launch.config
     words = _words(launch, run_dir, config)
-    own = launch.folders[1:]
+    config_dirs = launch.folders[1:]
     source = Source(
-        (*words, f"map.worlds=[{key.world}]", f"run={key.run}"), config_dir=own[0] if own else None
+        (*words, f"map.worlds=[{key.world}]", f"run={key.run}"),
+        config_dir=config_dirs[0] if config_dirs else None,
     )
     numbers = tuple(build.map_set(config).numbers)
     return Setup(
@@ -103,16 +104,18 @@ def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, 
     weights = changes.pop("guide.weights")
     trust.check_config(recorded, run_dir)
     # Check the words, and the weights, unless they lead to such a copy.
-    named = {
+    loaded_changes = {
         key: value for key, value in changes.items() if value == recorded[key]
     }  # without the paths of copies
-    trust.check_words(explicit(launch.choices[0], named, replace(config, weights=PUBLISHED)), run_dir)
+    trust.check_words(
+        explicit(launch.choices[0], loaded_changes, replace(config, weights=PUBLISHED)), run_dir
+    )
     if weights == config.weights:
         trust.check_words([f"weights={weights}"], run_dir)
     return explicit(launch.choices[0], changes, replace(config, weights=weights))
 
 
-def _driven(setup: Setup, script: Path | None) -> Session:
+def _replay_script(setup: Setup, script: Path | None) -> Session:
     """Return the session of a setup, driven to its end, with the changes of a script file if there is one."""
     session = Session(setup)
     if script is not None and script.is_file():
@@ -135,9 +138,9 @@ def _first_failed(episodes: pd.DataFrame) -> EpisodeKey:
 
 def _telling_step(lane: Lane) -> int:
     """Return the step where it went wrong: shortly before a collision, or nearest to the goal before a timeout."""
-    last, targets = len(lane.frames) - 1, [frame.moment.observation.target for frame in lane.frames]
+    last_step, targets = len(lane.frames) - 1, [frame.moment.observation.target for frame in lane.frames]
     if lane.outcome is Outcome.COLLISION:
-        return max(0, last - round(BEFORE_S / lane.config.robot.dt))
+        return max(0, last_step - round(BEFORE_S / lane.config.robot.dt))
     if lane.outcome is Outcome.TIMEOUT:
         return int(np.argmin(np.hypot(*np.transpose(targets))))
     return 0
@@ -145,8 +148,8 @@ def _telling_step(lane: Lane) -> int:
 
 def words_of(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     """Split the words into those that name an episode and the others, which are overrides and flags."""
-    own: list[str] = []
-    rest: list[str] = []
+    paths: list[str] = []
+    options: list[str] = []
     for word in argv:
-        (rest if "=" in word or word.startswith("-") or rest else own).append(word)
-    return own, rest
+        (options if "=" in word or word.startswith("-") or options else paths).append(word)
+    return paths, options

@@ -46,8 +46,8 @@ POLICY: Final = (
 
 def script() -> str:
     """Return all scripts as one, so that the shared ones need not be modules."""
-    parts = [*map(asset, SHARED), *map(own, OWN)]
-    return '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(parts))
+    sources = [*map(asset, SHARED), *map(own, OWN)]
+    return '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(sources))
 
 
 def style() -> str:

@@ -28,12 +28,12 @@ _TOKEN_BYTES = 16
 
 def check_installed() -> None:
     """Raise InputError unless the packages of the extra `play` are installed."""
-    missing = [name for name in PACKAGES if not _is_there(name)]
-    if missing:
-        raise InputError(f"lme play needs the packages {', '.join(missing)}: {install(*PACKAGES)}")
+    missing_packages = [name for name in PACKAGES if not _is_installed(name)]
+    if missing_packages:
+        raise InputError(f"lme play needs the packages {', '.join(missing_packages)}: {install(*PACKAGES)}")
 
 
-def _is_there(package: str) -> bool:
+def _is_installed(package: str) -> bool:
     try:
         import_module(package)
     except ImportError:
@@ -105,12 +105,12 @@ def _is_remote() -> bool:
     return bool(os.environ.get("SSH_CONNECTION"))
 
 
-def settings(given: Arguments) -> tuple[int, bool]:
+def settings(arguments: Arguments) -> tuple[int, bool]:
     """Return the port, and whether to open the browser, from the words. Raises InputError for wrong values."""
     from runners.config import command_line
     from runners.config.composer import Composer
 
-    own = [word for word in given.overrides if word.partition("=")[0] in ("port", "browser")]
+    server_words = [word for word in arguments.overrides if word.partition("=")[0] in ("port", "browser")]
     with Composer("play") as composer:
-        config: PlayConfig = command_line.compose_job(composer, own).config
+        config: PlayConfig = command_line.compose_job(composer, server_words).config
     return config.port, config.browser

@@ -49,7 +49,7 @@ def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved
     folder = root / FOLDER
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        saved = KINDS[kind](session, _Place(root, folder, name), step)
+        saved = KINDS[kind](session, _Destination(root, folder, name), step)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror or error}): free some space there"
@@ -57,7 +57,7 @@ def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved
     return saved
 
 
-class _Place(NamedTuple):
+class _Destination(NamedTuple):
     """The folder and the name to write to. root: the folder that displayed paths are relative to."""
 
     root: Path
@@ -74,45 +74,50 @@ class _Place(NamedTuple):
         return path.relative_to(self.root)
 
 
-def _save_map(session: Session, place: _Place, step: int) -> Saved:
-    path = place.free(".yaml")
+def _save_map(session: Session, destination: _Destination, step: int) -> Saved:
+    path = destination.free(".yaml")
     write_atomically(path, shape_file(session.script.at(step), f"{path.stem}: drawn with lme play"))
-    return Saved(place.shown(path), lme_command("eval", "map=file", override("map.path", place.shown(path))))
+    return Saved(
+        destination.shown(path),
+        lme_command("eval", "map=file", override("map.path", destination.shown(path))),
+    )
 
 
-def _save_record(session: Session, place: _Place, step: int) -> Saved:
+def _save_record(session: Session, destination: _Destination, step: int) -> Saved:
     """Save the drive of the first lane as a run's directory.
 
     If the world did not change meanwhile, the drive is repeated and recorded as by `lme eval`; otherwise `play.json`
     holds the changes.
     """
     lane, script = _ended(session), session.script
-    setup, run_dir = script.setup, place.free("")
+    setup, run_dir = script.setup, destination.free("")
     words = list(setup.systems[0].words)
     # A drawing that stayed as it was is saved as a map of its own, which lme eval can drive.
-    drawn = script.drawings[0].touched or script.begin is not None
+    has_drawing = script.drawings[0].touched or script.begin is not None
     run_dir.mkdir()
-    if drawn and not script.changed:
+    if has_drawing and not script.changed:
         begin = (
             script.drawings[0] if script.begin is None else replace(script.drawings[0], start=script.begin)
         )
         write_atomically(run_dir / "world.yaml", shape_file(begin, f"{run_dir.name}: drawn with lme play"))
-        words = _in_file(words, place.shown(run_dir / "world.yaml"), script.drawings[0].base, place.name)
+        words = _in_file(
+            words, destination.shown(run_dir / "world.yaml"), script.drawings[0].base, destination.name
+        )
     else:
         words.append(f"map.worlds=[{setup.task.number}]")
     # Write the run, and return the command that plays its episode.
-    world = 0 if drawn and not script.changed else setup.task.number
+    world = 0 if has_drawing and not script.changed else setup.task.number
     _write_run(session, lane, run_dir, [*words, f"runs={setup.run + 1}"], EpisodeKey(world, setup.run))
     words = [f"{world}/{setup.run}", *trust_flags(run_dir)]
-    return Saved(place.shown(run_dir), lme_command("play", place.shown(run_dir), *words))
+    return Saved(destination.shown(run_dir), lme_command("play", destination.shown(run_dir), *words))
 
 
 def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
     """Return words that drive in a shape file by the rules of the world in which it was drawn."""
-    others = [word for word in words if word.partition("=")[0].partition(".")[0] not in ("map", "crowd")]
+    other_words = [word for word in words if word.partition("=")[0].partition(".")[0] not in ("map", "crowd")]
     rules = {key: float(getattr(base, key)) for key in ("goal_tolerance", "time_limit", "clock_distance")}
-    same = [f"map.{key}={value!r}" for key, value in rules.items()]
-    return [*others, "map=file", override("map.path", path), override("map.name", name), *same]
+    goal_rules = [f"map.{key}={value!r}" for key, value in rules.items()]
+    return [*other_words, "map=file", override("map.path", path), override("map.name", name), *goal_rules]
 
 
 def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], key: EpisodeKey) -> None:
@@ -131,8 +136,8 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
     with Composer("eval", source.config_dir) as composer:
         job = compose_job(composer, ["tracking=none", *words])
     # Record the drive as it was if the world changed, else drive it again and compare.
-    changed = script.changed
-    if changed:
+    was_changed = script.changed
+    if was_changed:
         write_script(script, run_dir / SCRIPT)
         labels, episode = script.setup.systems[0].labels, _episode(lane)
         assert isinstance(episode, Episode)
@@ -146,7 +151,7 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
                 f"{run_dir.name}: lme eval drives otherwise there: save it as a page or a recording"
             )
     # Write the launch record, copies of the input files, and the records.
-    launch = launch_of("play" if changed else "eval", [job], words, False, None)
+    launch = launch_of("play" if was_changed else "eval", [job], words, False, None)
     launch.write(run_dir)
     inputs.keep(launch.inputs, run_dir)
     with RecordWriter(run_dir) as writer:
@@ -154,50 +159,50 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
         writer.merge()
 
 
-def _save_page(session: Session, place: _Place, step: int) -> Saved:
+def _save_page(session: Session, destination: _Destination, step: int) -> Saved:
     from runners.reports.explainer.write import write_page
 
-    path = place.free(".html")
+    path = destination.free(".html")
     write_page(trace_of(session, _ended(session, False)), path, session.lanes[0].label)
-    return Saved(place.shown(path), f"open {place.shown(path)} in a browser")
+    return Saved(destination.shown(path), f"open {destination.shown(path)} in a browser")
 
 
-def _save_gif(session: Session, place: _Place, step: int) -> Saved:
+def _save_gif(session: Session, destination: _Destination, step: int) -> Saved:
     from runners.reports.figures.animation import FilmPace, Screen
     from runners.reports.figures.film import write_film
 
-    path = place.free(".gif")
+    path = destination.free(".gif")
     # Drives that would make too long a film are shown faster than real time.
     traces = [trace_of(session, lane) for lane in session.lanes]
-    last = max(trace.end.time for trace in traces)
-    speed = max(1.0, last / _GIF_LONGEST_S)
-    pace = FilmPace(np.append(np.arange(0.0, last - 1e-9, speed / _GIF_FPS), last), _GIF_FPS)
+    duration = max(trace.end.time for trace in traces)
+    speed = max(1.0, duration / _GIF_LONGEST_S)
+    pace = FilmPace(np.append(np.arange(0.0, duration - 1e-9, speed / _GIF_FPS), duration), _GIF_FPS)
     note = "" if speed == 1.0 else f"{speed:.3g}× real time"
     screen = Screen(traces, [lane.label for lane in session.lanes], _GIF_WIDTH, candidates=False, note=note)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
-    return Saved(place.shown(path), f"open {place.shown(path)}")
+    return Saved(destination.shown(path), f"open {destination.shown(path)}")
 
 
-def _save_mcap(session: Session, place: _Place, step: int) -> Saved:
+def _save_mcap(session: Session, destination: _Destination, step: int) -> Saved:
     """Save the messages of the first lane; in a changed world, they do not claim that lme eval can repeat them."""
     from runners.workers.recorder import Recorder
 
-    lane, setup, path = session.lanes[0], session.script.setup, place.free(".mcap")
+    lane, setup, path = session.lanes[0], session.script.setup, destination.free(".mcap")
     # Only an untouched world can be named, and so be driven again.
-    about: dict[str, object] = {"played": True}
+    metadata: dict[str, object] = {"played": True}
     if not (session.script.changed or session.script.drawings[0].touched or session.script.begin):
-        known = {"seed": setup.seed, "world": setup.task.number, "run": setup.run}
-        about = {**known, "config": identity(lane.config)}
-    with Recorder(path, about, lane.config.robot) as recorder:
+        record_keys = {"seed": setup.seed, "world": setup.task.number, "run": setup.run}
+        metadata = {**record_keys, "config": identity(lane.config)}
+    with Recorder(path, metadata, lane.config.robot) as recorder:
         for moment, state in ((frame.moment, frame.state) for frame in lane.frames):
             if isinstance(moment, TracedStep):
                 recorder.decided(moment.observation, moment.guidance, moment.command, state)
             else:
                 recorder.ended(moment.observation, state)
-    return Saved(place.shown(path), lme_command("replay", place.shown(path), "as_recorded=false"))
+    return Saved(destination.shown(path), lme_command("replay", destination.shown(path), "as_recorded=false"))
 
 
-KINDS: Mapping[str, Callable[[Session, _Place, int], Saved]] = {
+KINDS: Mapping[str, Callable[[Session, _Destination, int], Saved]] = {
     "map": _save_map,
     "record": _save_record,
     "page": _save_page,
@@ -227,12 +232,12 @@ def _steps(lane: Lane) -> list[TracedStep]:
 
 def _episode(lane: Lane) -> Episode | Drive:
     """Return the finished episode, or what is known of a drive that has not ended."""
-    ended = lane.episode()
-    if ended is not None:
-        return ended
+    episode = lane.episode()
+    if episode is not None:
+        return episode
     rows = np.full((len(lane.frames), 10), np.nan)
-    known = np.array([frame.row for frame in lane.frames])
-    rows[:, :6], rows[:, 9] = known[:, :6], known[:, 6]
+    driven_rows = np.array([frame.row for frame in lane.frames])
+    rows[:, :6], rows[:, 9] = driven_rows[:, :6], driven_rows[:, 6]
     for row, step in zip(rows, _steps(lane), strict=False):
         row[6:9] = *step.subgoal, step.guidance.switched
     return Drive("given up", float(rows[-1, 0]), rows)

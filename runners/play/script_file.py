@@ -21,7 +21,7 @@ SCRIPT = "play.json"
 
 def write_script(script: Script, path: Path) -> None:
     """Write the drawings by step, and where the drive begins."""
-    drawings = {step: _plain(drawing) for step, drawing in sorted(script.drawings.items())}
+    drawings = {step: _to_mapping(drawing) for step, drawing in sorted(script.drawings.items())}
     if script.begin is not None:
         drawings[0]["start"] = list(script.begin)
     write_atomically(path, json.dumps({"drawings": drawings}, indent=1) + "\n")
@@ -31,15 +31,15 @@ def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
     """Read the drawings by step, on a task. Raises InputError for a damaged file."""
     try:
         drawings = read_json(path)["drawings"]
-        found = {int(step): _sketch(task, plain) for step, plain in drawings.items()}
+        sketches = {int(step): _sketch(task, mapping) for step, mapping in drawings.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: is damaged ({error}): the changes of this drive are lost") from error
-    if 0 not in found:
+    if 0 not in sketches:
         raise InputError(f"{path}: is damaged (no drawing at step 0): the changes of this drive are lost")
-    return found
+    return sketches
 
 
-def _plain(drawing: Sketch) -> dict[str, Any]:
+def _to_mapping(drawing: Sketch) -> dict[str, Any]:
     items = {name: {"kind": item.kind, "entry": item.entry} for name, item in drawing.items.items()}
     return {
         "start": list(drawing.start),
@@ -49,8 +49,8 @@ def _plain(drawing: Sketch) -> dict[str, Any]:
     }
 
 
-def _sketch(task: Task, plain: Mapping[str, Any]) -> Sketch:
-    x, y = map(float, plain["goal"])
-    items = {name: item_of(item["kind"], item["entry"]) for name, item in plain["items"].items()}
-    start = Pose(*map(float, plain["start"]))
-    return replace(Sketch.of(task), start=start, goal=(x, y), erased=frozenset(plain["erased"]), items=items)
+def _sketch(task: Task, entry: Mapping[str, Any]) -> Sketch:
+    x, y = map(float, entry["goal"])
+    items = {name: item_of(item["kind"], item["entry"]) for name, item in entry["items"].items()}
+    start = Pose(*map(float, entry["start"]))
+    return replace(Sketch.of(task), start=start, goal=(x, y), erased=frozenset(entry["erased"]), items=items)

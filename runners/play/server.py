@@ -50,10 +50,10 @@ def application(desk: Desk, token: str) -> Starlette:
     async def part(request: Request) -> Response:
         if not is_own_host(request):
             return PlainTextResponse("unknown host", 421)
-        made = PARTS.get(request.path_params.get("name", ""))
-        if made is None:
+        page_part = PARTS.get(request.path_params.get("name", ""))
+        if page_part is None:
             return PlainTextResponse("not found", 404)
-        kind, content = made
+        kind, content = page_part
         return Response(content(), media_type=kind, headers=_HEADERS)
 
     # The socket, for a page that was served from here.
@@ -102,16 +102,16 @@ class _Seats:
     async def serve(self, websocket: WebSocket) -> None:
         """Answer a page until it goes or another one takes the seat."""
         await websocket.accept()
-        before, self._seated = self._seated, websocket
-        if before is not None:
-            await _close(before)
+        previous, self._seated = self._seated, websocket
+        if previous is not None:
+            await _close(previous)
         try:
-            there = await self._reply(websocket, self._desk.welcome())
-            while there and self._seated is websocket:
+            is_open = await self._reply(websocket, self._desk.welcome())
+            while is_open and self._seated is websocket:
                 text = await _heard(websocket)
-                there = text is not None
+                is_open = text is not None
                 if text is not None and self._seated is websocket:
-                    there = await self._reply(websocket, self._desk.answer(text))
+                    is_open = await self._reply(websocket, self._desk.answer(text))
         finally:
             if self._seated is websocket:
                 self._seated = None
@@ -121,12 +121,12 @@ class _Seats:
 
         The replies are made in a thread, so that the socket stays alive meanwhile.
         """
-        for reply in await asyncio.to_thread(self._made, replies):
+        for reply in await asyncio.to_thread(self._encode_replies, replies):
             if not await _sent(websocket, reply):
                 return False
         return True
 
-    def _made(self, replies: Iterator[Reply]) -> list[Reply]:
+    def _encode_replies(self, replies: Iterator[Reply]) -> list[Reply]:
         with self._turn:
             return list(replies)
 

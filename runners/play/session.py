@@ -90,7 +90,7 @@ class Script:
 
 
 @dataclass(slots=True)
-class _Past:
+class _HistoryEntry:
     """The script before a change, and the step that was shown. gesture: of the change; a drag is a single gesture."""
 
     script: Script
@@ -108,8 +108,8 @@ class Session:
     def __init__(self, setup: Setup) -> None:
         """Begin the drives. Raises InputError for a task or a system that cannot be driven."""
         self.revision = self.kept = self.shown = 0
-        self._past: list[_Past] = []
-        self._future: list[_Past] = []
+        self._past: list[_HistoryEntry] = []
+        self._future: list[_HistoryEntry] = []
         self.script = Script(setup, {0: Sketch.of(setup.task)})
         self.lanes: list[Lane] = []
         self.tasks: dict[int, Task] = {}
@@ -134,12 +134,16 @@ class Session:
         gesture: changes of the same gesture are undone together. A start that moves begins the drive again.
         """
         step = min(step, self.last)
-        now = self.script.at(step)
-        if drawing.start != now.start:
+        current = self.script.at(step)
+        if drawing.start != current.start:
             drawings, step, begin = {0: drawing}, 0, None
         else:
-            kept = {at: was for at, was in self.script.drawings.items() if at < step}
-            drawings, begin = {**kept, step: drawing}, self.script.begin
+            earlier = {
+                change_step: former_drawing
+                for change_step, former_drawing in self.script.drawings.items()
+                if change_step < step
+            }
+            drawings, begin = {**earlier, step: drawing}, self.script.begin
         self._play(replace(self.script, drawings=drawings, begin=begin), step, gesture)
 
     def put(self, step: int, name: str, item: Item, gesture: str = "") -> None:
@@ -165,7 +169,7 @@ class Session:
     def reset(self) -> None:
         """Begin again at the start, with the same random numbers, in the world as it is now."""
         script = replace(self.script, drawings={0: self.script.at(self.last)}, begin=None)
-        self._play(script, 0, "", shown=self.last)
+        self._play(script, 0, "", shown_step=self.last)
 
     def choose(self, setup: Setup, step: int) -> None:
         """Drive with other systems. If it raises InputError, nothing changes.
@@ -175,13 +179,13 @@ class Session:
         """
         # Another task: begin with its untouched drawing.
         if setup.task is not self.script.setup.task:
-            self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "", shown=step)
+            self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "", shown_step=step)
             return
         # The same task: keep the drawing, and let a single robot that has not collided go on from where it is.
         begin = None
         if len(setup.systems) == len(self.lanes) == 1 and self.lanes[0].outcome is not Outcome.COLLISION:
             begin = self.lanes[0].frames[min(step, self.last)].state.pose
-        self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "", shown=step)
+        self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "", shown_step=step)
 
     def state(self) -> dict[str, Any]:
         """Return everything that a change may modify, for `restore`."""
@@ -209,23 +213,23 @@ class Session:
         """Make the last undone change again. Raises InputError if there is none."""
         self._travel(self._future, self._past)
 
-    def _travel(self, source: list[_Past], other: list[_Past]) -> None:
+    def _travel(self, source: list[_HistoryEntry], opposite: list[_HistoryEntry]) -> None:
         if not source:
             raise InputError("there is no change to take back or to make again")
         # Stage the other script first: if that fails, the history stays as it is.
-        past, now = source[-1], self.script
+        past, script = source[-1], self.script
         self._stage(past.script)
         source.pop()
-        other.append(_Past(now, past.step, past.gesture))
+        opposite.append(_HistoryEntry(script, past.step, past.gesture))
         self.advance(past.step, budget_s=60.0)
         self.shown = min(past.step, self.last)
 
-    def _play(self, script: Script, step: int, gesture: str, shown: int | None = None) -> None:
-        """Replace the script by one with the same drawings before a step. shown: the step at which it was chosen."""
-        past = _Past(self.script, step if shown is None else min(shown, self.last), gesture)
+    def _play(self, script: Script, step: int, gesture: str, shown_step: int | None = None) -> None:
+        """Replace the script by one with the same drawings before a step. shown_step: where it was chosen."""
+        past = _HistoryEntry(self.script, step if shown_step is None else min(shown_step, self.last), gesture)
         # The same systems up to the step: rewind the lanes and drive on from there. Else begin again.
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
-            tasks = {at: was for at, was in self.tasks.items() if at < step}
+            tasks = {change_step: task for change_step, task in self.tasks.items() if change_step < step}
             tasks[step] = self._task(script, step)
             self._enter(script, [lane.rewound(step, self.tasks) for lane in self.lanes], tasks, step)
         else:
@@ -237,7 +241,7 @@ class Session:
 
     def _stage(self, script: Script) -> None:
         """Begin the drives of a script. If it raises InputError, nothing changes."""
-        tasks = {at: self._task(script, at) for at in script.drawings}
+        tasks = {change_step: self._task(script, change_step) for change_step in script.drawings}
         for system in script.setup.systems:
             check_task(tasks[0], system.config.robot)
         self._enter(script, self._lanes_of(script), tasks, 0)
@@ -263,13 +267,13 @@ class Session:
 
 def _drive(lanes: Sequence[Lane], tasks: Mapping[int, Task], until: int, budget_s: float) -> None:
     """Drive the lanes, the shortest first, until each has a frame at step `until`, has ended, or the time is up."""
-    begun = time.monotonic()
+    start_time = time.monotonic()
     until = min(until, MOST_STEPS)
     # Always extend the shortest lane, so that all lanes stay at nearly the same step.
     while any(len(lane.frames) <= until and lane.outcome is None for lane in lanes):
         shortest = min((lane for lane in lanes if lane.outcome is None), key=lambda lane: len(lane.frames))
         shortest.extend(tasks)
-        if time.monotonic() - begun > budget_s:
+        if time.monotonic() - start_time > budget_s:
             return
 
 

@@ -33,16 +33,16 @@ def setup_of(
     """
     # Compose the systems and check the numbers that the random generators need.
     jobs = _jobs(source)
-    first = jobs[0].config
-    for key, value in (("seed", first.seed), ("run", getattr(first, "run", 0))):
+    config = jobs[0].config
+    for key, value in (("seed", config.seed), ("run", getattr(config, "run", 0))):
         require(key, value, at_least=0)
     # Take the task of the former setup if it is the same, so that its drawing can stay; else build and check it.
-    maps = build.map_set(first)
+    maps = build.map_set(config)
     number = maps.numbers[0] if world is None else world
-    if former is not None and _same_task(former, first, number):
+    if former is not None and _same_task(former, config, number):
         task = former.task
     else:
-        task = (maps if number in maps.numbers else build.map_set(first, [number])).task(number)
+        task = (maps if number in maps.numbers else build.map_set(config, [number])).task(number)
         for job in jobs:
             check_task(task, job.config.robot)
     # Name the systems, with words that would make each of them again.
@@ -51,14 +51,18 @@ def setup_of(
         Entrant(job.config, name, explicit(job.choices, job.changes, job.config), label)
         for job, name, label in zip(jobs, _names(jobs, labels), labels, strict=True)
     )
-    return Setup(systems, task, getattr(first, "run", 0) if run is None else run, source, tuple(maps.numbers))
+    return Setup(
+        systems, task, getattr(config, "run", 0) if run is None else run, source, tuple(maps.numbers)
+    )
 
 
 def _jobs(source: Source) -> Sequence[Job[Any]]:
     # Count the sweep before composing it, which may take long.
-    many = math.prod(word.count(",") + 1 for word in source.words if not word.endswith(("]", "}", "'")))
-    if many > LANES:
-        raise InputError(f"{many} systems: must be at most {LANES} side by side")
+    num_systems = math.prod(
+        word.count(",") + 1 for word in source.words if not word.endswith(("]", "}", "'"))
+    )
+    if num_systems > LANES:
+        raise InputError(f"{num_systems} systems: must be at most {LANES} side by side")
     with Composer(source.config_name, source.config_dir) as composer:
         plan = command_line.plan(composer, source.words, multirun=True, typed=source.words)
         if plan.num_jobs > LANES:
@@ -69,26 +73,31 @@ def _jobs(source: Source) -> Sequence[Job[Any]]:
 
 
 def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
-    before = former.systems[0].config
-    same = (before.map, before.crowd) == (config.map, config.crowd) and former.task.number == number
-    return same and (config.map.get("radius") is not None or before.robot.hull == config.robot.hull)
+    former_config = former.systems[0].config
+    same_map = (former_config.map, former_config.crowd) == (
+        config.map,
+        config.crowd,
+    ) and former.task.number == number
+    return same_map and (
+        config.map.get("radius") is not None or former_config.robot.hull == config.robot.hull
+    )
 
 
 def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: DriveConfig) -> tuple[str, ...]:
     """Return words that state a whole config: every choice, every changed key, and the keys outside groups."""
-    chosen = {group: choices[group] for group in _CHOSEN if choices.get(group) not in (None, "null")}
-    if "system" in chosen:  # the system chooses these two
-        chosen.pop("guide", None)
-        chosen.pop("planner", None)
-    if "+" in chosen.get("ablation", ""):
-        chosen["ablation"] = f"[{chosen['ablation'].replace('+', ',')}]"
+    options = {group: choices[group] for group in _CHOSEN if choices.get(group) not in (None, "null")}
+    if "system" in options:  # the system chooses these two
+        options.pop("guide", None)
+        options.pop("planner", None)
+    if "+" in options.get("ablation", ""):
+        options["ablation"] = f"[{options['ablation'].replace('+', ',')}]"
     keys = {key: to_hydra(value) for key, value in changes.items() if key.partition(".")[0] != "people"}
     factors = getattr(config, "scale", {})
     scale = {"scale": to_hydra(factors)} if factors else {}
     weights = {} if config.weights == PUBLISHED else {"weights": to_hydra(config.weights)}
     people = {"people": str(build.people_of(config))}
-    own = {**weights, **scale, **people, "seed": str(config.seed)}
-    return tuple(f"{key}={value}" for key, value in {**chosen, **keys, **own}.items())
+    words_by_key = {**weights, **scale, **people, "seed": str(config.seed)}
+    return tuple(f"{key}={value}" for key, value in {**options, **keys, **words_by_key}.items())
 
 
 def _names(jobs: Sequence[Job[Any]], labels: Sequence[RunLabels]) -> list[str]:
@@ -109,12 +118,12 @@ def _check(job: Job[Any]) -> None:
 
 def _check_together(jobs: Sequence[Job[Any]]) -> None:
     """Raise InputError unless all systems share the world, the time step and the random numbers."""
-    first = jobs[0].config
+    config = jobs[0].config
     for key, value in (
-        ("map", first.map),
-        ("crowd", first.crowd),
-        ("seed", first.seed),
-        ("run", getattr(first, "run", 0)),
+        ("map", config.map),
+        ("crowd", config.crowd),
+        ("seed", config.seed),
+        ("run", getattr(config, "run", 0)),
     ):
         if any(getattr(job.config, key, 0) != value for job in jobs):
             raise InputError(

@@ -27,13 +27,13 @@ LIDAR_KEYS = ("num_beams", "fov", "range_max", "noise_std")
 _MOST_NUMBERS = 5000  # most worlds that are listed
 
 
-def situation(session: Session, kept: int) -> dict[str, Any]:
-    """Return the session's state after a change. kept: number of frames that the page may keep."""
+def situation(session: Session, num_kept: int) -> dict[str, Any]:
+    """Return the session's state after a change. num_kept: number of frames that the page may keep."""
     setup = session.script.setup
     return {
         "type": "situation",
         "revision": session.revision,
-        "kept": kept,
+        "kept": num_kept,
         "step": session.shown,
         "lanes": [head(lane) for lane in session.lanes],
         "words": list(setup.source.words) if setup.source else [],
@@ -50,11 +50,11 @@ def situation(session: Session, kept: int) -> dict[str, Any]:
 
 def options(folders: tuple[Path, ...], maps: list[str]) -> dict[str, Any]:
     """Return all options by name, with what they are. maps: files of maps that can be opened."""
-    return {"type": "options", "files": maps, **_named(folders)}
+    return {"type": "options", "files": maps, **_named_options(folders)}
 
 
 @cache
-def _named(folders: tuple[Path, ...]) -> dict[str, Any]:
+def _named_options(folders: tuple[Path, ...]) -> dict[str, Any]:
     configs = catalogue.Catalogue(folders)
     groups: dict[str, Any] = {group: configs.titles(group) for group in GROUPS}
     groups["map"].pop("file", None)  # it needs a path, which `files` give

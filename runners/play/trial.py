@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from lme.errors import InputError
 from runners.play.session import Session, Source
 from runners.play.setups import setup_of
-from runners.workers import server
+from runners.workers import forkserver
 
 START_S, LONGEST_S = 120.0, 20.0  # time limits for the start of the process and for the first steps
 STEPS = 3
@@ -53,28 +53,30 @@ def try_words(source: Source, changes: Mapping[str, object]) -> None:
     source: has the changed words. changes: made to the words; changes of names alone need no trial.
     """
     # Values within the limits of the sliders are harmless; any other number makes a trial necessary.
-    numbers = {key: _numbers(value) for key, value in changes.items() if key not in _HARMLESS}
-    for key, (least, most) in LIMITS.items():
+    numbers = {
+        key: [float(number.replace("_", "")) for number in _NUMBER.findall(str(value))]
+        for key, value in changes.items()
+        if key not in _HARMLESS
+    }
+    for key, (lowest, highest) in LIMITS.items():
         for number in numbers.pop(key, []):
-            if not least <= number <= most:
-                raise InputError(f"{key} is {number:g}: lme play takes {least:g} to {most:g}")
+            if not lowest <= number <= highest:
+                raise InputError(f"{key} is {number:g}: lme play takes {lowest:g} to {highest:g}")
     if any(numbers.values()):
         _try(source)
 
 
-def _numbers(value: object) -> list[float]:
-    return [float(number.replace("_", "")) for number in _NUMBER.findall(str(value))]
-
-
 def _try(source: Source) -> None:
-    with server.context() as context:
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_drive, args=(theirs, source), daemon=True)
+    with forkserver.context() as context:
+        parent, child = context.Pipe()
+        process = context.Process(target=_drive, args=(child, source), daemon=True)
         process.start()
-        theirs.close()
+        child.close()
     # Wait for the process, then for the first steps. It is killed in any case.
     try:
-        problem = ours.recv() if ours.poll(START_S) and ours.recv() and ours.poll(LONGEST_S) else _TOO_LONG
+        problem = (
+            parent.recv() if parent.poll(START_S) and parent.recv() and parent.poll(LONGEST_S) else _TOO_LONG
+        )
     except EOFError:
         problem = "these words end the process that drives them, perhaps for want of memory"
     finally:

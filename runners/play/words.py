@@ -29,21 +29,21 @@ def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> 
 
     A new option of a group removes the keys of the former one. Raises InputError.
     """
-    now = {key_of(word): word for word in words}
+    words_by_key = {key_of(word): word for word in words}
     for key, value in changes.items():
         _check_key(key)
-        gone = _SYSTEM if key == "system" else (key,)
+        removed_keys = _SYSTEM if key == "system" else (key,)
         # Remove the keys of the former option, and for a new system also what belongs to it.
         if key in GROUPS:
-            now = {
-                old: word
-                for old, word in now.items()
-                if old not in gone and old.partition(".")[0] not in gone
+            words_by_key = {
+                previous_key: word
+                for previous_key, word in words_by_key.items()
+                if previous_key not in removed_keys and previous_key.partition(".")[0] not in removed_keys
             }
-        now.pop(key, None)
+        words_by_key.pop(key, None)
         if value is not None and value != "":
-            now[key] = f"{key}={_checked(key, value, root)}"
-    return list(now.values())
+            words_by_key[key] = f"{key}={_check_value(key, value, root)}"
+    return list(words_by_key.values())
 
 
 def key_of(word: str) -> str:
@@ -61,14 +61,14 @@ def within(name: str, root: Path) -> Path:
 
 def map_files(root: Path) -> list[str]:
     """Return files below the folder that may hold a map, at most two folders deep."""
-    found: list[str] = []
+    files: list[str] = []
     for pattern in ("*", "[!.]*/*", "[!.]*/[!.]*/*"):
         for path in root.glob(f"{pattern}.yaml"):
-            if len(found) == MOST_FILES:
-                return sorted(found)
+            if len(files) == MOST_FILES:
+                return sorted(files)
             if path.is_file() and _is_map(path):
-                found.append(str(path.relative_to(root)))
-    return sorted(found)
+                files.append(str(path.relative_to(root)))
+    return sorted(files)
 
 
 def _is_map(path: Path) -> bool:
@@ -87,7 +87,7 @@ def _check_key(key: str) -> None:
         )
 
 
-def _checked(key: str, value: object, root: Path) -> str:
+def _check_value(key: str, value: object, root: Path) -> str:
     """Return the value as it is written in a word."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise InputError(f"{key} is {value!r:.60}: must be text or a number")

@@ -95,17 +95,17 @@ class Bag:
 
     def topics(self) -> list[Topic]:
         """Return all topics, sorted by name."""
-        found: dict[str, tuple[set[str], int]] = {}
+        contents: dict[str, tuple[set[str], int]] = {}
         # A topic may have several connections, such as one for each publisher.
         for connection in self._reader.connections:
-            types, count = found.get(connection.topic, (set(), 0))
+            types, count = contents.get(connection.topic, (set(), 0))
             if connection.msgcount and not count:
                 types = set()  # the types so far were announced, but had no message
             if connection.msgcount or not count:
                 types = types | {connection.msgtype}
-            found[connection.topic] = types, count + connection.msgcount
+            contents[connection.topic] = types, count + connection.msgcount
         seconds = max(self.duration_s, 1e-9)
-        return [Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(found.items())]
+        return [Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(contents.items())]
 
     def messages(
         self, topics: Collection[str], start: int | None = None, stop: int | None = None
@@ -114,19 +114,19 @@ class Bag:
 
         Raises InputError if the file is damaged, or if messages of one topic are of several types.
         """
-        wanted = [c for c in self._reader.connections if c.topic in topics]
-        if not wanted:
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        if not connections:
             return
         # A topic of several types cannot be read as one, except tf, whose two types have the same fields.
         for topic in self.topics():
-            alike = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
-            if topic.name in topics and not alike:
+            uniform = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
+            if topic.name in topics and not uniform:
                 raise InputError(
                     f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}: choose another "
                     "topic, or keep one type in a copy of the recording"
                 )
         try:
-            for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
+            for connection, recorded, raw in self._reader.messages(connections, start=start, stop=stop):
                 if connection.topic not in topics:
                     raise ValueError("its index and its messages name different topics")
                 if raw[:4] == _ZSTD_MAGIC:
@@ -150,56 +150,56 @@ def _open(path: Path) -> Any:
         reader.open()
     except Exception as error:  # rosbags raises AssertionError on some bags of 2010, struct.error on others
         raise _unreadable(path, error, "not readable as a recording") from error
-    wrong = _what_is_wrong(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
-    if wrong:
+    fault = _find_fault(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
+    if fault:
         with suppress(Exception):
             reader.close()
-        raise InputError(f"bag {path}: {wrong}")
+        raise InputError(f"bag {path}: {fault}")
     return reader
 
 
-def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
+def _find_fault(reader: Any, standard: Mapping[str, Any]) -> str:
     """Return why a recording that rosbags can read is unusable; empty if it can be used."""
     if not all(isinstance(name, str) for c in reader.connections for name in (c.topic, c.msgtype)):
         return "damaged (a topic has no name or no type)"
     if not reader.message_count:
         return "has no messages"
     # Only the topics that a replay may read have to be encoded and defined as in ROS.
-    wanted = (c for c in reader.connections if c.msgtype in (*_READ, *messages.TF))
-    encodings = {(c.topic, getattr(c.ext, "serialization_format", "cdr")) for c in wanted}
-    other = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
-    if other is not None:
-        return f"{other[0]} is encoded as {other[1]}: must be cdr, the encoding of ROS 2"
-    odd = _odd_type(reader.typestore.fielddefs, standard)
+    connections = (c for c in reader.connections if c.msgtype in (*_READ, *messages.TF))
+    encodings = {(c.topic, getattr(c.ext, "serialization_format", "cdr")) for c in connections}
+    foreign = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
+    if foreign is not None:
+        return f"{foreign[0]} is encoded as {foreign[1]}: must be cdr, the encoding of ROS 2"
+    odd = _find_incompatible_type(reader.typestore.fielddefs, standard)
     return f"defines {odd} differently from ROS, or is damaged" if odd else ""
 
 
-def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
+def _find_incompatible_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
     """Return a type, among those read and their parts, that lacks a field of its ROS definition; empty if none does.
 
     Both arguments map the name of a type to (constants, fields); a field is a name and a type. ROS 1 has more fields.
     """
-    todo, seen = [*_READ], set[str]()
+    remaining, visited = [*_READ], set[str]()
     # Walk from the types that are read to the types of their fields, each once.
-    while todo:
-        name = todo.pop()
+    while remaining:
+        name = remaining.pop()
         names = messages.TF if name in messages.TF else (name,)
         fields = standard[name][1]
-        for own in names:
-            if own in defined and not {*map(repr, fields)} <= {*map(repr, defined[own][1])}:
-                return own
-        seen.add(name)
-        todo += [part for part in _parts(fields) if part in standard and part not in seen]
+        for kind in names:
+            if kind in defined and not {*map(repr, fields)} <= {*map(repr, defined[kind][1])}:
+                return kind
+        visited.add(name)
+        remaining += [field for field in _nested_types(fields) if field in standard and field not in visited]
     return ""
 
 
-def _parts(fields: Any) -> Iterator[str]:
+def _nested_types(fields: Any) -> Iterator[str]:
     """Yield every name in a definition; some of them are names of types."""
     for item in fields:
         if isinstance(item, str):
             yield item
         elif isinstance(item, tuple):
-            yield from _parts(item)
+            yield from _nested_types(item)
 
 
 def _to_open(path: Path) -> Path:
@@ -216,8 +216,8 @@ def _to_open(path: Path) -> Path:
     # rosbags opens a folder by its metadata.yaml, so that has to name the storage.
     metadata, problem = path / "metadata.yaml", "the folder has no metadata.yaml"
     if metadata.is_file():
-        named = _STORAGE.search(metadata.read_text(encoding="utf-8", errors="replace"))
-        if named and named[1] in ("mcap", "sqlite3"):
+        storage = _STORAGE.search(metadata.read_text(encoding="utf-8", errors="replace"))
+        if storage and storage[1] in ("mcap", "sqlite3"):
             return path
         problem = "its metadata.yaml names no storage that can be read (storage_identifier: mcap or sqlite3)"
     # Without it, a single recording in the folder leaves no doubt.
@@ -263,15 +263,15 @@ def _check_path(path: Path) -> None:
         raise InputError(f"bag {path}: is not a {path.suffix} file, or is damaged")
 
 
-def _unreadable(path: Path, error: Exception, what: str) -> InputError:
+def _unreadable(path: Path, error: Exception, fault: str) -> InputError:
     reason = (str(error).splitlines() or [""])[0].partition(": (")[0].rstrip(".") or type(error).__name__
     # Say what to do about it, as far as rosbags' message tells the cause.
     hint, lower = "", reason.lower()
     if reason.strip("'") in _OTHER_SCHEMAS:
         reason = f"its messages are defined in {reason}, not in ros2msg or ros2idl"
-        what, hint = "cannot be read", ": convert it to a recording of ROS 2"
+        fault, hint = "cannot be read", ": convert it to a recording of ROS 2"
     elif any(word in lower for word in ("compress", "encrypt", "serializ")):
-        what = "cannot be read"
+        fault = "cannot be read"
         if path.suffix == ".bag":
             hint = f": convert it with `rosbag {'decrypt' if 'encrypt' in lower else 'decompress'}`"
         else:
@@ -287,4 +287,4 @@ def _unreadable(path: Path, error: Exception, what: str) -> InputError:
         hint = ": the recording or a copy of it may have been cut off"
         if path.suffix == ".mcap":
             hint += "; repair a copy with `mcap recover`"
-    return InputError(f"bag {path}: {what} ({reason}){hint}")
+    return InputError(f"bag {path}: {fault} ({reason}){hint}")

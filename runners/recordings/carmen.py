@@ -101,18 +101,18 @@ class CarmenLog(Bag):
         if name == MOUNT:
             return SimpleNamespace(transforms=[_transform(scan.stamp, self._mount)])
         if name == SCAN:
-            first, increment, farthest = scan.geometry
+            start_angle, increment, farthest = scan.geometry
             return SimpleNamespace(
                 header=_header(scan.stamp, _LASER),
                 ranges=scan.ranges,
-                angle_min=first,
+                angle_min=start_angle,
                 angle_increment=increment,
                 range_min=0.0,
                 range_max=farthest,
             )
         # The pose of the laser is the one that programs correct, so the robot is where its laser says.
         pose = compose(scan.laser, relative(Pose(0.0, 0.0, 0.0), self._mount))
-        position, orientation = _parts(pose)
+        position, orientation = _position_and_orientation(pose)
         return SimpleNamespace(
             header=_header(scan.stamp, _ODOM),
             pose=SimpleNamespace(position=position, orientation=orientation),
@@ -126,7 +126,7 @@ def is_carmen(path: Path) -> bool:
 
 def _scans(path: Path) -> list[_Scan]:
     """Return all scans of the kind of line that is most frequent in the log."""
-    found: dict[str, list[_Scan]] = {ROBOTLASER: [], FLASER: []}
+    scans_by_kind: dict[str, list[_Scan]] = {ROBOTLASER: [], FLASER: []}
     resolution: float | None = None  # [deg] by the parameters of the log
     readers: dict[str, Callable[[Sequence[str]], _Scan]] = {
         ROBOTLASER: _robotlaser,
@@ -143,7 +143,7 @@ def _scans(path: Path) -> list[_Scan]:
                 resolution = float(fields[1])
         if kind in readers:
             try:
-                found[kind].append(readers[kind](fields))
+                scans_by_kind[kind].append(readers[kind](fields))
             except InputError as error:
                 raise InputError(f"log {path}, line {number}: {error}") from error
             except (ValueError, IndexError, OverflowError):
@@ -151,12 +151,12 @@ def _scans(path: Path) -> list[_Scan]:
                     f"log {path}, line {number}: {kind}: must hold a scan, a pose and a time, all of them numbers"
                 )
     # Keep the kind that occurs most.
-    most = max(found.values(), key=len)
-    if not most:
+    largest = max(scans_by_kind.values(), key=len)
+    if not largest:
         raise mistake or InputError(
             f"log {path}: no scans: a CARMEN log has lines {FLASER} or {ROBOTLASER} with scans and poses"
         )
-    return most
+    return largest
 
 
 def _lines(path: Path) -> Iterator[str]:
@@ -165,7 +165,7 @@ def _lines(path: Path) -> Iterator[str]:
         raise InputError(f"log {path}: no such file")
     if path.is_dir():
         raise InputError(f"log {path}: is a directory; must be a CARMEN log ({', '.join(ENDINGS)})")
-    empty, packed = True, path.suffix.lower() == ".gz"
+    is_empty, packed = True, path.suffix.lower() == ".gz"
     try:
         # What is packed ends with any number of zeros, which gzip would all read.
         with (
@@ -179,13 +179,13 @@ def _lines(path: Path) -> Iterator[str]:
                     )
                 text = line.decode("ascii", errors="replace").strip()
                 if text:
-                    empty = False
+                    is_empty = False
                     yield text
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise InputError(f"log {path}: not a complete gzip file ({error})") from error
     except OSError as error:
         raise InputError(f"log {path}: cannot be read ({error.strerror})") from error
-    if empty:
+    if is_empty:
         raise InputError(f"log {path}: the file is empty")
 
 
@@ -229,15 +229,15 @@ def _robotlaser(fields: Sequence[str]) -> _Scan:
 
     The poses of laser and robot, speed and safety, and the time follow the remissions.
     """
-    first, increment, farthest = float(fields[1]), float(fields[3]), float(fields[4])
+    start_angle, increment, farthest = float(fields[1]), float(fields[3]), float(fields[4])
     count = _count(fields[7])
     remissions = int(fields[8 + count])
-    if remissions < 0 or not (math.isfinite(first) and increment > 0.0):
+    if remissions < 0 or not (math.isfinite(start_angle) and increment > 0.0):
         raise ValueError(fields[:8])
     farthest = farthest if 0.0 < farthest < math.inf else RANGE_MAX
     # Five numbers on speed and safety follow the two poses.
-    rest = fields[9 + count + remissions :]
-    return _scan((first, increment, farthest), fields[8 : 8 + count], rest, time_at=11)
+    tail = fields[9 + count + remissions :]
+    return _scan((start_angle, increment, farthest), fields[8 : 8 + count], tail, time_at=11)
 
 
 def _count(field: str) -> int:
@@ -248,14 +248,14 @@ def _count(field: str) -> int:
 
 
 def _scan(
-    geometry: tuple[float, float, float], ranges: Sequence[str], rest: Sequence[str], time_at: int
+    geometry: tuple[float, float, float], ranges: Sequence[str], tail: Sequence[str], time_at: int
 ) -> _Scan:
-    """Return a scan. rest: the poses of laser and robot, then other fields, with the time at index `time_at`."""
-    poses = np.array(rest[:6], dtype=np.float64)
+    """Return a scan. trailing: the poses of laser and robot, then other fields, with the time at index `time_at`."""
+    poses = np.array(tail[:6], dtype=np.float64)
     if len(poses) < 6 or not np.isfinite(poses).all():
-        raise ValueError(rest[:6])
+        raise ValueError(tail[:6])
     laser, robot = Pose(*poses[:3].tolist()), Pose(*poses[3:].tolist())
-    return _Scan(round(float(rest[time_at]) * SECOND), geometry, np.array(ranges, np.float32), laser, robot)
+    return _Scan(round(float(tail[time_at]) * SECOND), geometry, np.array(ranges, np.float32), laser, robot)
 
 
 def _stamped(scans: list[_Scan]) -> list[_Scan]:
@@ -268,12 +268,12 @@ def _stamped(scans: list[_Scan]) -> list[_Scan]:
 
 def _mount(scans: Sequence[_Scan]) -> Pose:
     """Return the laser's pose on the robot; its middle if the two poses of a line do not belong together."""
-    first, last = (relative(scan.laser, scan.robot) for scan in (scans[0], scans[-1]))
+    start_mount, end_mount = (relative(scan.laser, scan.robot) for scan in (scans[0], scans[-1]))
     # The mount of a rigid laser is the same in the first and in the last scan.
-    steady = math.dist(first[:2], last[:2]) < _SAME_M
-    steady = steady and abs(math.remainder(first.yaw - last.yaw, math.tau)) < _SAME_RAD
-    near = math.hypot(*first[:2]) < _FARTHEST_MOUNT
-    return first if near and steady else Pose(0.0, 0.0, 0.0)
+    steady = math.dist(start_mount[:2], end_mount[:2]) < _SAME_M
+    steady = steady and abs(math.remainder(start_mount.yaw - end_mount.yaw, math.tau)) < _SAME_RAD
+    is_near = math.hypot(*start_mount[:2]) < _FARTHEST_MOUNT
+    return start_mount if is_near and steady else Pose(0.0, 0.0, 0.0)
 
 
 def _header(stamp: int, frame: str) -> SimpleNamespace:
@@ -282,12 +282,12 @@ def _header(stamp: int, frame: str) -> SimpleNamespace:
 
 
 def _transform(stamp: int, mount: Pose) -> SimpleNamespace:
-    position, orientation = _parts(mount)
-    moved = SimpleNamespace(translation=position, rotation=orientation)
-    return SimpleNamespace(header=_header(stamp, _BASE), child_frame_id=_LASER, transform=moved)
+    position, orientation = _position_and_orientation(mount)
+    motion = SimpleNamespace(translation=position, rotation=orientation)
+    return SimpleNamespace(header=_header(stamp, _BASE), child_frame_id=_LASER, transform=motion)
 
 
-def _parts(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:
+def _position_and_orientation(pose: Pose) -> tuple[SimpleNamespace, SimpleNamespace]:
     """Return position and orientation of a pose."""
     half = pose.yaw / 2.0
     return (

@@ -126,9 +126,9 @@ class Driver:
         self.log.sample = self._sampler.kept
         return self.log
 
-    def _decide(self, coming: Message | None) -> None:
-        """Decide on the scans whose poses are known. coming: the next message; None at the end."""
-        for message, motion, posture in self._scans.ready(coming):
+    def _decide(self, next_message: Message | None) -> None:
+        """Decide on the scans whose poses are known. next_message: the next message; None at the end."""
+        for message, motion, posture in self._scans.ready(next_message):
             if motion is None:
                 self.log.skipped["no pose"] += 1
             else:
@@ -142,17 +142,17 @@ class Driver:
         last_command = self._commanded(motion)
         observation = self._scan_source.observation(message.content, motion, target, last_command, posture)
         self.log.tally.add(observation.scan)
-        began = perf_counter_ns()
+        start_ns = perf_counter_ns()
         command = self._navigator.act(observation, motion.stamp / SECOND)
-        decision_us = (perf_counter_ns() - began) / 1000.0
+        decision_us = (perf_counter_ns() - start_ns) / 1000.0
         self._note(observation, motion, command, decision_us)
 
     def _commanded(self, motion: StampedMotion) -> Twist:
         """Return the last recorded command: zero before the first one, the robot's twist if no topic has commands."""
         commands = self.log.commands
-        before = bisect_left(commands, motion.stamp, key=itemgetter(0))
-        if before:
-            return Twist(*commands[before - 1][1:])
+        index = bisect_left(commands, motion.stamp, key=itemgetter(0))
+        if index:
+            return Twist(*commands[index - 1][1:])
         return motion.twist if self._recording.topics.command is None else Twist(0.0, 0.0)
 
     def _note(
@@ -196,16 +196,16 @@ class Driver:
         box, robot = self._robot.footprint.box, self._robot
 
         # The smallest clearance on the way that a command leads to within the horizon.
-        def least(wanted: Twist) -> float:
+        def smallest(held: Twist) -> float:
             poses, _ = drive(
-                _HERE, twist, wanted, robot.limits.bounds, self._horizon, _STEP, robot.footprint.r_max
+                _HERE, twist, held, robot.limits.bounds, self._horizon, _STEP, robot.footprint.r_max
             )
             return sweep(poses, box, circles, _NO_EDGES)[0]
 
         return {
             "clearance_m": sweep(np.array([_HERE]), box, circles, _NO_EDGES)[0],
-            "command_clearance_m": least(command),
-            "recorded_clearance_m": least(twist),
+            "command_clearance_m": smallest(command),
+            "recorded_clearance_m": smallest(twist),
         }
 
 
@@ -222,8 +222,8 @@ class _Ticks:
         if self._next is not None and stamp < self._next - self._slack:
             return False
         # Count on from the due time, unless the recording has a gap: then from this scan.
-        late = self._next is None or stamp > self._next + self._slack
-        self._next = (stamp if late or self._next is None else self._next) + self._period
+        is_late = self._next is None or stamp > self._next + self._slack
+        self._next = (stamp if is_late or self._next is None else self._next) + self._period
         return True
 
 
@@ -231,14 +231,14 @@ def _features(explanation: Explanation | None) -> dict[str, Any]:
     """Return how the current subgoal was chosen, its score, and its value in each criterion."""
     if explanation is None:
         return {}
-    kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
-    values = explanation.old_features if kept else explanation.features[:, explanation.new]
-    score = explanation.old_score if kept else explanation.scores[explanation.new]
-    named = zip(explanation.names, np.asarray(values), strict=True)
+    is_kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
+    values = explanation.old_features if is_kept else explanation.features[:, explanation.new]
+    score = explanation.old_score if is_kept else explanation.scores[explanation.new]
+    values_by_name = zip(explanation.names, np.asarray(values), strict=True)
     return {
         "choice": str(explanation.decision.choice.value),
         "score": float(score if score is not None else math.nan),
-        **{f"feature_{name}": float(value) for name, value in named},
+        **{f"feature_{name}": float(value) for name, value in values_by_name},
     }
 
 

@@ -78,18 +78,18 @@ def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path
     axes = figure.add_axes((0.08, 0.06, 0.84, 0.82))
     # Colour the points by the order of the beams, on a page with x up and y to the left.
     order = _beam_shares(points, scan_source)
-    shown = axes.scatter(-points[:, 1], points[:, 0], c=order, s=4, cmap="viridis", vmin=0, vmax=1)
+    scatter = axes.scatter(-points[:, 1], points[:, 0], c=order, s=4, cmap="viridis", vmin=0, vmax=1)
     reach = min(_SEEN_M, 1.1 * float(np.abs(points).max(initial=1.0)))
     _draw_blind_arc(axes, scan_source, reach)
     _draw_robot(axes, scan_source)
     for x, y, text in ((0, 0.93, "FRONT"), (0, -0.96, "BACK"), (-0.88, 0, "LEFT"), (0.88, 0, "RIGHT")):
         axes.text(x * reach, y * reach, text, ha="center", va="center", fontsize=10, color=INK, weight="bold")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="−y [m]", ylabel="x [m]")
-    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", fraction=0.03, pad=0.08)
+    bar = figure.colorbar(scatter, ax=axes, orientation="horizontal", fraction=0.03, pad=0.08)
     bar.set_label("beam, first to last", fontsize=8)
-    down = ", upside down" if scan_source.upside_down else ""
+    posture_text = ", upside down" if scan_source.upside_down else ""
     figure.suptitle(
-        f"First scan in the base frame, from above{down}\n{len(points)} returns of {lidar.num_beams} beams, "
+        f"First scan in the base frame, from above{posture_text}\n{len(points)} returns of {lidar.num_beams} beams, "
         f"{math.degrees(lidar.fov):.0f}°; mount: {scan_source.mounted_by}",
         fontsize=9,
         color=INK,
@@ -100,12 +100,14 @@ def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path
 def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
     """Draw the map in the odometry frame: what the scans saw, the path, the subgoals and the goal, all in full."""
     path = frame[["x_m", "y_m"]].to_numpy()
-    seen = np.concatenate([np.empty((0, 2)), *(to_world(one.points, one.motion.pose) for one in log.sample)])
-    subgoals = np.array([to_world(one.subgoal, one.motion.pose) for one in log.sample])
+    scan_points = np.concatenate(
+        [np.empty((0, 2)), *(to_world(step.points, step.motion.pose) for step in log.sample)]
+    )
+    subgoals = np.array([to_world(step.subgoal, step.motion.pose) for step in log.sample])
     goal = to_world(log.sample[-1].target, log.sample[-1].motion.pose)
-    axes.plot(*seen.T, ".", color=OBSTACLE, markersize=0.8, alpha=0.5, zorder=1)
-    for one, subgoal in zip(log.sample, subgoals, strict=True):
-        axes.plot(*zip(one.motion.pose[:2], subgoal, strict=True), color=PROPOSED, zorder=2, **_FADED)
+    axes.plot(*scan_points.T, ".", color=OBSTACLE, markersize=0.8, alpha=0.5, zorder=1)
+    for step, subgoal in zip(log.sample, subgoals, strict=True):
+        axes.plot(*zip(step.motion.pose[:2], subgoal, strict=True), color=PROPOSED, zorder=2, **_FADED)
         axes.plot(*subgoal, ".", color=PROPOSED, markersize=3, zorder=2)
     axes.plot(*path.T, color=RECORDED, linewidth=1.6, zorder=3, label="robot")
     start: dict[str, Any] = {"marker": pointer(frame["yaw_rad"].iloc[0]), "linestyle": "", "label": "start"}
@@ -113,7 +115,7 @@ def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
     axes.plot(*goal, "*", color=GOAL, markersize=12, zorder=5, label="goal")
     axes.plot([], [], color=PROPOSED, marker=".", label="to the subgoal", **_FADED)
     # Show everything, with a margin.
-    everything = np.vstack([seen, path, subgoals, goal])
+    everything = np.vstack([scan_points, path, subgoals, goal])
     low, high = everything.min(axis=0), everything.max(axis=0)
     (x0, y0), (x1, y1) = low - EDGE * (high - low).max() - EDGE_M, high + EDGE * (high - low).max() + EDGE_M
     axes.set(xlim=(x0, x1), ylim=(y0, y1))

@@ -55,7 +55,7 @@ class TopicGoal:
     def take(self, message: Message, track: Track, tree: TransformTree) -> None:
         """Keep the pose. Raises InputError if tf does not connect its frame to the odometry frame."""
         frames, name = self._recording.frames, frame(message.content.header.frame_id)
-        if name and all(tree.lookup(known, name) is None for known in frames):
+        if name and all(tree.lookup(frame_name, name) is None for frame_name in frames):
             raise InputError(
                 f"goal: it is given in the frame {name}, which tf does not connect to {frames.odom}: "
                 "give [x, y] in the odometry frame"

@@ -63,22 +63,22 @@ class LogConfig:
             raise InputError(f"clock is {self.clock}: must be one of {', '.join(CLOCKS)}")
 
 
-def log_config(given: Mapping[str, Any], robot: str | None) -> LogConfig:
-    """Return the config with the values `given`, as in `conf/replay.yaml`.
+def log_config(values: Mapping[str, Any], robot: str | None) -> LogConfig:
+    """Return the config with the `values`, as in `conf/replay.yaml`.
 
     Raises InputError for a wrong key or value.
     """
-    known = (*_PARTS, *_SCALARS)
-    for key in given:
-        if key not in known:
-            raise InputError(f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}")
-    parts: dict[str, Any] = {key: fill_dataclass(_PARTS[key], given.get(key) or {}, key) for key in _PARTS}
+    keys = (*_PARTS, *_SCALARS)
+    for key in values:
+        if key not in keys:
+            raise InputError(f"{key} is unknown: {nearest(key, keys)}must be one of {', '.join(keys)}")
+    nested: dict[str, Any] = {key: fill_dataclass(_PARTS[key], values.get(key) or {}, key) for key in _PARTS}
     for key in _SCALARS[:2]:
-        value = given.get(key)
+        value = values.get(key)
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise InputError(f"{key} is {value!r}: must be a number of seconds")
-    scalars = {key: given[key] for key in _SCALARS if given.get(key) is not None}
-    return LogConfig(**parts, **scalars, robot=robot)
+    scalars = {key: values[key] for key in _SCALARS if values.get(key) is not None}
+    return LogConfig(**nested, **scalars, robot=robot)
 
 
 class DriveLog:
@@ -128,11 +128,11 @@ class DriveLog:
         )
         posed = PosedScans(recording, _STALE)
         # A scan is ready once the message after it is known; at the end, all that wait are.
-        for coming in self._messages():
-            for message, motion, posture in posed.ready(coming):
+        for next_message in self._messages():
+            for message, motion, posture in posed.ready(next_message):
                 yield None if motion is None else _located(source, message.content, motion.pose, posture)
-            if coming is not None:
-                posed.take(coming)
+            if next_message is not None:
+                posed.take(next_message)
 
     def _messages(self) -> Iterator[Message | None]:
         """Yield the messages of the chosen part, and None after the last."""

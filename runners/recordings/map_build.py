@@ -32,7 +32,7 @@ ENDING, PICTURE = ".yaml", "_way"  # of a map's file; of the name of its picture
 NO_RETURNS = ("clear", "ignore")
 
 
-def way_picture(built: GridMap, way: Floats, title: str) -> Figure:
+def way_picture(built: GridMap, path: Floats, title: str) -> Figure:
     """Draw the map with the robot's path (N, 2) [m]: free white, obstacles black, unknown grey."""
     width, height = built.size
     scale = _LONGEST_IN / max(width, height)
@@ -44,9 +44,9 @@ def way_picture(built: GridMap, way: Floats, title: str) -> Figure:
     x, y = built.origin
     extent = (x, x + width, y, y + height)
     axes.imshow(grey, cmap="gray", vmin=0.0, vmax=1.0, origin="lower", extent=extent, interpolation="nearest")
-    axes.plot(*way.T, color=BLUE, linewidth=0.9, label="way of the robot")
-    axes.plot(*way[0], "o", color=BLUE, markersize=4, label="its start")
-    axes.plot(*way[-1], "s", color=VERMILION, markersize=4, label="its end")
+    axes.plot(*path.T, color=BLUE, linewidth=0.9, label="way of the robot")
+    axes.plot(*path[0], "o", color=BLUE, markersize=4, label="its start")
+    axes.plot(*path[-1], "s", color=VERMILION, markersize=4, label="its end")
     axes.set_title(f"{title}: {built.free_area:.0f} m² free", fontsize=9, color=INK)
     axes.set_xlabel("x [m]", fontsize=8, color=INK)
     axes.set_ylabel("y [m]", fontsize=8, color=INK)
@@ -93,12 +93,12 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
     Raises InputError if a log cannot be read, has no scans or no poses, or if the map would be too large.
     """
     grid = OccupancyGrid(config.resolution, config.max_range)
-    way: list[tuple[float, float]] = []
+    positions: list[tuple[float, float]] = []
     sources: list[str] = []
     skipped, tally = 0, ScanTally()
     # Add the scans of all logs to one grid.
     for path in paths:
-        before = len(way)
+        num_before = len(positions)
         with DriveLog(path, config.log) as log, ScanProgress("scans", log.num_scans, shown=shown) as progress:
             sources.append(log.sources)
             for located in log.scans():
@@ -108,20 +108,20 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
                     continue
                 tally.add(located.scan)
                 grid.add(located.scan, located.lidar, located.sees_far and config.no_returns == "clear")
-                way.append((located.base.x, located.base.y))
-        if len(way) == before:
+                positions.append((located.base.x, located.base.y))
+        if len(positions) == num_before:
             raise InputError(f"log {path}: no scan between start and end has a pose within half a second")
     # Turn the grid into a map, whose size is limited.
-    points = np.array(way)
+    points = np.array(positions)
     built = grid.finish(points, config.radius, config.reach)
     if built.cells.size > MAX_PIXELS:
         width, height = built.size
-        least = config.resolution * (built.cells.size / MAX_PIXELS) ** 0.5
+        min_resolution = config.resolution * (built.cells.size / MAX_PIXELS) ** 0.5
         raise InputError(
             f"--resolution is {config.resolution:g} m for a map of {width:.0f} by {height:.0f} m: must give at most "
-            f"{MAX_PIXELS} cells, so at least {least:.2g} m"
+            f"{MAX_PIXELS} cells, so at least {min_resolution:.2g} m"
         )
-    return BuiltMap(built, points, len(way), skipped, tally, "; ".join(dict.fromkeys(sources)))
+    return BuiltMap(built, points, len(positions), skipped, tally, "; ".join(dict.fromkeys(sources)))
 
 
 def check_target(path: Path, overwrite: bool) -> None:
@@ -138,7 +138,7 @@ def write_map(built: BuiltMap, path: Path) -> None:
     from runners.reports.figures.style import save_as
 
     _, image, picture = _files(path)
-    about = {
+    metadata = {
         "image": image.name,
         "resolution": built.map.resolution,
         "origin": [*built.map.origin, 0.0],
@@ -154,7 +154,7 @@ def write_map(built: BuiltMap, path: Path) -> None:
         save_as(way_picture(built.map, built.way, path.stem), picture, "png")
         with output_file(path) as draft:
             draft.write_text(
-                yaml.safe_dump(about, sort_keys=False, default_flow_style=None), encoding="utf-8"
+                yaml.safe_dump(metadata, sort_keys=False, default_flow_style=None), encoding="utf-8"
             )
     except OSError as error:
         raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
@@ -163,9 +163,9 @@ def write_map(built: BuiltMap, path: Path) -> None:
 def describe(built: BuiltMap) -> str:
     """Return one line about a map."""
     width, height = built.map.size
-    without = f" ({built.skipped} more without a pose)" if built.skipped else ""
+    unposed = f" ({built.skipped} more without a pose)" if built.skipped else ""
     return (
-        f"{width:.1f} × {height:.1f} m, {built.map.free_area:.0f} m² free, from {built.scans} scans{without}"
+        f"{width:.1f} × {height:.1f} m, {built.map.free_area:.0f} m² free, from {built.scans} scans{unposed}"
     )
 
 

@@ -33,10 +33,10 @@ class Order:
                 f"topics: the time of {self._topic} goes backwards by {back:.3g} s (stamp {stamp / SECOND:.3f} s): "
                 "use clock=recorded, or cut the recording with start= and end="
             )
-        later = self._last is None or stamp > self._last
-        if later:
+        is_later = self._last is None or stamp > self._last
+        if is_later:
             self._last = stamp
-        return later
+        return is_later
 
 
 class PosedScan(NamedTuple):
@@ -85,7 +85,7 @@ class PosedScans:
             self.track.postures.add_imu(self._recording.stamp(message), tilt)
         elif message.topic == self._recording.topics.scan.name:
             stamp = self._recording.stamp(message)
-            if self._usable(message) and self._scan_order.accepts(stamp):
+            if self._is_usable(message) and self._scan_order.accepts(stamp):
                 self.scans += 1
                 if self._due is None or self._due(stamp):
                     self._waiting.append((message, stamp))
@@ -100,32 +100,32 @@ class PosedScans:
             self._recording.doubt_twists(contradiction)
             self.track.forget_twists()
 
-    def _usable(self, message: Message) -> bool:
+    def _is_usable(self, message: Message) -> bool:
         came_from = frame(message.content.header.frame_id)
-        why = ""
+        reason = ""
         if came_from != self._frame:
-            why = f"scans from the frame {came_from}, not {self._frame} as most,"
+            reason = f"scans from the frame {came_from}, not {self._frame} as most,"
         elif not is_whole(message):
-            why = "scans of less than two beams"
-        if why and why not in self._left_out:
-            self._left_out.add(why)
-            warnings.warn(f"{self._recording.topics.scan.name}: {why} are left out", stacklevel=3)
-        return not why
+            reason = "scans of less than two beams"
+        if reason and reason not in self._left_out:
+            self._left_out.add(reason)
+            warnings.warn(f"{self._recording.topics.scan.name}: {reason} are left out", stacklevel=3)
+        return not reason
 
-    def ready(self, coming: Message | None) -> Iterator[PosedScan]:
+    def ready(self, next_message: Message | None) -> Iterator[PosedScan]:
         """Yield the waiting scans that have a later pose, or that have waited longer than `stale` for one.
 
-        coming: the next message, None at the end. It must be recorded after the scan, so that every message recorded
+        next_message: None at the end. It must be recorded after the scan, so that every message recorded
         together with the scan has been processed.
         """
         # The oldest scan waits for a pose at or after its stamp, or until it has waited too long.
         while self._waiting:
             scan, stamp = self._waiting[0]
-            if coming is not None:
+            if next_message is not None:
                 newest = self.track.newest
-                known = newest is not None and newest >= stamp
-                late = coming.recorded > scan.recorded + self._stale
-                if coming.recorded <= scan.recorded or not (known or late):
+                is_posed = newest is not None and newest >= stamp
+                is_late = next_message.recorded > scan.recorded + self._stale
+                if next_message.recorded <= scan.recorded or not (is_posed or is_late):
                     return
             self._waiting.popleft()
             posture = self.track.posture(stamp, self._stale) if is_cloud(scan.content) else None

@@ -46,9 +46,9 @@ def build_all(source: Path, destination: Path, overwrite: bool) -> None:
         built = build_map([log], BuildConfig())
         write_map(built, _target(destination, name))
         print(f"{name:<14}{describe(built)}")
-    missing = [name for name in DIGESTS if name not in logs]
-    if missing:
-        print(f"left out, without a log: {', '.join(missing)}")
+    missing_logs = [name for name in DIGESTS if name not in logs]
+    if missing_logs:
+        print(f"left out, without a log: {', '.join(missing_logs)}")
     paths = f"map.paths=[{element(str(destination))}]"
     print(f"Drive in them: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
 

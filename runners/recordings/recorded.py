@@ -71,10 +71,10 @@ def episode_of(bag: Bag) -> RecordedEpisode | None:
         return None
     text = next((message.content.data for message in bag.messages([EPISODE])), "")
     try:
-        about = decode_json(text)
-        seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
-        scan, tolerance = dict(about["scan"]), about.get("goal_tolerance")
-        return RecordedEpisode(seed, world, run, _config(bag.path, about["config"]), scan, tolerance)
+        metadata = decode_json(text)
+        seed, world, run = (int(metadata[name]) for name in ("seed", "world", "run"))
+        scan, tolerance = dict(metadata["scan"]), metadata.get("goal_tolerance")
+        return RecordedEpisode(seed, world, run, _config(bag.path, metadata["config"]), scan, tolerance)
     except UntrustedError:
         raise
     except (ValueError, TypeError, KeyError, AttributeError) as error:

@@ -6,7 +6,6 @@ import math
 import statistics
 import warnings
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from pathlib import Path
@@ -88,18 +87,18 @@ class Recording:
         # tf gives the pose only if no topic does.
         if message.topic in self.topics.tf:
             tree.update(message.content)
-            found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
+            stamped_pose = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
         elif self.topics.pose is not None and message.topic == self.topics.pose.name:
             if not has_orientation(message.content, self.topics.pose.type):
                 return None
-            found = message_pose(message.content, self.topics.pose.type)
-            found = found if self.twists else found._replace(twist=None)
+            stamped_pose = message_pose(message.content, self.topics.pose.type)
+            stamped_pose = stamped_pose if self.twists else stamped_pose._replace(twist=None)
         else:
             return None
-        if found is None or not is_sound(found.pose, found.twist):
+        if stamped_pose is None or not is_sound(stamped_pose.pose, stamped_pose.twist):
             return None
-        stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
-        return RecordedPose(stamp, *found[1:])
+        stamp = stamp_of(stamped_pose.header) if self.headers else message.recorded - self.offset
+        return RecordedPose(stamp, *stamped_pose[1:])
 
     def doubt_twists(self, contradiction: str) -> None:
         """Stop using velocities of the odometry messages, and warn why."""
@@ -139,15 +138,16 @@ class Recording:
 
     def last_pose(self, stop: int | None) -> Pose:
         """Return the last pose recorded before `stop` [ns]. Raises InputError if there is none."""
-        end = self.bag.end + 1 if stop is None else stop
+        end_stamp = self.bag.end + 1 if stop is None else stop
         # Look in the last seconds first, then farther back, then in the whole recording.
+        names = set(self.topics.tf) if self.topics.pose is None else {self.topics.pose.name}
         for seconds in (*_TAIL_S, None):
-            start = None if seconds is None else end - seconds * SECOND
-            last, tree = None, self.tree.copy()
-            for message in self.bag.messages(_pose_topics(self.topics), start, stop):
-                last = self.pose(message, tree) or last
-            if last is not None:
-                return last.pose
+            start = None if seconds is None else end_stamp - seconds * SECOND
+            latest, tree = None, self.tree.copy()
+            for message in self.bag.messages(names, start, stop):
+                latest = self.pose(message, tree) or latest
+            if latest is not None:
+                return latest.pose
         odom, base = self.frames
         raise InputError(f"bag {self.bag.path}: no pose of {base} in {odom} to use as the goal")
 
@@ -157,62 +157,62 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
 
     Warns of twists that contradict the poses.
     """
-    # Read the static transforms, then the first messages until they suffice.
-    first = _Beginning(topics)
-    for message in _statics(bag, topics):
-        first.tree.update(message.content)
+    # Read the static transforms, which are few but may come late, then the first messages until they suffice.
+    opening = _Beginning(topics)
+    for message in bag.messages([name for name in topics.tf if name.endswith("tf_static")]):
+        opening.tree.update(message.content)
     for message in bag.messages(topics.names):
-        first.take(message)
-        if first.complete and (message.recorded - bag.start > _LOOK_S * SECOND or first.mounted(frames)):
+        opening.take(message)
+        if opening.complete and (message.recorded - bag.start > _LOOK_S * SECOND or opening.mounted(frames)):
             break
-    if not first.scans:
+    if not opening.scans:
         raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} has no messages")
     # tf does not connect the frames after all: take another topic of poses.
-    if topics.pose is None and tf_frames(frames, first.tree) is None:
+    if topics.pose is None and tf_frames(frames, opening.tree) is None:
         topics = topics._replace(pose=other_pose(bag, topics))
         return inspect(bag, topics, frames, clock)
     # Choose the frames and the clock, and measure the rate of the scans.
-    chosen = first.frames(frames)
-    headers, offset = first.clock(clock, chosen)
-    stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
+    names = opening.frames(frames)
+    headers, offset = opening.clock(clock, names)
+    stamps = [stamp_of(m.content.header) if headers else m.recorded for m in opening.scans]
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
     # Find the lidar's geometry and its mount.
-    scan = _usual_scan(bag, topics, first.scans)
+    scan = _usual_scan(bag, topics, opening.scans)
     came_from = frame(scan.content.header.frame_id)
-    mount = first.tree.lookup(chosen.base, came_from)
-    carrier = carrier_of(came_from, chosen, first.tree)
+    mount = opening.tree.lookup(names.base, came_from)
+    carrier = carrier_of(came_from, names, opening.tree)
     recording = Recording(
-        bag, topics, chosen, headers, offset, mount, carrier, rate, scan, first.tree, topics.measured_twists
+        bag, topics, names, headers, offset, mount, carrier, rate, scan, opening.tree, topics.measured_twists
     )
     recording.check_poses()
     return recording
 
 
-def _usual_scan(bag: Bag, topics: Topics, first: list[Message]) -> Message:
+def _usual_scan(bag: Bag, topics: Topics, scans_at_start: list[Message]) -> Message:
     """Return the first scan with the usual frame and geometry; the very first may be short, or of another lidar.
 
     Of the geometries that are not rare, it has the widest; among several equally wide, the most frequent.
     """
     if topics.scan.type != LASER_SCAN:
-        return first[0]
+        return scans_at_start[0]
     # Sample scans from all parts of the recording, and keep those of the most frequent frame.
-    scans = list(first)
-    for part in range(1, _PARTS):
-        start = bag.start + part * (bag.end - bag.start) // _PARTS
+    scans = list(scans_at_start)
+    for section in range(1, _PARTS):
+        start = bag.start + section * (bag.end - bag.start) // _PARTS
         scans += islice(bag.messages([topics.scan.name], start), _SCANS)
     frames = Counter(frame(scan.content.header.frame_id) for scan in scans)
     frame_id = frames.most_common(1)[0][0]
     scans = [scan for scan in scans if frame(scan.content.header.frame_id) == frame_id and is_whole(scan)]
     # Choose the geometry: not rare, as wide as the widest up to two beams, and then the most frequent.
     counts = Counter(map(_geometry, scans))
-    usual = [one for one, count in counts.items() if count >= _RARE * len(scans)] or list(counts)
+    usual = [shape for shape, count in counts.items() if count >= _RARE * len(scans)] or list(counts)
     if not usual:
-        return first[0]
+        return scans_at_start[0]
     widest = max(fov for _, _, fov in usual)
-    as_wide = [one for one in usual if one[2] >= widest - 2.0 * abs(one[1])]
-    chosen = max(as_wide or usual, key=lambda one: counts[one])
-    return next(scan for scan in scans if _geometry(scan) == chosen)
+    as_wide = [shape for shape in usual if shape[2] >= widest - 2.0 * abs(shape[1])]
+    geometry = max(as_wide or usual, key=lambda shape: counts[shape])
+    return next(scan for scan in scans if _geometry(scan) == geometry)
 
 
 def is_whole(scan: Message) -> bool:
@@ -247,8 +247,8 @@ class _Beginning:
             self._pose = message
         elif message.topic in self._topics.tf:
             self.tree.update(message.content)
-            for one in message.content.transforms:
-                self._tf_ahead[frame(one.child_frame_id)] = message.recorded - stamp_of(one.header)
+            for tf in message.content.transforms:
+                self._tf_ahead[frame(tf.child_frame_id)] = message.recorded - stamp_of(tf.header)
 
     @property
     def complete(self) -> bool:
@@ -267,9 +267,9 @@ class _Beginning:
     def frames(self, frames: FramesConfig) -> Frames:
         """Return the names of the odometry frame and the base frame."""
         if self._topics.pose is None:
-            found = tf_frames(frames, self.tree)
-            assert found is not None
-            return found
+            frames_in_tf = tf_frames(frames, self.tree)
+            assert frames_in_tf is not None
+            return frames_in_tf
         return message_frames(frames, None if self._pose is None else self._pose.content, self.tree)
 
     def clock(self, requested: str, frames: Frames) -> tuple[bool, int]:
@@ -279,8 +279,8 @@ class _Beginning:
         offset = min(_ahead(message) for message in self.scans)
         stamped = all(stamp_of(message.content.header) for message in self.scans)
         # Some drivers do not set stamps; on some robots, the clocks of the computers differ.
-        alike = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
-        return (True, offset) if requested == "header" or (stamped and alike) else (False, 0)
+        agrees = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
+        return (True, offset) if requested == "header" or (stamped and agrees) else (False, 0)
 
     def _poses_ahead(self, frames: Frames) -> list[int]:
         if self._topics.pose is not None:
@@ -292,15 +292,6 @@ class _Beginning:
 def _ahead(message: Message) -> int:
     """Return the clock of the file minus the stamp of a message [ns]."""
     return message.recorded - stamp_of(message.content.header)
-
-
-def _statics(bag: Bag, topics: Topics) -> Iterator[Message]:
-    """Return the messages of static transforms, which may come late in the recording but are few."""
-    return bag.messages([name for name in topics.tf if name.endswith("tf_static")])
-
-
-def _pose_topics(topics: Topics) -> set[str]:
-    return set(topics.tf) if topics.pose is None else {topics.pose.name}
 
 
 def open_recording(path: Path) -> Bag:

@@ -40,24 +40,24 @@ def replay_table(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
         log, stamps, period_s
     )
     headings = headings_ahead(frame[["x_m", "y_m", "yaw_rad"]].to_numpy(), ahead)
-    wanted = np.arctan2(frame["subgoal_y_m"].to_numpy(), frame["subgoal_x_m"].to_numpy())
+    bearings = np.arctan2(frame["subgoal_y_m"].to_numpy(), frame["subgoal_x_m"].to_numpy())
     frame["robot_heading_rad"] = headings
-    frame["heading_error_rad"] = (wanted - headings + np.pi) % (2 * np.pi) - np.pi
+    frame["heading_error_rad"] = (bearings - headings + np.pi) % (2 * np.pi) - np.pi
     return frame
 
 
 def headings_ahead(poses: Floats, ahead: float) -> Floats:
     """Return the bearing [rad] from each pose (T, 3) to the next at least `ahead` [m] away, (T,); NaN without one."""
     bearings = np.full(len(poses), np.nan)
-    later = 0
+    j = 0
     # The later position only moves forward, so the search takes linear time.
     for k, (x, y, yaw) in enumerate(poses):
-        later = max(later, k)
-        while later < len(poses) and math.hypot(poses[later, 0] - x, poses[later, 1] - y) < ahead:
-            later += 1
-        if later == len(poses):
+        j = max(j, k)
+        while j < len(poses) and math.hypot(poses[j, 0] - x, poses[j, 1] - y) < ahead:
+            j += 1
+        if j == len(poses):
             break
-        bearing = math.atan2(poses[later, 1] - y, poses[later, 0] - x) - yaw
+        bearing = math.atan2(poses[j, 1] - y, poses[j, 0] - x) - yaw
         bearings[k] = math.remainder(bearing, math.tau)
     return bearings
 
@@ -91,36 +91,36 @@ def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> di
     }
 
 
-def lines(found: Mapping[str, float]) -> list[str]:
+def lines(results: Mapping[str, float]) -> list[str]:
     """Return the figures as a few lines of text."""
-    ticks = f"{found['ticks']:.0f} decisions over {found['duration_s']:.1f} s"
-    skipped = found["skipped_no_pose"] + found["skipped_no_goal"]
+    ticks = f"{results['ticks']:.0f} decisions over {results['duration_s']:.1f} s"
+    skipped = results["skipped_no_pose"] + results["skipped_no_goal"]
     left_out = f", {skipped:.0f} ticks left out" if skipped else ""
     return [
-        f"{ticks}{left_out}, {found['times_real_time']:.0f} × real time",
-        f"heading  off the robot's by {found['heading_error_median_deg']:.0f}° (median), "
-        f"within 30° in {_percent(found['heading_within_30deg'])}, "
-        f"turning the same way in {_percent(found['turn_same_way'])}",
-        f"speed    {found['speed_error_mean_mps']:+.2f} m/s against the robot's, "
-        f"{found['speed_error_abs_mean_mps']:.2f} m/s apart on average",
-        f"clearance of the command {found['command_clearance_p05_m']:.2f} m (5th percentile), of the robot's motion "
-        f"{found['recorded_clearance_p05_m']:.2f} m; into contact in {_percent(found['command_contact'])} "
-        f"and {_percent(found['recorded_contact'])}",
-        f"decision {found['decision_ms_p50']:.2f} ms (p50), {found['decision_ms_p99']:.2f} ms (p99); "
-        f"{found['missed_deadlines']:.0f} of {found['ticks']:.0f} missed the period",
-        f"scans    {found['beams_without_return']:.0f} of {found['beams']:.0f} beams without return, "
-        f"{found['scans_without_point']:.0f} scans without a point",
+        f"{ticks}{left_out}, {results['times_real_time']:.0f} × real time",
+        f"heading  off the robot's by {results['heading_error_median_deg']:.0f}° (median), "
+        f"within 30° in {_percent(results['heading_within_30deg'])}, "
+        f"turning the same way in {_percent(results['turn_same_way'])}",
+        f"speed    {results['speed_error_mean_mps']:+.2f} m/s against the robot's, "
+        f"{results['speed_error_abs_mean_mps']:.2f} m/s apart on average",
+        f"clearance of the command {results['command_clearance_p05_m']:.2f} m (5th percentile), of the robot's motion "
+        f"{results['recorded_clearance_p05_m']:.2f} m; into contact in {_percent(results['command_contact'])} "
+        f"and {_percent(results['recorded_contact'])}",
+        f"decision {results['decision_ms_p50']:.2f} ms (p50), {results['decision_ms_p99']:.2f} ms (p99); "
+        f"{results['missed_deadlines']:.0f} of {results['ticks']:.0f} missed the period",
+        f"scans    {results['beams_without_return']:.0f} of {results['beams']:.0f} beams without return, "
+        f"{results['scans_without_point']:.0f} scans without a point",
     ]
 
 
-def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> list[Path]:
+def write(frame: pd.DataFrame, results: Mapping[str, float], run_dir: Path) -> list[Path]:
     """Write the table and the figures; return their paths."""
     import json
 
     table, numbers = run_dir / TABLE, run_dir / FIGURES
     with replacing(table) as draft:
         frame.to_parquet(draft, index=False)
-    finite = {key: value if math.isfinite(value) else None for key, value in found.items()}
+    finite = {key: value if math.isfinite(value) else None for key, value in results.items()}
     write_atomically(numbers, json.dumps(finite, indent=1) + "\n")
     return [table, numbers]
 
@@ -133,19 +133,19 @@ def _recorded_commands(log: Log, stamps: Floats, period_s: float) -> Floats:
     times = np.array([stamp for stamp, _, _ in commands])
     values = np.array([[v, omega] for _, v, omega in commands])
     # The next command counts if it comes within a period of the tick, else the previous one.
-    after = np.searchsorted(times, stamps, side="left")
-    timely = times[np.minimum(after, len(times) - 1)] < stamps + round(period_s * SECOND)
-    use = np.where((after < len(times)) & timely, after, after - 1)
-    return np.where((use >= 0)[:, None], values[np.maximum(use, 0)], np.nan)
+    indices = np.searchsorted(times, stamps, side="left")
+    timely = times[np.minimum(indices, len(times) - 1)] < stamps + round(period_s * SECOND)
+    used_indices = np.where((indices < len(times)) & timely, indices, indices - 1)
+    return np.where((used_indices >= 0)[:, None], values[np.maximum(used_indices, 0)], np.nan)
 
 
 def _clearances(frame: pd.DataFrame) -> dict[str, float]:
-    found = {}
+    values_by_name = {}
     for whose in ("command", "recorded"):
         values = frame[f"{whose}_clearance_m"].to_numpy()
-        found[f"{whose}_clearance_p05_m"] = float(np.percentile(values, 5, method="lower"))
-        found[f"{whose}_contact"] = _mean(values <= 0.0)
-    return found
+        values_by_name[f"{whose}_clearance_p05_m"] = float(np.percentile(values, 5, method="lower"))
+        values_by_name[f"{whose}_contact"] = _mean(values <= 0.0)
+    return values_by_name
 
 
 def _times(decision_us: Floats, period_s: float) -> dict[str, float]:
@@ -159,9 +159,9 @@ def _times(decision_us: Floats, period_s: float) -> dict[str, float]:
 
 def _same_way(frame: pd.DataFrame) -> float:
     """Return the share of ticks at which both turn in the same direction, among those at which both turn."""
-    one, other = frame["command_omega_radps"].to_numpy(), frame["omega_radps"].to_numpy()
-    both = (np.abs(one) > _TURNING) & (np.abs(other) > _TURNING)
-    return _mean(np.sign(one[both]) == np.sign(other[both]))
+    omega, recorded_omega = frame["command_omega_radps"].to_numpy(), frame["omega_radps"].to_numpy()
+    are_turning = (np.abs(omega) > _TURNING) & (np.abs(recorded_omega) > _TURNING)
+    return _mean(np.sign(omega[are_turning]) == np.sign(recorded_omega[are_turning]))
 
 
 def _same_command(frame: pd.DataFrame) -> float:

@@ -59,14 +59,16 @@ class RerunFile:
     def show(self, step: ReplayStep) -> None:
         """Add one step."""
         pose = step.motion.pose
-        here = np.array(pose[:2])
+        position = np.array(pose[:2])
         self._stream.set_time("recording", duration=step.time_s)
         self._points("scan", to_world(step.points, pose), 0.02, _GREY)
-        self._points("robot", here[None], self._radius, _BLUE)
+        self._points("robot", position[None], self._radius, _BLUE)
         self._points("subgoal", to_world(step.subgoal, pose)[None], 0.06, _ORANGE)
         self._points("goal", to_world(step.target, pose)[None], 0.08, _GREEN)
-        ahead = to_world(np.array([2 * self._radius, 0.0]), pose) - here
-        arrows = self._rerun.Arrows3D(origins=_flat(here[None]), vectors=_flat(ahead[None]), colors=[_BLUE])
+        arrow = to_world(np.array([2 * self._radius, 0.0]), pose) - position
+        arrows = self._rerun.Arrows3D(
+            origins=_flat(position[None]), vectors=_flat(arrow[None]), colors=[_BLUE]
+        )
         self._stream.log("map/heading", arrows)
         self._way = [*self._way[-1:], (pose.x, pose.y)]
         self._stream.log("map/way", self._rerun.LineStrips3D([_flat(np.array(self._way))], colors=[_BLUE]))
@@ -75,8 +77,8 @@ class RerunFile:
             self._stream.log(f"{name}/proposed", self._rerun.Scalars(proposed))
 
     def _points(self, name: str, points: Floats, radius: float, colour: tuple[int, int, int]) -> None:
-        shown = self._rerun.Points3D(_flat(points), radii=radius, colors=colour)
-        self._stream.log(f"map/{name}", shown)
+        markers = self._rerun.Points3D(_flat(points), radii=radius, colors=colour)
+        self._stream.log(f"map/{name}", markers)
 
 
 def _flat(points: Floats) -> Floats:

@@ -55,23 +55,23 @@ def retrace(path: Path) -> Trace:
             )
         if not episode.live:
             return rerun(episode.config, episode.world, episode.run)
-        *moments, end = _moments(bag, episode)
-        said = [message.content.data for message in bag.messages([STATE])][-1]
+        *moments, final = _moments(bag, episode)
+        states = [message.content.data for message in bag.messages([STATE])][-1]
     if not moments:
         raise InputError(f"bag {path}: has no decisions")
     # Decide again on everything that was seen, then put the trace together.
     steps = _decide_again(path, episode, moments)
-    rows = [_row(episode.config.robot, moment) for moment in (*moments, end)]
-    last = TraceEnd(end.time, end.observation.odometry, end.observation, _NOTHING)
-    drive = Drive(_outcome(said, end, episode.goal_tolerance), end.time, np.array(rows))
+    rows = [_row(episode.config.robot, moment) for moment in (*moments, final)]
+    ending = TraceEnd(final.time, final.observation.odometry, final.observation, _NOTHING)
+    drive = Drive(_outcome(states, final, episode.goal_tolerance), final.time, np.array(rows))
     config, robot = episode.config, episode.config.robot
-    return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, last, drive)
+    return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, ending, drive)
 
 
-def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
-    """Return how the drive ended. said: the driver's last state; a safety stop if the simulator ended first."""
-    state = said.partition(":")[0]
-    distance = float(np.hypot(*end.observation.target))
+def _outcome(state_text: str, final: _Moment, tolerance: float | None) -> str:
+    """Return how the drive ended. state_text: the driver's last state; a safety stop if the simulator ended first."""
+    state = state_text.partition(":")[0]
+    distance = float(np.hypot(*final.observation.target))
     if state in (LiveState.ARRIVED, LiveState.CANCELLED):
         return state
     return str(LiveState.ARRIVED) if distance <= (tolerance or 0.0) else f"{distance:.2f} m from the goal"
@@ -80,24 +80,24 @@ def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
 def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
     """Yield every decision, and the end, which is the last pose without a scan."""
     latest: dict[str, Message] = {}
-    began = None
+    start_stamp = None
     # A command of the planner marks a decision on the latest messages of all other topics.
     for message in bag.messages([ODOM, GOAL, SCAN, TAKEN, WANTED, SENT]):
         latest[message.topic] = message
         if message.topic == WANTED:
-            began = message.recorded if began is None else began
+            start_stamp = message.recorded if start_stamp is None else start_stamp
             observation = _observation(episode, latest)
-            time = (message.recorded - began) / SECOND
-            taken = int(latest[TAKEN].content.data) / SECOND if TAKEN in latest else None
-            yield _Moment(time, taken, observation, twist_of(message.content, TWIST))
+            time = (message.recorded - start_stamp) / SECOND
+            decision_time = int(latest[TAKEN].content.data) / SECOND if TAKEN in latest else None
+            yield _Moment(time, decision_time, observation, twist_of(message.content, TWIST))
     # At the end there is a pose, but no scan that would belong to it.
-    if began is not None:
+    if start_stamp is not None:
         odometry = latest[ODOM]
         pose = pose_of(odometry.content, ODOMETRY)
         goal = to_world(observation.target, observation.odometry)
         unseen = observation.scan._replace(ranges=np.full_like(observation.scan.ranges, np.inf))
-        there = Observation(unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose)
-        yield _Moment((odometry.recorded - began) / SECOND, None, there, None)
+        final = Observation(unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose)
+        yield _Moment((odometry.recorded - start_stamp) / SECOND, None, final, None)
 
 
 def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observation:
@@ -117,10 +117,10 @@ def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) 
     navigator = build.navigator(episode.config)
     navigator.reset(episode.rng())
     steps: list[TracedStep] = []
-    explained: Decision | None = None
+    explained_decision: Decision | None = None
     # Every decision must equal the recorded one; an explanation that has not changed is kept once.
-    for time, taken, unseen, recorded in moments:
-        command = navigator.act(unseen, taken)
+    for time, decision_time, unseen, recorded in moments:
+        command = navigator.act(unseen, decision_time)
         if command != recorded:
             raise InputError(
                 f"bag {path}: the decision at {time:.1f} s differs from the recorded one: another version of lme made "
@@ -129,38 +129,44 @@ def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) 
         observation = navigator.observation
         assert navigator.guidance is not None
         assert observation is not None
-        why = navigator.explanation()
-        new = None if why is None or why.decision is explained else why
-        explained = None if why is None else why.decision
+        explanation = navigator.explanation()
+        new_explanation = (
+            None if explanation is None or explanation.decision is explained_decision else explanation
+        )
+        explained_decision = None if explanation is None else explanation.decision
         pose = observation.odometry
         subgoal = to_world(navigator.guidance.subgoal, pose)
-        steps.append(TracedStep(time, pose, observation, subgoal, navigator.guidance, command, _NOTHING, new))
+        steps.append(
+            TracedStep(
+                time, pose, observation, subgoal, navigator.guidance, command, _NOTHING, new_explanation
+            )
+        )
     return tuple(steps)
 
 
 def _row(robot: Robot, moment: _Moment) -> tuple[float, ...]:
     """Return a row of a trajectory. Its clearance is the distance to the scan points; NaN at the end."""
-    seen = moment.observation
+    observation = moment.observation
     if moment.command is None:
-        return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, np.nan)
-    points = obstacle_points(seen.scan, robot.lidar.mount)
+        return (moment.time, *observation.odometry, *observation.twist, *_NO_SUBGOAL, np.nan)
+    points = obstacle_points(observation.scan, robot.lidar.mount)
     circles = np.column_stack((points, np.zeros(len(points))))
     clearance, _ = sweep(np.zeros((1, 3)), robot.footprint.box, circles, _NOTHING[1])
-    return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, clearance)
+    return (moment.time, *observation.odometry, *observation.twist, *_NO_SUBGOAL, clearance)
 
 
 def _task(episode: RecordedEpisode, moments: list[_Moment]) -> Task:
-    first, last = moments[0].observation, moments[-1].observation
+    first_observation, last_observation = moments[0].observation, moments[-1].observation
     assert episode.goal_tolerance is not None
     return Task(
         map_name="live, goal",
         number=episode.world,
         world=World(),
-        start=Pose(*first.odometry),
-        goal=to_world(last.target, last.odometry),
+        start=Pose(*first_observation.odometry),
+        goal=to_world(last_observation.target, last_observation.odometry),
         goal_tolerance=episode.goal_tolerance,
         time_limit=np.inf,
         clock_distance=0.0,
-        shortest_path_length=float(np.hypot(*first.target)),
+        shortest_path_length=float(np.hypot(*first_observation.target)),
         optimal_time=np.nan,
     )

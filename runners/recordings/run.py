@@ -28,13 +28,13 @@ from runners.recordings.goals import goal_source, topic_of
 from runners.recordings.recording import CLOCKS, Recording, inspect, open_recording
 from runners.recordings.topics import BagTopicsConfig, choose
 from runners.tracking.mlflow import closed_by
-from runners.tracking.parameters import parameters
+from runners.tracking.names import parameters
 
 _SLOWER = 0.9  # scans at less than this fraction of the robot's control rate set the rate of decisions
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _Section:
     """The part of the recording that is replayed [ns, clock of the file]."""
 
     start: int | None
@@ -80,8 +80,8 @@ def replay(job: Job[ReplayConfig]) -> None:
         tags = {"command": "replay", "bag": bag.path.name}
         tracking.start(parameters(asdict(config)), run_dir, tags, job.sweep_dir)
         stack.enter_context(closed_by(tracking))
-        found, artifacts = _replay(bag, config, episode, run_dir, stack)
-        tracking.finish(found, artifacts)
+        results, artifacts = _replay(bag, config, episode, run_dir, stack)
+        tracking.finish(results, artifacts)
 
 
 def _path(config: ReplayConfig) -> Path:
@@ -101,7 +101,7 @@ def _replay(
     from runners.recordings import figures
 
     # Find out what the recording holds, and build the lidar's view of it and the navigator.
-    recording, part = _recording(bag, config, episode)
+    recording, section = _recording(bag, config, episode)
     stale = round(config.stale * SECOND)
     scan_source = ScanSource(
         fill_dataclass(ScanConfig, config.scan, "scan"),
@@ -118,12 +118,12 @@ def _replay(
         navigator.reset(seed if episode is None else episode.rng())
         if episode is not None:
             episode.read_map(navigator)
-        goal = goal_source(config.goal, recording, part.stop, stale)
+        goal = goal_source(config.goal, recording, section.stop, stale)
         every_scan = episode is not None
         return Driver(recording, scan_source, navigator, goal, config.horizon, stale, every_scan)
 
     # Drive once to load compiled code, then for the results.
-    _warm_up(driver(), recording, part)
+    _warm_up(driver(), recording, section)
     driving = driver()
     artifacts = []
     if config.rerun:
@@ -134,23 +134,23 @@ def _replay(
         )
         driving.listen(file.show)
         artifacts.append(file.path)
-    began = perf_counter()
-    for message in bag.messages(recording.topics.names, part.start, part.stop):
+    start_s = perf_counter()
+    for message in bag.messages(recording.topics.names, section.start, section.stop):
         driving.take(message)
     log = driving.finish()
-    wall_s = perf_counter() - began
+    wall_s = perf_counter() - start_s
     # Write the table, the figures of agreement, and the pictures.
     frame = report.replay_table(log, scan_source.robot.dt, config.ahead)
-    found = report.figures(frame, log, scan_source.robot.dt, wall_s)
-    artifacts += report.write(frame, found, run_dir)
+    results = report.figures(frame, log, scan_source.robot.dt, wall_s)
+    artifacts += report.write(frame, results, run_dir)
     artifacts += figures.write(frame, log, scan_source, recording, run_dir)
-    _print_results(recording, scan_source, episode, found, run_dir)
-    return found, artifacts
+    _print_results(recording, scan_source, episode, results, run_dir)
+    return results, artifacts
 
 
 def _recording(
     bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
-) -> tuple[Recording, _Part]:
+) -> tuple[Recording, _Section]:
     requested = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
     names = fill_dataclass(BagTopicsConfig, config.topics, "topics")
     if episode is not None and names.command is None:
@@ -159,7 +159,7 @@ def _recording(
     recording = inspect(bag, topics, fill_dataclass(FramesConfig, config.frames, "frames"), config.clock)
     start = bag.start + round(config.start * SECOND) if config.start else None
     stop = None if config.end is None else bag.start + round(config.end * SECOND)
-    return recording, _Part(start, stop)
+    return recording, _Section(start, stop)
 
 
 def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
@@ -169,9 +169,9 @@ def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
     return config.robot
 
 
-def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
+def _warm_up(driver: Driver, recording: Recording, section: _Section) -> None:
     """Make a few decisions that are not recorded, since the first ones load compiled code, which takes time."""
-    for message in recording.bag.messages(recording.topics.names, part.start, part.stop):
+    for message in recording.bag.messages(recording.topics.names, section.start, section.stop):
         driver.take(message)
         if len(driver.log.rows) >= 3:
             return
@@ -181,9 +181,11 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
     """Return the config with the recorded system and seed, if lme made the recording."""
     if episode is None:
         return job.config
-    chosen = {override.lstrip("+").partition("=")[0] for override in job.overrides}
+    changed_keys = {override.lstrip("+").partition("=")[0] for override in job.overrides}
     requested = sorted(
-        key for key in chosen if key.partition(".")[0] in (*recorded.GROUPS, "weights", "ablation", "system")
+        key
+        for key in changed_keys
+        if key.partition(".")[0] in (*recorded.GROUPS, "weights", "ablation", "system")
     )
     if requested:
         raise InputError(
@@ -192,8 +194,8 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
         )
     # Take over the system. Where people truly were is not known here: then this config says where they come from.
     groups = {group: getattr(episode.config, group) for group in recorded.GROUPS}
-    own = episode.config.people
-    people = job.config.people if own is People.truth else own
+    recorded_people = episode.config.people
+    people = job.config.people if recorded_people is People.truth else recorded_people
     return replace(job.config, **groups, people=people, seed=episode.seed)
 
 
@@ -201,7 +203,7 @@ def _print_results(
     recording: Recording,
     scan_source: ScanSource,
     episode: recorded.RecordedEpisode | None,
-    found: Mapping[str, float],
+    results: Mapping[str, float],
     run_dir: Path,
 ) -> None:
     """Print what was read, and the results."""
@@ -214,7 +216,7 @@ def _print_results(
     if episode is not None:
         print(
             f"episode  {episode}, as it was driven; "
-            f"{100 * found['same_command']:.0f} % of the commands are the recorded ones to the last bit"
+            f"{100 * results['same_command']:.0f} % of the commands are the recorded ones to the last bit"
         )
-    print("\n".join(report.lines(found)))
+    print("\n".join(report.lines(results)))
     print(f"Table, figures and pictures: {run_dir}")

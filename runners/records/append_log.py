@@ -81,25 +81,25 @@ class AppendLog:
         self.layouts: set[tuple[tuple[str, str], ...]] = set()
         index = np.array(self._index(), dtype=np.int64).reshape(-1, 3)  # world, run, first byte
         order = np.lexsort((index[:, 1], index[:, 0]))  # stable: of equal keys the first line stays first
-        first = np.ones(len(order), dtype=bool)
-        first[1:] = (np.diff(index[order, :2], axis=0) != 0).any(axis=1)
-        self._order = order[first]
+        is_first = np.ones(len(order), dtype=bool)
+        is_first[1:] = (np.diff(index[order, :2], axis=0) != 0).any(axis=1)
+        self._order = order[is_first]
         self._starts = index[self._order, 2]
         self.keys = index[self._order, :2]
 
-    def entries(self, wanted: Container[EpisodeKey] | None = None) -> Iterator[LogEntry]:
-        """Yield all entries, or the `wanted` ones, in the order of the keys. Raises InputError."""
+    def entries(self, selected: Container[EpisodeKey] | None = None) -> Iterator[LogEntry]:
+        """Yield all entries, or the `selected` ones, in the order of the keys. Raises InputError."""
         for number, start, key in zip(self._order, self._starts, self.keys.tolist(), strict=True):
-            if wanted is None or EpisodeKey(*key) in wanted:
+            if selected is None or EpisodeKey(*key) in selected:
                 self._lines.seek(start)
                 yield _decode(self._lines.readline(), self._path, int(number) + 1)
 
     def _index(self) -> array[int]:
         index, start = array("q"), 0
-        for number, first in enumerate(iter(partial(self._lines.readline, 1), b""), start=1):
-            most = _LINE_BYTES if first == b"{" else _FOREIGN_BYTES
-            line = first if first == b"\n" else first + self._lines.readline(most)
-            if not line.endswith(b"\n") and len(line) <= most:
+        for number, first_byte in enumerate(iter(partial(self._lines.readline, 1), b""), start=1):
+            max_bytes = _LINE_BYTES if first_byte == b"{" else _FOREIGN_BYTES
+            line = first_byte if first_byte == b"\n" else first_byte + self._lines.readline(max_bytes)
+            if not line.endswith(b"\n") and len(line) <= max_bytes:
                 break
             with _name_bad_line(self._path, number):
                 fields = json.loads(line.decode())  # of bytes it guesses the encoding, at length for zeros
@@ -169,21 +169,21 @@ def cut_torn_line(path: Path) -> None:
     if not path.is_file():
         return
     with path.open("rb") as file:
-        size = whole = file.seek(0, os.SEEK_END)
-        while whole > 0:
-            begin = max(0, whole - _BLOCK)
-            file.seek(begin)
-            newline = file.read(whole - begin).rfind(b"\n")
+        size = complete_size = file.seek(0, os.SEEK_END)
+        while complete_size > 0:
+            block_start = max(0, complete_size - _BLOCK)
+            file.seek(block_start)
+            newline = file.read(complete_size - block_start).rfind(b"\n")
             if newline >= 0:
-                whole = begin + newline + 1
+                complete_size = block_start + newline + 1
                 break
-            whole = begin
-            if size - whole > _LINE_BYTES:
+            complete_size = block_start
+            if size - complete_size > _LINE_BYTES:
                 raise InputError(
                     f"{path}: its last line has more than {_LINE_BYTES} bytes: restore or remove it"
                 )
-    if whole < size:
-        os.truncate(path, whole)
+    if complete_size < size:
+        os.truncate(path, complete_size)
 
 
 def lock(file: Any, run_dir: Path) -> None:

@@ -40,34 +40,34 @@ def collect(folders: Iterable[Path]) -> Collected:
     Below a folder, only a directory with a launch record is a run: MLflow keeps copies of records without one.
     Raises InputError for a folder that does not exist or has no run below it.
     """
-    found = Collected({}, [])
+    collected = Collected({}, [])
     for folder in folders:
         runs = _runs_below(folder)
         if not runs:
             problem = "no run below it" if folder.is_dir() else "no such directory"
             raise InputError(f"{folder}: {problem}; run lme eval first, or give folders that hold runs")
         for run_dir in runs:
-            _add(run_dir, found)
-    return found
+            _add(run_dir, collected)
+    return collected
 
 
 def _runs_below(folder: Path) -> list[Path]:
-    below = sorted(path.parent for path in folder.rglob(LAUNCH))
-    return [run for run in dict.fromkeys([folder, *below]) if has_records(run)]
+    run_dirs = sorted(path.parent for path in folder.rglob(LAUNCH))
+    return [run for run in dict.fromkeys([folder, *run_dirs]) if has_records(run)]
 
 
-def _add(run_dir: Path, found: Collected) -> None:
+def _add(run_dir: Path, collected: Collected) -> None:
     """Read a run, only once if several paths lead to it."""
-    if any(run_dir.samefile(known) for known in found.frames):
+    if any(run_dir.samefile(collected_dir) for collected_dir in collected.frames):
         return
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about a run without episodes: the error says so
-            found.frames[run_dir] = read_episodes([run_dir])
+            collected.frames[run_dir] = read_episodes([run_dir])
     except (InputError, OSError) as error:
-        found.problems.append(str(error))
+        collected.problems.append(str(error))
     except NOT_AS_WRITTEN as error:
-        found.problems.append(not_as_written(run_dir, error))
+        collected.problems.append(not_as_written(run_dir, error))
 
 
 def not_as_written(run_dir: Path, error: Exception) -> str:

@@ -31,16 +31,20 @@ Write = Callable[
 
 def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
     """Yield the records of a run as its file holds them; for several runs, with the columns that tell them apart."""
-    found = episode_tables(run_dirs)
-    if len(found) == 1:
-        yield found[0][0]
+    tables = episode_tables(run_dirs)
+    if len(tables) == 1:
+        yield tables[0][0]
         return
-    names = dict.fromkeys(name for table, _ in found for name in table.column_names)
-    own = dict.fromkeys(key for _, columns in found for key in columns if key in _RUN_COLUMNS or "." in key)
-    for table, columns in found:
-        whole = _with_columns(table, {name: None for name in names if name not in table.column_names})
-        whole = _with_columns(whole.select(list(names)), {key: columns.get(key, "") for key in own})
-        yield whole.select(["run_dir", *names, *(key for key in own if key != "run_dir")])
+    names = dict.fromkeys(name for table, _ in tables for name in table.column_names)
+    run_columns = dict.fromkeys(
+        key for _, columns in tables for key in columns if key in _RUN_COLUMNS or "." in key
+    )
+    for table, columns in tables:
+        full_table = _with_columns(table, {name: None for name in names if name not in table.column_names})
+        full_table = _with_columns(
+            full_table.select(list(names)), {key: columns.get(key, "") for key in run_columns}
+        )
+        yield full_table.select(["run_dir", *names, *(key for key in run_columns if key != "run_dir")])
 
 
 def with_run_dir(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table]:
@@ -57,9 +61,9 @@ def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Ta
     """
     names: list[str] = []
     for table in tables:
-        names = names or _checked(columns, table.column_names) or table.column_names
-        missing = [name for name in names if name not in table.column_names]
-        if missing or (not columns and len(names) < table.num_columns):
+        names = names or _check_columns(columns, table.column_names) or table.column_names
+        lacking_columns = [name for name in names if name not in table.column_names]
+        if lacking_columns or (not columns and len(names) < table.num_columns):
             raise InputError(
                 "the runs have different columns, perhaps because different versions of lme recorded them: export "
                 "each alone, or choose --columns that all have"
@@ -87,8 +91,8 @@ def write_jsonl(tables: Iterable[pa.Table], file: IO[str]) -> int:
     count = 0
     for table in tables:
         for row in _rows(table, _json_value):
-            named = dict(zip(table.column_names, row, strict=True))
-            file.write(json_text(json.dumps(named, ensure_ascii=False)) + "\n")
+            values_by_name = dict(zip(table.column_names, row, strict=True))
+            file.write(json_text(json.dumps(values_by_name, ensure_ascii=False)) + "\n")
         count += table.num_rows
     return count
 
@@ -99,22 +103,22 @@ def write_parquet(tables: Iterable[pa.Table], file: IO[bytes]) -> int:
     import pyarrow.parquet as pq
 
     # A column that a run lacks has the type null there.
-    whole = pa.concat_tables(tables, promote_options="permissive")
-    pq.write_table(whole, file)
-    return int(whole.num_rows)
+    full_table = pa.concat_tables(tables, promote_options="permissive")
+    pq.write_table(full_table, file)
+    return int(full_table.num_rows)
 
 
 FORMATS: dict[str, Write] = {"csv": write_csv, "jsonl": write_jsonl, "parquet": write_parquet}
 BINARY = ("parquet",)
 
 
-def _checked(columns: Sequence[str], known: Sequence[str]) -> list[str]:
+def _check_columns(columns: Sequence[str], column_names: Sequence[str]) -> list[str]:
     for number, name in enumerate(columns):
         if name in columns[:number]:
             raise InputError(f"--columns {','.join(columns)}: names {name} twice; name each column once")
-        if name not in known:
+        if name not in column_names:
             raise InputError(
-                f"--columns {name}: no such column; {nearest(name, known)}there are: {', '.join(known)}"
+                f"--columns {name}: no such column; {nearest(name, column_names)}there are: {', '.join(column_names)}"
             )
     return list(columns)
 
@@ -131,7 +135,7 @@ def _rows(table: pa.Table, value: Callable[[Any], Any]) -> Iterator[list[Any]]:
     for batch in table.to_batches(max_chunksize=10_000):
         columns = [column.to_pylist() for column in batch.columns]
         for row in zip(*columns, strict=True):
-            yield [value(each) for each in row]
+            yield [value(cell) for cell in row]
 
 
 def _csv_value(value: Any) -> Any:

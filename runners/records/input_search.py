@@ -56,27 +56,27 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
 
 def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) -> list[Input]:
     """Return the user's own files that these jobs read. Raises InputError for one that cannot be read."""
-    found: dict[tuple[str, str], Input] = {}
+    inputs: dict[tuple[str, str], Input] = {}
     budget = [_MOST]
     for job in jobs:
-        values = {each.name: getattr(job.config, each.name) for each in fields(job.config)}
-        for key, given, node in _named(values):
-            if (key, given) in found:
+        values = {field.name: getattr(job.config, field.name) for field in fields(job.config)}
+        for key, value, node in _named_values(values):
+            if (key, value) in inputs:
                 continue
-            path = path_of(key, given)
+            path = path_of(key, value)
             if path is not None and not is_shipped(path):
                 files, name = _files_of(path, key, node)
-                found[key, given] = _input(key, given, name, files, budget)
+                inputs[key, value] = _input(key, value, name, files, budget)
     options = _options(jobs, config_name)
     code = _sources(jobs)
     if options:
-        found[OPTIONS, ""] = _input(OPTIONS, "", "", options, budget)
+        inputs[OPTIONS, ""] = _input(OPTIONS, "", "", options, budget)
     if code:
-        found[CODE, ""] = _input(CODE, "", "", code, budget)
-    return list(found.values())
+        inputs[CODE, ""] = _input(CODE, "", "", code, budget)
+    return list(inputs.values())
 
 
-def _named(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+def _named_values(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Yield (dotted key, text, mapping that holds it) for every text of a job's config that may name an input."""
 
     def walk(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
@@ -98,12 +98,12 @@ def _files_of(path: Path, key: str, node: Mapping[str, Any]) -> tuple[dict[str, 
         maps = sorted(path.glob("*.yaml"))
         return {
             name: file
-            for each in maps
-            for name, file in _with_companions(each, PurePosixPath(each.name)).items()
+            for map_file in maps
+            for name, file in _with_companions(map_file, PurePosixPath(map_file.name)).items()
         }, ""
     worlds = _barn_files(path, key, node) if last_part(key) == "source" else []
-    files = worlds or sorted(each for each in path.rglob("*") if each.is_file())
-    return {each.relative_to(path).as_posix(): each for each in files}, ""
+    files = worlds or sorted(map_file for map_file in path.rglob("*") if map_file.is_file())
+    return {map_file.relative_to(path).as_posix(): map_file for map_file in files}, ""
 
 
 def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
@@ -113,8 +113,8 @@ def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
 
     with suppress(InputError):
         worlds, numbers = find_worlds(source), build(node, key.rpartition(".")[0]).numbers
-        driven = [worlds[number] for number in numbers if number in worlds]
-        return [file for world in driven for file in (world, path_file(world)) if file.is_file()]
+        driven_worlds = [worlds[number] for number in numbers if number in worlds]
+        return [file for world in driven_worlds for file in (world, path_file(world)) if file.is_file()]
     return []
 
 
@@ -130,27 +130,27 @@ def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
     return {str(name): path}
 
 
-def _input(key: str, given: str, name: str, files: Mapping[str, Path], budget: list[int]) -> Input:
+def _input(key: str, value: str, name: str, files: Mapping[str, Path], budget: list[int]) -> Input:
     """Describe the files of an input. budget: bytes that may still be copied; the one-item list is updated."""
-    found = {}
-    for place, path in sorted(files.items()):
+    input_files = {}
+    for relative, path in sorted(files.items()):
         try:
             size = path.stat().st_size
-            fits = size <= min(LARGEST, budget[0])
-            budget[0] -= size if fits else 0
-            copy = sha(content_of(path)) if fits else ""
-            found[place] = InputFile(str(path.absolute()), sha_of(path), size, copy)
+            is_small_enough = size <= min(LARGEST, budget[0])
+            budget[0] -= size if is_small_enough else 0
+            copy = sha(content_of(path)) if is_small_enough else ""
+            input_files[relative] = InputFile(str(path.absolute()), sha_of(path), size, copy)
         except OSError as error:
-            raise InputError(f"{key} is {given}: {path} cannot be read ({error.strerror})") from error
-    contents = json.dumps([[place, file.copy or file.sha256] for place, file in found.items()])
-    return Input(key, given, name, sha(contents.encode())[:16], found)
+            raise InputError(f"{key} is {value}: {path} cannot be read ({error.strerror})") from error
+    contents = json.dumps([[relative, file.copy or file.sha256] for relative, file in input_files.items()])
+    return Input(key, value, name, sha(contents.encode())[:16], input_files)
 
 
 def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict[str, Path]:
     """Return the files below --config-dir of the options that these jobs chose, with those that they inherit."""
-    found: dict[str, Path] = {}
+    option_files: dict[str, Path] = {}
     for job in jobs:
-        catalogue, own = Catalogue(job.folders), job.folders[1:]
+        catalogue, own_folders = Catalogue(job.folders), job.folders[1:]
         names = [
             f"{group.partition('@')[0]}/{name}"
             for group, option in job.choices.items()
@@ -158,11 +158,13 @@ def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict
         ]
         names += [f"system/{name}" for name in getattr(job.config, "table", [])]
         for name in [*names, *([config_name] if config_name else [])]:
-            files = catalogue.option(name).files if own and catalogue.has(name) else ()
-            found |= {
-                file.relative_to(own[0]).as_posix(): file for file in files if file.is_relative_to(own[0])
+            files = catalogue.option(name).files if own_folders and catalogue.has(name) else ()
+            option_files |= {
+                file.relative_to(own_folders[0]).as_posix(): file
+                for file in files
+                if file.is_relative_to(own_folders[0])
             }
-    return found
+    return option_files
 
 
 def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
@@ -170,28 +172,28 @@ def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
     texts = (
         text
         for job in jobs
-        for each in fields(job.config)
-        if each.name not in _NOT_READ
-        for _, text in trust.leaves(getattr(job.config, each.name))
+        for field in fields(job.config)
+        if field.name not in _NOT_READ
+        for _, text in trust.leaves(getattr(job.config, field.name))
     )
-    waiting = [text.rpartition(".")[0] for text in texts if isinstance(text, str) and _DOTTED.fullmatch(text)]
-    found: dict[str, Path] = {}
-    seen = set()
-    while waiting:
-        module = waiting.pop()
-        file = None if module in seen else _own_source(module)
-        seen.add(module)
+    pending = [text.rpartition(".")[0] for text in texts if isinstance(text, str) and _DOTTED.fullmatch(text)]
+    source_files: dict[str, Path] = {}
+    visited = set()
+    while pending:
+        module = pending.pop()
+        file = None if module in visited else _own_source(module)
+        visited.add(module)
         if file is not None:
-            end = "/__init__.py" if file.name == "__init__.py" else ".py"
-            found[module.replace(".", "/") + end] = file
-            waiting += [module.rpartition(".")[0], *_imported(file, module)]
-    return found
+            suffix = "/__init__.py" if file.name == "__init__.py" else ".py"
+            source_files[module.replace(".", "/") + suffix] = file
+            pending += [module.rpartition(".")[0], *_imported(file, module)]
+    return source_files
 
 
 def _own_source(module: str) -> Path | None:
     """Return the source of a module of the user's own; None for a module that is installed or does not exist."""
-    top = module.partition(".")[0]
-    if top in ("", "lme", "runners", "__main__") or top in sys.stdlib_module_names:
+    top_level = module.partition(".")[0]
+    if top_level in ("", "lme", "runners", "__main__") or top_level in sys.stdlib_module_names:
         return None
     loaded = sys.modules.get(module)
     origin = _origin(module) if loaded is None else getattr(loaded, "__file__", None)
@@ -204,14 +206,14 @@ def _own_source(module: str) -> Path | None:
 def _origin(module: str) -> str | None:
     """Return the file that a module would be imported from, without importing anything."""
     spec: ModuleSpec | None = None
-    places: list[str] | None = None
+    search_paths: list[str] | None = None
     name = ""
-    for part in module.split("."):
-        name = f"{name}.{part}" if name else part
-        spec = PathFinder.find_spec(name, places)
+    for component in module.split("."):
+        name = f"{name}.{component}" if name else component
+        spec = PathFinder.find_spec(name, search_paths)
         if spec is None:
             return None
-        places = spec.submodule_search_locations or []
+        search_paths = spec.submodule_search_locations or []
     return None if spec is None else spec.origin
 
 
@@ -229,12 +231,14 @@ def _imported(file: Path, module: str) -> list[str]:
     except (SyntaxError, ValueError, OSError):
         return []
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found = []
+    modules = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - (node.level - 1)] if node.level else []
-            base = ".".join([*above, *([node.module] if node.module else [])])
-            found += [base, *(f"{base}.{alias.name}" for alias in node.names)]
-    return found
+            parent_package = (
+                package.split(".")[: len(package.split(".")) - (node.level - 1)] if node.level else []
+            )
+            base = ".".join([*parent_package, *([node.module] if node.module else [])])
+            modules += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    return modules

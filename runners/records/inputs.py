@@ -70,19 +70,19 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
 
     Raises InputError if that cannot be done.
     """
-    for each in (each for each in inputs if _copies(each, directory) is None):
-        for name, file in each.files.items():
-            place = directory / FOLDER / each.digest / name
+    for entry in (entry for entry in inputs if _copy_folder(entry, directory) is None):
+        for name, file in entry.files.items():
+            copy_path = directory / FOLDER / entry.digest / name
             if not file.copy:
                 continue
             try:
                 content = content_of(Path(file.source))
-                place.parent.mkdir(parents=True, exist_ok=True)
-                with replacing(place) as draft:
+                copy_path.parent.mkdir(parents=True, exist_ok=True)
+                with replacing(copy_path) as draft:
                     draft.write_bytes(content)
             except OSError as error:
                 raise InputError(
-                    f"{place}: the copy of {file.source} cannot be written ({error.strerror})"
+                    f"{copy_path}: the copy of {file.source} cannot be written ({error.strerror})"
                 ) from error
             # The digest was taken a moment ago: a file that has changed meanwhile is refused.
             if sha(content) != file.copy:
@@ -93,16 +93,20 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
 
 def sentence(inputs: Sequence[Input]) -> str:
     """Return the notice at the start of a run that anyone who is sent its folder gets these files; empty for none."""
-    files = {file.source: file for each in inputs for file in each.files.values()}
-    kept = dict.fromkeys(Path(source).name for source, file in files.items() if file.copy)
-    large = dict.fromkeys(Path(source).name for source, file in files.items() if not file.copy)
-    parts = (
-        [f"kept with the run: {_listed(list(kept))}; whoever you send its folder to gets these files"]
-        if kept
+    files = {file.source: file for entry in inputs for file in entry.files.values()}
+    kept_names = dict.fromkeys(Path(source).name for source, file in files.items() if file.copy)
+    large_names = dict.fromkeys(Path(source).name for source, file in files.items() if not file.copy)
+    clauses = (
+        [f"kept with the run: {_listed(list(kept_names))}; whoever you send its folder to gets these files"]
+        if kept_names
         else []
     )
-    parts += [f"too large to keep, so only their checksums are: {_listed(list(large))}"] if large else []
-    return "; ".join(parts)
+    clauses += (
+        [f"too large to keep, so only their checksums are: {_listed(list(large_names))}"]
+        if large_names
+        else []
+    )
+    return "; ".join(clauses)
 
 
 def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
@@ -111,7 +115,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
     directory: that of the run or the recording. Where today's file differs from the copy, a warning says that the
     copy is used. Raises InputError for a missing or damaged copy, and UntrustedError for a file outside the run.
     """
-    known = {(last_part(each.key), each.given): each for each in inputs}
+    inputs_by_value = {(last_part(saved.key), saved.given): saved for saved in inputs}
 
     def moved(value: Any, key: str) -> Any:
         if isinstance(value, Mapping):
@@ -125,9 +129,9 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
         ):  # the config records the parameters of a weight set themselves
             return value
         # A text is an input of the run if key and value agree; other files must be inside, shipped or trusted.
-        own = known.get((last_part(key), value))
-        if own is not None:
-            return _place(own, directory)
+        entry = inputs_by_value.get((last_part(key), value))
+        if entry is not None:
+            return _input_path(entry, directory)
         _refuse_outside(key, value, directory)
         return value
 
@@ -139,60 +143,60 @@ def as_at_launch(config: C, inputs: Sequence[Input], directory: Path) -> C:
 
     Own code that has changed is imported from its copy.
     """
-    changed = [each for each in inputs if changed_files(each)]
-    if not changed:
+    changed_inputs = [entry for entry in inputs if changed_files(entry)]
+    if not changed_inputs:
         return config
-    provide_code(changed, directory, is_running=True)
-    named = {each.name: getattr(config, each.name) for each in fields(config)}  # type: ignore[arg-type]
-    groups = {name: value for name, value in named.items() if isinstance(value, dict)}
-    return replace(config, **located(groups, changed, directory))  # type: ignore[type-var]
+    provide_code(changed_inputs, directory, is_running=True)
+    values = {field.name: getattr(config, field.name) for field in fields(config)}  # type: ignore[arg-type]
+    groups = {name: value for name, value in values.items() if isinstance(value, dict)}
+    return replace(config, **located(groups, changed_inputs, directory))  # type: ignore[type-var]
 
 
-def changed_files(each: Input) -> list[str]:
+def changed_files(entry: Input) -> list[str]:
     """Return the files that are now missing or differ from what they were at launch."""
-    return [file.source for file in each.files.values() if not _is_same(file)]
+    return [file.source for file in entry.files.values() if not _is_same(file)]
 
 
-def is_gone(each: Input) -> bool:
+def is_gone(entry: Input) -> bool:
     """Return whether a run's own code is no longer there to import."""
-    return each.key == CODE and not _is_importable(each)
+    return entry.key == CODE and not _is_importable(entry)
 
 
-def is_lost(each: Input) -> bool:
+def is_lost(entry: Input) -> bool:
     """Return whether a value that named a file or folder at launch names none here."""
-    return each.key not in (CODE, OPTIONS) and path_of(each.key, each.given) is None
+    return entry.key not in (CODE, OPTIONS) and path_of(entry.key, entry.given) is None
 
 
-def check_unchanged(saved: Sequence[Input], now: Sequence[Input], directory: Path) -> None:
+def check_unchanged(saved: Sequence[Input], current: Sequence[Input], directory: Path) -> None:
     """Raise InputError, naming the file, unless a run that is resumed reads the same content as before.
 
-    saved: inputs of the run in this directory, or of its whole sweep. now: inputs of the same command line today.
+    saved: inputs of the run in this directory, or of its whole sweep. current: inputs of the same command line today.
     """
-    for each, name in differing(saved, now):
-        file = each.files[name]
-        copy = f"; the run holds its copy, {FOLDER}/{each.digest}/{name}" if file.copy else ""
+    for entry, name in differing(saved, current):
+        file = entry.files[name]
+        copy = f"; the run holds its copy, {FOLDER}/{entry.digest}/{name}" if file.copy else ""
         raise InputError(
             f"{directory}: {file.source} has changed since the run began, so it cannot be resumed: "
             f"restore the file, or start again in another directory{copy}"
         )
 
 
-def differing(saved: Sequence[Input], now: Sequence[Input]) -> list[tuple[Input, str]]:
+def differing(saved: Sequence[Input], current: Sequence[Input]) -> list[tuple[Input, str]]:
     """Return the files that both have read and that differ, as the saved input and the name of the file in it."""
-    today = {(each.key, each.given): each.files for each in now}
+    today = {(entry.key, entry.given): entry.files for entry in current}
     return [
-        (each, name)
-        for each in saved
-        for name, file in each.files.items()
-        for new in [today.get((each.key, each.given), {}).get(name)]
-        if new is not None and new.sha256 != file.sha256
+        (entry, name)
+        for entry in saved
+        for name, file in entry.files.items()
+        for current_file in [today.get((entry.key, entry.given), {}).get(name)]
+        if current_file is not None and current_file.sha256 != file.sha256
     ]
 
 
 def options_folder(inputs: Sequence[Input], directory: Path) -> Path | None:
     """Return the copy of the user's own options that a run has used; None if it has none."""
-    own = next((each for each in inputs if each.key == OPTIONS), None)
-    return None if own is None else _copies(own, directory)
+    options = next((entry for entry in inputs if entry.key == OPTIONS), None)
+    return None if options is None else _copy_folder(options, directory)
 
 
 def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = False) -> None:
@@ -201,14 +205,14 @@ def provide_code(inputs: Sequence[Input], directory: Path, is_running: bool = Fa
     is_running: whether the run is that of this process, which loaded the code before it changed. Raises InputError if
     another version of it is loaded already.
     """
-    for each in (each for each in inputs if each.key == CODE):
-        folder = _copies(each, directory)
-        if folder is None or (not changed_files(each) and _is_importable(each)):
+    for entry in (entry for entry in inputs if entry.key == CODE):
+        folder = _copy_folder(entry, directory)
+        if folder is None or (not changed_files(entry) and _is_importable(entry)):
             continue
         if not is_running:
-            _check_loaded(each)
-        differing = [source for source in changed_files(each) if os.path.exists(source)]  # noqa: PTH110
-        _say_copy(differing, folder)
+            _check_loaded(entry)
+        changed_sources = [source for source in changed_files(entry) if os.path.exists(source)]  # noqa: PTH110
+        _say_copy(changed_sources, folder)
         if str(folder) not in sys.path:
             sys.path.insert(0, str(folder))  # before today's versions; worker processes inherit it
             importlib.invalidate_caches()
@@ -219,33 +223,35 @@ def from_record(values: Any) -> list[Input]:
 
     Raises ValueError, TypeError or KeyError for entries that `gather` cannot have made.
     """
-    found = []
+    loaded = []
     for value in values:
         files = {name: InputFile(**file) for name, file in value["files"].items()}
-        each = Input(**{**value, "files": files})
+        entry = Input(**{**value, "files": files})
         texts = [
-            each.key,
-            each.given,
-            each.name,
+            entry.key,
+            entry.given,
+            entry.name,
             *(text for file in files.values() for text in (file.source, file.copy)),
         ]
-        names = [PurePosixPath(name) for name in (each.name, *files)]
-        inside = all(not name.is_absolute() and ".." not in name.parts for name in names)
-        if not (inside and all(isinstance(text, str) for text in texts) and _DIGEST.fullmatch(each.digest)):
+        names = [PurePosixPath(name) for name in (entry.name, *files)]
+        is_inside = all(not name.is_absolute() and ".." not in name.parts for name in names)
+        if not (
+            is_inside and all(isinstance(text, str) for text in texts) and _DIGEST.fullmatch(entry.digest)
+        ):
             raise ValueError(value)
-        found.append(each)
-    return found
+        loaded.append(entry)
+    return loaded
 
 
-def path_of(key: str, given: str) -> Path | None:
+def path_of(key: str, value: str) -> Path | None:
     """Return the file or folder that a value names; None if it names none."""
     with suppress(OSError, ValueError):
         if key == WEIGHTS:
-            return find_weights(given)
+            return find_weights(value)
         if last_part(key) == WEIGHTS or key == "start":
-            return find_network(given)
-        path = expanded(given)
-        if path.is_file() and (last_part(key) in PATHS or path.suffix or "/" in given):
+            return find_network(value)
+        path = expanded(value)
+        if path.is_file() and (last_part(key) in PATHS or path.suffix or "/" in value):
             return path
         return path if last_part(key) in PATHS and path.is_dir() else None
     return None
@@ -278,47 +284,49 @@ def content_of(path: Path) -> bytes:
     return yaml.safe_dump({**content, "image": Path(picture).name}, allow_unicode=True).encode()
 
 
-def _place(each: Input, directory: Path) -> str:
+def _input_path(entry: Input, directory: Path) -> str:
     """Return the path to read an input from: its own if the file is unchanged and may be used, else its copy's."""
-    changed = changed_files(each)
-    if not changed and _is_at_home(each) and (trust.is_trusted(directory) or not _is_copied(each)):
-        return each.given
-    folder = _copies(each, directory)
+    changed_sources = changed_files(entry)
+    if not changed_sources and _is_at_home(entry) and (trust.is_trusted(directory) or not _is_copied(entry)):
+        return entry.given
+    folder = _copy_folder(entry, directory)
     if folder is None:
-        why = f"no {FOLDER}/{each.digest}" if _is_copied(each) else "only a checksum of it, as it is large"
-        raise InputError(
-            f"{directory}: its {each.key} is {each.given}, which is missing or has changed, and the run has {why}"
+        reason = (
+            f"no {FOLDER}/{entry.digest}" if _is_copied(entry) else "only a checksum of it, as it is large"
         )
-    _say_copy([source for source in changed if os.path.exists(source)], folder)  # noqa: PTH110
-    return str(folder / each.name)
+        raise InputError(
+            f"{directory}: its {entry.key} is {entry.given}, which is missing or has changed, and the run has {reason}"
+        )
+    _say_copy([source for source in changed_sources if os.path.exists(source)], folder)  # noqa: PTH110
+    return str(folder / entry.name)
 
 
-def _is_at_home(each: Input) -> bool:
+def _is_at_home(entry: Input) -> bool:
     """Return whether the value leads to the same files as at launch; from another folder it may not."""
-    path = path_of(each.key, each.given)
-    if path is None or not each.files:
+    path = path_of(entry.key, entry.given)
+    if path is None or not entry.files:
         return False
-    file = path if path.is_file() else path / next(iter(each.files))
-    return str(file.absolute()) in {file.source for file in each.files.values()}
+    file = path if path.is_file() else path / next(iter(entry.files))
+    return str(file.absolute()) in {file.source for file in entry.files.values()}
 
 
-def _say_copy(differing: Sequence[str], folder: Path) -> None:
-    if differing:
-        what = f"{differing[0]} has" if len(differing) == 1 else f"{_listed(differing)} have"
-        warnings.warn(f"{what} changed since the run: its copy in {folder} is used", stacklevel=2)
+def _say_copy(sources: Sequence[str], folder: Path) -> None:
+    if sources:
+        subject = f"{sources[0]} has" if len(sources) == 1 else f"{_listed(sources)} have"
+        warnings.warn(f"{subject} changed since the run: its copy in {folder} is used", stacklevel=2)
 
 
-def _copies(each: Input, directory: Path) -> Path | None:
+def _copy_folder(entry: Input, directory: Path) -> Path | None:
     """Return the checked folder with the copies of an input; None if there is none. Raises InputError for damage."""
-    here = directory.absolute()
-    for place in (here, *here.parents[:_ABOVE]):
-        folder = place / FOLDER / each.digest
-        if not folder.is_dir() or not _is_copied(each):
+    run_folder = directory.absolute()
+    for parent in (run_folder, *run_folder.parents[:_ABOVE]):
+        folder = parent / FOLDER / entry.digest
+        if not folder.is_dir() or not _is_copied(entry):
             continue
-        for name, file in each.files.items():
+        for name, file in entry.files.items():
             path = folder / name
-            inside = path.resolve().is_relative_to(place.resolve() / FOLDER)
-            if not (inside and _is_regular(path) and sha_of(path) == file.copy):
+            is_inside = path.resolve().is_relative_to(parent.resolve() / FOLDER)
+            if not (is_inside and _is_regular(path) and sha_of(path) == file.copy):
                 raise InputError(
                     f"{path}: is missing or not what the run kept there: restore the run's directory"
                 )
@@ -326,38 +334,38 @@ def _copies(each: Input, directory: Path) -> Path | None:
     return None
 
 
-def _is_copied(each: Input) -> bool:
-    return all(file.copy for file in each.files.values())
+def _is_copied(entry: Input) -> bool:
+    return all(file.copy for file in entry.files.values())
 
 
-def _refuse_outside(key: str, given: str, directory: Path) -> None:
+def _refuse_outside(key: str, value: str, directory: Path) -> None:
     """Raise UntrustedError for a file or folder that a run names and that belongs neither to it nor to lme."""
-    path = Path(given) if last_part(key) in PATHS and os.path.exists(given) else path_of(key, given)  # noqa: PTH110
+    path = Path(value) if last_part(key) in PATHS and os.path.exists(value) else path_of(key, value)  # noqa: PTH110
     if path is None or is_shipped(path) or trust.is_trusted(directory):
         return
     if not path.resolve().is_relative_to(directory.resolve()):
         raise trust.UntrustedError(
-            f"{directory}: its {key} is {given}, of which it holds no copy: "
+            f"{directory}: its {key} is {value}, of which it holds no copy: "
             f"add {trust.FLAG} to read that file, if you trust whoever made the run"
         )
 
 
 def is_shipped(path: Path) -> bool:
-    here = path.resolve()
-    return any(here.is_relative_to(resource_dir(name).resolve()) for name in ("conf", "maps"))
+    resolved = path.resolve()
+    return any(resolved.is_relative_to(resource_dir(name).resolve()) for name in ("conf", "maps"))
 
 
-def _is_importable(each: Input) -> bool:
+def _is_importable(entry: Input) -> bool:
     """Return whether today's Python finds the sources of a run's own code where they were."""
-    sources = {file.source for file in each.files.values()}
-    tops = {name.partition("/")[0].removesuffix(".py") for name in each.files}
+    sources = {file.source for file in entry.files.values()}
+    tops = {name.partition("/")[0].removesuffix(".py") for name in entry.files}
     specs = [PathFinder.find_spec(top, None) for top in tops]
     return all(spec is not None and (spec.origin is None or spec.origin in sources) for spec in specs)
 
 
-def _check_loaded(each: Input) -> None:
+def _check_loaded(entry: Input) -> None:
     """Raise InputError if another version of a run's own code is loaded, such as that of the previous run."""
-    for name, file in each.files.items():
+    for name, file in entry.files.items():
         module = sys.modules.get(name.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
         origin = getattr(module, "__file__", None)
         if origin and not (_is_regular(Path(origin)) and sha_of(Path(origin)) == file.copy):

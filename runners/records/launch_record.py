@@ -88,10 +88,14 @@ class Launch:
     @property
     def folders(self) -> tuple[Path, ...]:
         """Config folders, the shipped one first; the user's own one is the copy in the run, if there is one."""
-        own = None if self.directory is None else inputs.options_folder(self.inputs, self.directory)
-        if own is None and self.config_dir and (self.directory is None or trust.is_trusted(self.directory)):
-            own = Path(self.config_dir)
-        return catalogue.shipped(*([own] if own else [])).folders
+        config_folder = None if self.directory is None else inputs.options_folder(self.inputs, self.directory)
+        if (
+            config_folder is None
+            and self.config_dir
+            and (self.directory is None or trust.is_trusted(self.directory))
+        ):
+            config_folder = Path(self.config_dir)
+        return catalogue.shipped(*([config_folder] if config_folder else [])).folders
 
     @property
     def is_own(self) -> bool:
@@ -104,18 +108,18 @@ class Launch:
         flags = ["-m"] * self.multirun + (["--config-name", self.config_name] if self.config_name else [])
         # The experiment or config of a sweep's job may ask for the whole sweep: run this job alone.
         files = self.config_name or any(word.lstrip("+").startswith("experiment=") for word in self.overrides)
-        alone = ["hydra.mode=RUN"] * (self.job is not None and bool(files))
-        return lme_command(self.command, *flags, *self.overrides, *alone, folders=self.folders)
+        single_mode = ["hydra.mode=RUN"] * (self.job is not None and bool(files))
+        return lme_command(self.command, *flags, *self.overrides, *single_mode, folders=self.folders)
 
     def write(self, directory: Path, anew: bool = False) -> None:
         """Write `launch.json` atomically. Unless `anew`, a run keeps the changes, inputs, date and code of its start.
 
         Raises InputError if the directory cannot be written, or if a damaged one is there.
         """
-        record, before = self, read_launch(directory)
-        if before is not None and before.configs == self.configs and not anew:
-            kept = ("changes", "inputs", "started", "code")
-            record = dataclasses.replace(self, **{name: getattr(before, name) for name in kept})
+        record, previous = self, read_launch(directory)
+        if previous is not None and previous.configs == self.configs and not anew:
+            preserved = ("changes", "inputs", "started", "code")
+            record = dataclasses.replace(self, **{name: getattr(previous, name) for name in preserved})
         record = dataclasses.replace(record, seal=trust.sign(record._text()))
         try:
             write_atomically(directory / LAUNCH, record._text(sealed=True) + "\n")
@@ -156,23 +160,23 @@ def trust_flags(directory: Path) -> list[str]:
 
 
 def recorded_config(
-    values: Mapping[str, Any], directory: Path | None = None, kept: Sequence[Input] = ()
+    values: Mapping[str, Any], directory: Path | None = None, saved_inputs: Sequence[Input] = ()
 ) -> RecordedConfig:
     """Return the typed config from what `identity` returned, which may come from anyone.
 
     Everything that is built from a run is built from this config. directory: that of the run or the recording; None
-    for one that this process has made. kept: the files that the run has read; the paths lead to their copies. Raises
-    InputError if the config is incomplete, and UntrustedError if it names code that is not lme's, or a file outside
-    the run.
+    for one that this process has made. saved_inputs: the files that the run has read; the paths lead to their copies.
+    Raises InputError if the config is incomplete, and UntrustedError if it names code that is not lme's, or a file
+    outside the run.
     """
     names = [field.name for field in dataclasses.fields(RecordedConfig)]
-    chosen = {name: values[name] for name in names if name in values}
+    config_values = {name: values[name] for name in names if name in values}
     if directory is not None:
-        trust.check_config(chosen, directory)
-        chosen = inputs.located(chosen, kept, directory)
+        trust.check_config(config_values, directory)
+        config_values = inputs.located(config_values, saved_inputs, directory)
         if trust.is_trusted(directory):
-            inputs.provide_code(kept, directory)
-    config: RecordedConfig = fill_dataclass(RecordedConfig, chosen, "config")
+            inputs.provide_code(saved_inputs, directory)
+    config: RecordedConfig = fill_dataclass(RecordedConfig, config_values, "config")
     return config
 
 
@@ -182,16 +186,16 @@ def launch_of(
     overrides: list[str],
     multirun: bool,
     config_name: str | None,
-    kept: Sequence[Input] | None = None,
+    saved_inputs: Sequence[Input] | None = None,
 ) -> Launch:
     """Return the launch of a run, or of a sweep's jobs.
 
-    overrides: those that decide results. kept: the files that the run reads; None to search for them.
+    overrides: those that decide results. saved_inputs: the files that the run reads; None to search for them.
     """
     from runners.config import build
 
     configs = [identity(job.config) for job in jobs]
-    own = jobs[0].folders[1:]
+    own_folders = jobs[0].folders[1:]
     return Launch(
         command=command,
         fingerprint=fingerprint(configs, multirun),
@@ -201,10 +205,10 @@ def launch_of(
         choices=[dict(job.choices) for job in jobs],
         changes=[_canonical(dict(job.changes)) for job in jobs],
         weights=[job.weights for job in jobs],
-        config_dir=str(own[0]) if own else None,
+        config_dir=str(own_folders[0]) if own_folders else None,
         config_name=config_name,
         num_worlds=len(build.map_set(jobs[0].config).numbers) if command == "eval" and not multirun else None,
-        inputs=input_search.gather(jobs, config_name) if kept is None else list(kept),
+        inputs=input_search.gather(jobs, config_name) if saved_inputs is None else list(saved_inputs),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         code=code(),
     )
@@ -227,28 +231,32 @@ def fingerprint(configs: Sequence[Mapping[str, Any]], multirun: bool) -> str:
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     """Yield "key: old there, new now" for every key in which two identities differ."""
-    before, after = dict(flatten(old)), dict(flatten(new))
-    for key in sorted(before.keys() | after.keys()):
-        if before.get(key) != after.get(key):
-            yield f"{key}: {before.get(key, 'absent')} there, {after.get(key, 'absent')} now"
+    old_values, new_values = dict(flatten(old)), dict(flatten(new))
+    for key in sorted(old_values.keys() | new_values.keys()):
+        if old_values.get(key) != new_values.get(key):
+            yield f"{key}: {old_values.get(key, 'absent')} there, {new_values.get(key, 'absent')} now"
 
 
-def shortened(found: Sequence[str]) -> str:
+def shortened(texts: Sequence[str]) -> str:
     """Return the first few changes, and the number of the others."""
-    more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
-    return f"{'; '.join(found[:_SHOWN])}{more}"
+    remainder = f" and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else ""
+    return f"{'; '.join(texts[:_SHOWN])}{remainder}"
 
 
 def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the dotted keys and values that all identities have in common."""
-    first, *others = (dict(flatten(config)) for config in configs)
-    return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
+    first_values, *other_configs = (dict(flatten(config)) for config in configs)
+    return {
+        key: value
+        for key, value in first_values.items()
+        if all(values.get(key) == value for values in other_configs)
+    }
 
 
-def directory_error(directory: Path, what: str, error: OSError) -> InputError:
-    """Return the error of a directory that cannot be "read" or "written"; what: one of these words."""
+def directory_error(directory: Path, action: str, error: OSError) -> InputError:
+    """Return the error of a directory that cannot be "read" or "written"; action: one of these words."""
     return InputError(
-        f"output directory {directory}: cannot be {what} ({error.strerror}): "
+        f"output directory {directory}: cannot be {action} ({error.strerror}): "
         "choose another with hydra.run.dir=PATH"
     )
 
@@ -258,7 +266,7 @@ def _is_complete(launch: Launch) -> bool:
     texts = [launch.command, launch.fingerprint, launch.started, launch.code]
     texts += [launch.config_dir or "", launch.config_name or ""]
     numbers = (launch.job, launch.num_jobs, launch.num_worlds)
-    parts = (launch.configs, launch.choices, launch.changes)
+    lists = (launch.configs, launch.choices, launch.changes)
     return (
         all(isinstance(text, str) for text in texts)
         and isinstance(launch.multirun, bool)
@@ -266,7 +274,7 @@ def _is_complete(launch: Launch) -> bool:
         and _is_list_of(str, launch.overrides)
         and _is_list_of(str, launch.weights)
         and isinstance(launch.seal, str)
-        and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
+        and all(_is_list_of(dict, entries) and len(entries) == len(launch.configs) > 0 for entries in lists)
         and all(isinstance(name, str) for choices in launch.choices for name in choices.values())
         and all(_is_scale(config.get("scale", {})) for config in launch.configs)
         and all(_is_list_of(str, config.get("table", [])) for config in launch.configs)

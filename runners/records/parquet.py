@@ -53,10 +53,10 @@ def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
     # If the two types differ, reading the statistics of the column would make Arrow abort the process.
     if chunk.physical_type != file.schema.column(column).physical_type:
         raise OSError(f"row group {group} holds world as {chunk.physical_type}")
-    found = chunk.statistics
-    if found is None or not found.has_min_max:
+    statistics = chunk.statistics
+    if statistics is None or not statistics.has_min_max:
         return True
-    return bool(((worlds >= found.min) & (worlds <= found.max)).any())
+    return bool(((worlds >= statistics.min) & (worlds <= statistics.max)).any())
 
 
 @contextlib.contextmanager
@@ -78,9 +78,11 @@ def _opened(path: Path, required: Sequence[str] = KEY_COLUMNS) -> Iterator[pq.Pa
 def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> None:
     """Raise InputError for a column that is missing, occurs twice, or has values of the wrong type."""
     names = schema.names
-    missing = set(required) - set(names)
-    if missing:
-        raise InputError(f"{path} lacks the columns {', '.join(sorted(missing))}: not a file of lme eval")
+    missing_columns = set(required) - set(names)
+    if missing_columns:
+        raise InputError(
+            f"{path} lacks the columns {', '.join(sorted(missing_columns))}: not a file of lme eval"
+        )
     for field in schema:
         if names.count(field.name) > 1:
             raise InputError(f"{path}: column {field.name!r} occurs twice: not a file of lme eval")
@@ -92,14 +94,14 @@ def _has_right_type(column: pa.Field) -> bool:
     """Return whether a column has one of its allowed types; pandas may have rewritten the file."""
     import pyarrow.types as types
 
-    held = column.type.value_type if types.is_dictionary(column.type) else column.type
+    value_type = column.type.value_type if types.is_dictionary(column.type) else column.type
     if column.name in STEP_KEY:
-        return bool(types.is_integer(held))
-    number = types.is_integer(held) or types.is_floating(held)
-    text = types.is_string(held) or types.is_large_string(held)
+        return bool(types.is_integer(value_type))
+    number = types.is_integer(value_type) or types.is_floating(value_type)
+    text = types.is_string(value_type) or types.is_large_string(value_type)
     if column.name in COLUMNS:
-        return bool(types.is_null(held) or (text if column.name in TEXTS else number))
-    return bool(types.is_null(held) or types.is_boolean(held) or number or text)
+        return bool(types.is_null(value_type) or (text if column.name in TEXTS else number))
+    return bool(types.is_null(value_type) or types.is_boolean(value_type) or number or text)
 
 
 def _validated(table: pa.Table, path: Path) -> pa.Table:
@@ -122,37 +124,39 @@ def lacks_steps(run_dir: Path) -> bool:
     return (run_dir / EPISODES).is_file() and not (run_dir / TRAJECTORIES).is_file()
 
 
-def keys_not_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
-    """Return the keys of the append log that are not `done`."""
-    return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in done}
+def keys_not_in(log: AppendLog, stored: Collection[EpisodeKey]) -> set[EpisodeKey]:
+    """Return the keys of the append log that are not `stored`."""
+    return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in stored}
 
 
 def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     """Return the episodes of the run's Parquet file and append log, each once, sorted by key."""
     path = run_dir / EPISODES
-    known = [read_table(path)] if path.is_file() else []
-    new = keys_not_in(log, set().union(*map(_keys_in, known)))
+    tables = [read_table(path)] if path.is_file() else []
+    new_keys = keys_not_in(log, set().union(*map(_keys_in, tables)))
     with _explain_conflicts(run_dir):
-        return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
+        return _episodes([*tables, *map(_rows, _blocks(log.entries(new_keys)))])
 
 
-def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKey] | None = None) -> pa.Table:
+def trajectory_table(
+    run_dir: Path, log: AppendLog, selected: Collection[EpisodeKey] | None = None
+) -> pa.Table:
     """Return the control steps of the run's Parquet file and append log, sorted; each episode's only once.
 
-    wanted: the episodes; None for all.
+    selected: the episodes; None for all.
     """
     import pyarrow as pa
 
-    done = keys_of(run_dir)
-    new = keys_not_in(log, done)
-    if wanted is not None:
-        done, new = done.intersection(wanted), new.intersection(wanted)
+    stored_keys = keys_of(run_dir)
+    new_keys = keys_not_in(log, stored_keys)
+    if selected is not None:
+        stored_keys, new_keys = stored_keys.intersection(selected), new_keys.intersection(selected)
     with _explain_conflicts(run_dir):
         schema = _step_schema(log)
         tables = [
             schema.empty_table(),
-            *_steps_in_file(run_dir / TRAJECTORIES, done),
-            *(_steps(block, schema) for block in _blocks(log.entries(new))),
+            *_steps_in_file(run_dir / TRAJECTORIES, stored_keys),
+            *(_steps(block, schema) for block in _blocks(log.entries(new_keys))),
         ]
         joined = pa.concat_tables(tables, promote_options="permissive")
     return joined.sort_by([(name, "ascending") for name in STEP_KEY]).combine_chunks()
@@ -250,8 +254,8 @@ def _steps(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
     import pyarrow as pa
 
     tables = [schema.empty_table()]
-    for names, same in groupby(block, key=lambda entry: tuple(entry.trajectory)):
-        entries = list(same)
+    for names, same_layout in groupby(block, key=lambda entry: tuple(entry.trajectory)):
+        entries = list(same_layout)
         counts = [entry.steps for entry in entries]
         keys = {name: np.repeat([entry.row[name] for entry in entries], counts) for name in KEY_COLUMNS}
         numbers = np.concatenate([np.arange(count) for count in counts])
@@ -260,13 +264,13 @@ def _steps(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
     return pa.concat_tables(tables, promote_options="permissive").cast(schema).combine_chunks()
 
 
-def _steps_in_file(path: Path, wanted: Collection[EpisodeKey]) -> Iterator[pa.Table]:
+def _steps_in_file(path: Path, selected: Collection[EpisodeKey]) -> Iterator[pa.Table]:
     """Yield the control steps of the wanted episodes, by row group."""
     import pyarrow as pa
 
-    if not path.is_file() or not wanted:
+    if not path.is_file() or not selected:
         return
-    keys = np.array([(key.world, key.run) for key in wanted], dtype=np.int64)
+    keys = np.array([(key.world, key.run) for key in selected], dtype=np.int64)
     for table in row_groups(path, np.unique(keys[:, 0])):
         yield table.filter(pa.array(np.isin(_codes(_keys(table)), _codes(keys))))
 
@@ -275,16 +279,16 @@ def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
     """Yield the control steps of every episode in turn; a row group may end within an episode."""
     import pyarrow as pa
 
-    rest = None
+    remainder = None
     for group in row_groups(path) if path.is_file() else ():
-        table = group if rest is None else pa.concat_tables([rest, group])
+        table = group if remainder is None else pa.concat_tables([remainder, group])
         keys = _keys(table)
         starts = np.flatnonzero(np.diff(_codes(keys), prepend=-1))
         for start, end in pairwise(starts.tolist()):
             yield EpisodeKey(*keys[start].tolist()), table.slice(start, end - start)
-        rest = table.slice(int(starts[-1]))
-    if rest is not None:
-        yield EpisodeKey(*_keys(rest)[0].tolist()), rest
+        remainder = table.slice(int(starts[-1]))
+    if remainder is not None:
+        yield EpisodeKey(*_keys(remainder)[0].tolist()), remainder
 
 
 @contextlib.contextmanager
@@ -322,6 +326,6 @@ def _trajectory(steps: pa.Table) -> dict[str, NDArray[Any]]:
     return {name: steps[name].to_numpy() for name in names if steps[name].null_count < len(steps)}
 
 
-def _in_order(names: set[str], known: Sequence[str]) -> list[str]:
+def _in_order(names: set[str], known_order: Sequence[str]) -> list[str]:
     """Return known columns in their order, then the others by name."""
-    return [name for name in known if name in names] + sorted(names - set(known))
+    return [name for name in known_order if name in names] + sorted(names - set(known_order))

@@ -67,7 +67,7 @@ class RecordWriter:
         self._run_dir = Path(run_dir)
         self._log = self._run_dir / APPEND_LOG
         self._file: Any = None
-        self._done: set[EpisodeKey] = set()
+        self._stored_keys: set[EpisodeKey] = set()
         self._appended = 0
         self._unmerged = 0  # episodes that are only in the append log
 
@@ -86,8 +86,8 @@ class RecordWriter:
             cut_torn_line(self._log)
             with read_log(self._log) as log:
                 merged = keys_of(self._run_dir)
-                new = keys_not_in(log, merged)
-            self._done, self._unmerged = merged | new, len(new)
+                new_keys = keys_not_in(log, merged)
+            self._stored_keys, self._unmerged = merged | new_keys, len(new_keys)
         except BaseException:
             self._file.close()
             raise
@@ -100,14 +100,14 @@ class RecordWriter:
 
     def done(self) -> set[EpisodeKey]:
         """Return the keys of the episodes recorded so far."""
-        return self._done
+        return self._stored_keys
 
     def append(self, result: EpisodeResult) -> None:
         """Add one finished episode. An episode that is already recorded stays as it is.
 
         Raises RecordsWriteError, for example when the disk is full.
         """
-        if result.record.key not in self._done:
+        if result.record.key not in self._stored_keys:
             self._append(entry_of(result))
             self._appended += 1
             self._unmerged += 1
@@ -160,7 +160,7 @@ class RecordWriter:
     def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
         cause = what_is_full(error, path) or f"{error.strerror or error} while writing {path}"
         return RecordsWriteError(
-            f"{cause}: {len(self._done) + self._appended} episodes are kept; "
+            f"{cause}: {len(self._stored_keys) + self._appended} episodes are kept; "
             "free some space and add resume=true"
         )
 
@@ -172,14 +172,14 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
     """
     runs: list[Path] = []
     for path in map(Path, paths):
-        below = sorted(path.iterdir(), key=_natural_order) if path.is_dir() else []
-        found = [path] if has_records(path) else [child for child in below if has_records(child)]
-        if not found:
+        children = sorted(path.iterdir(), key=_natural_order) if path.is_dir() else []
+        run_dirs_here = [path] if has_records(path) else [child for child in children if has_records(child)]
+        if not run_dirs_here:
             problem = "has no records" if path.is_dir() else "is not a directory"
             raise InputError(
                 f"{path} {problem}: give a run directory ({EPISODES} or {APPEND_LOG} in it) or a sweep's"
             )
-        runs.extend(run for run in found if run not in runs)
+        runs.extend(run for run in run_dirs_here if run not in runs)
     return runs
 
 
@@ -218,7 +218,7 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
 
     Raises as `read_episodes` does.
     """
-    found = []
+    tables = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
     for run_dir, columns in zip(run_dirs, _run_columns(launches), strict=True):
@@ -227,13 +227,15 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
         if table.num_rows == 0:
             warnings.warn(f"{run_dir} has no finished episode yet: left out", stacklevel=3)
             continue
-        missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
-        if missing:
-            raise InputError(f"records in {run_dir} lack the columns {missing}: not written by lme eval")
-        found.append((table, {"run_dir": str(run_dir), **columns}))
-    if not found:
+        missing_columns = ", ".join(sorted(REQUIRED - set(table.column_names)))
+        if missing_columns:
+            raise InputError(
+                f"records in {run_dir} lack the columns {missing_columns}: not written by lme eval"
+            )
+        tables.append((table, {"run_dir": str(run_dir), **columns}))
+    if not tables:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
-    return found
+    return tables
 
 
 def read_record(run_dir: Path, key: EpisodeKey) -> dict[str, Any]:
@@ -242,10 +244,10 @@ def read_record(run_dir: Path, key: EpisodeKey) -> dict[str, Any]:
 
     with log_of(run_dir) as log:
         table = episode_table(run_dir, log)
-    found = table.filter((pc.field("world") == key.world) & (pc.field("run") == key.run)).to_pylist()
-    if not found:
+    rows = table.filter((pc.field("world") == key.world) & (pc.field("run") == key.run)).to_pylist()
+    if not rows:
         raise InputError(f"{run_dir}: has no episode of {key}: {EPISODES} lists its episodes")
-    record: dict[str, Any] = found[0]
+    record: dict[str, Any] = rows[0]
     return record
 
 
@@ -288,16 +290,16 @@ def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
 
 def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
     """Return, for each run, the columns that its launch record adds to its episodes."""
-    changed = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
-    return [{} if launch is None else _columns_of(launch, changed) for launch in launches]
+    changed_keys = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
+    return [{} if launch is None else _columns_of(launch, changed_keys) for launch in launches]
 
 
-def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
+def _columns_of(launch: Launch, changed_keys: Iterable[str]) -> dict[str, object]:
     """Return the columns that a launch record adds to the episodes of its run.
 
     sim: the simulator. filter: that of the commands, if there is one. crowd: people added to the worlds, if any.
     scale: factors on parameters. changes: keys whose values differ from those in the files of the chosen options, as
-    text. Every key that some run has `changed` is a column too, by its dotted name. So are the numbers of worlds and
+    text. Every key that some run has changed is a column too, by its dotted name. So are the numbers of worlds and
     episodes that the run was planned to drive, and the columns of `_likeness`.
     """
     values = dict(flatten(launch.configs[0]))
@@ -309,7 +311,7 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
         "scale": scale_in_words(launch.configs[0].get("scale", {})),
         **_likeness(launch),
         "changes": describe_changes(launch.changes[0]),
-        **{key: str(values.get(key, "")) for key in changed},
+        **{key: str(values.get(key, "")) for key in changed_keys},
         **_planned(launch),
     }
 

@@ -15,10 +15,10 @@ from lme.guides.lme.weight_files import REGISTERED
 from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 
 
-def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:
+def check_name(name: str, ending: str, kind: str, shipped: Container[str], key: str = "name") -> None:
     """Raise InputError unless `name` names a file that can be written and that no shipped file hides.
 
-    what: content of a shipped file, for the message.
+    kind: content of a shipped file, for the message.
     """
     if not name or Path(name).name != name or name.startswith("."):
         raise InputError(f"{key} is {name!r}: must be a plain file name without {ending}")
@@ -28,7 +28,7 @@ def check_name(name: str, ending: str, what: str, shipped: Container[str], key: 
             f"{folder.resolve()}: cannot be written, and {name} belongs there: call lme in another folder"
         )
     if name in shipped:
-        raise InputError(f"{key} is {name!r}: {what} of that name ships with lme; choose another name")
+        raise InputError(f"{key} is {name!r}: {kind} of that name ships with lme; choose another name")
 
 
 def read_key(path: Path, key: str) -> Any:

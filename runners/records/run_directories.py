@@ -53,27 +53,27 @@ def check_same(launch: Launch, directory: Path) -> None:
             f"not {launch.command} with {len(launch.configs)}: cannot be resumed as that"
         )
     if saved.multirun != launch.multirun:
-        held, now = ("a sweep", "one run") if saved.multirun else ("one run", "a sweep")
-        raise InputError(f"{directory}: holds {held}, not {now}: {_ADVICE}")
+        saved_kind, current_kind = ("a sweep", "one run") if saved.multirun else ("one run", "a sweep")
+        raise InputError(f"{directory}: holds {saved_kind}, not {current_kind}: {_ADVICE}")
     raise InputError(f"{directory}: holds a run with another config ({_changes(saved, launch)}): {_ADVICE}")
 
 
 def _outdated(saved: Launch, launch: Launch, directory: Path) -> InputError:
     """Return the error that options in the files have changed; some jobs of a sweep may still be the same."""
     if len(saved.configs) == len(launch.configs):
-        held = f"a run with another config ({_changes(saved, launch)})"
+        description = f"a run with another config ({_changes(saved, launch)})"
     else:
-        held = f"a sweep of {len(saved.configs)} jobs, which today has {len(launch.configs)}"
-    same = any(config in launch.configs for config in saved.configs)
+        description = f"a sweep of {len(saved.configs)} jobs, which today has {len(launch.configs)}"
+    has_same_config = any(config in launch.configs for config in saved.configs)
     advice = "start again in another directory"
-    if same:
+    if has_same_config:
         advice = (
             f"resume its jobs one by one, {resume_command(launch.command, directory / '0')} and so on "
             f"({lme_command('table', directory)} tabulates all), or {advice}"
         )
-    changed = [each.files[name].source for each, name in inputs.differing(saved.inputs, launch.inputs)]
-    where = f" ({shortened(changed)})" if changed else ""
-    return InputError(f"{directory}: holds {held}: {_OUTDATED}{where}; {advice}")
+    sources = [entry.files[name].source for entry, name in inputs.differing(saved.inputs, launch.inputs)]
+    source_text = f" ({shortened(sources)})" if sources else ""
+    return InputError(f"{directory}: holds {description}: {_OUTDATED}{source_text}; {advice}")
 
 
 def _changes(saved: Launch, launch: Launch) -> str:
@@ -83,13 +83,13 @@ def _changes(saved: Launch, launch: Launch) -> str:
 
 def _same_command_line(saved: Launch, launch: Launch) -> bool:
     """Return whether both were started by the same command line, apart from Hydra's own part."""
-    before, now = map(_command_line, (saved, launch))
-    return before == now
+    saved_words, words = map(_command_line, (saved, launch))
+    return saved_words == words
 
 
 def _command_line(launch: Launch) -> tuple[object, ...]:
-    own = [word for word in launch.overrides if not word.startswith("hydra.")]
-    return launch.command, launch.multirun, own, launch.config_dir, launch.config_name
+    overrides = [word for word in launch.overrides if not word.startswith("hydra.")]
+    return launch.command, launch.multirun, overrides, launch.config_dir, launch.config_name
 
 
 def holds_run(directory: Path) -> bool:
@@ -104,10 +104,10 @@ def holds_run(directory: Path) -> bool:
 
 
 def _holds_run(directory: Path) -> bool:
-    for place in ("", "*/"):
-        if any(True for name in _RESULTS for _ in directory.glob(f"{place}{name}")):
+    for prefix in ("", "*/"):
+        if any(True for name in _RESULTS for _ in directory.glob(f"{prefix}{name}")):
             return True
-        if any(part.stat().st_size for part in directory.glob(f"{place}parts/*") if part.is_file()):
+        if any(file.stat().st_size for file in directory.glob(f"{prefix}parts/*") if file.is_file()):
             return True
     return False
 
@@ -126,27 +126,27 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
     num_jobs: number that the command line implies; a sweeper plugin may run more. A folder with a higher number and
     without records was left by a larger sweep that was stopped.
     """
-    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
-    found = [(read_launch(place), place) for place in places]
-    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
+    folders = [path.parent for path in sweep_dir.rglob(LAUNCH)]
+    records = [(read_launch(folder), folder) for folder in folders]
+    jobs = {record.job: path for record, path in records if record is not None and record.job is not None}
     return [jobs[number] for number in sorted(jobs) if number < num_jobs or holds_run(jobs[number])]
 
 
-def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
+def make_fresh(launch: Launch, folder: Path | None, root: Path = ROOT) -> Path:
     """Make the directory of a new run, with its `launch.json` and copies of the user's own files; name these.
 
-    Returns `given`, or a new directory under `root`.
+    Returns `folder`, or a new directory under `root`.
 
     Raises InputError if it cannot be written, already holds a run, or belongs to a running process.
     """
-    if given is not None and holds_run(given):
-        raise InputError(f"{given}: already holds a run: add resume=true or choose another directory")
-    directory = _new_directory(launch, root) if given is None else _make_directory(given, exist_ok=True)
+    if folder is not None and holds_run(folder):
+        raise InputError(f"{folder}: already holds a run: add resume=true or choose another directory")
+    directory = _new_directory(launch, root) if folder is None else _make_directory(folder, exist_ok=True)
     _check_free(directory)
     launch.write(directory, anew=True)
     inputs.keep(launch.inputs, directory)
-    if said := inputs.sentence(launch.inputs):
-        print(f"lme {launch.command}: {said}", file=sys.stderr)
+    if sentence := inputs.sentence(launch.inputs):
+        print(f"lme {launch.command}: {sentence}", file=sys.stderr)
     return directory
 
 

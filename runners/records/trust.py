@@ -54,8 +54,8 @@ def is_trusted(directory: Path | None) -> bool:
     """
     if directory is None:
         return None in _trusted
-    here = directory.resolve()
-    return any(place is None or here.is_relative_to(place) for place in _trusted)
+    resolved = directory.resolve()
+    return any(folder is None or resolved.is_relative_to(folder) for folder in _trusted)
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:

@@ -25,11 +25,11 @@ class Commit(NamedTuple):
 
 def versions(*packages: str) -> dict[str, str]:
     """Return the versions of Python, lme, and each of the packages that is installed, by name."""
-    found = {"python": platform.python_version(), "lme": lme.__version__}
+    versions_by_package = {"python": platform.python_version(), "lme": lme.__version__}
     for package in packages:
         with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            versions_by_package[package] = version(package)
+    return versions_by_package
 
 
 @cache
@@ -38,17 +38,19 @@ def commit() -> Commit | None:
     try:
         if Path(_git("rev-parse", "--show-toplevel")).resolve() != _ROOT:
             return None
-        changed = bool(_git("status", "--porcelain", "--untracked-files=no"))
-        return Commit(_git("rev-parse", "HEAD"), changed)
+        has_changes = bool(_git("status", "--porcelain", "--untracked-files=no"))
+        return Commit(_git("rev-parse", "HEAD"), has_changes)
     except (OSError, subprocess.SubprocessError):
         return None
 
 
 def code() -> str:
     """Return the version of lme and its commit as text: "lme 0.2.0, commit 1ec8305b, changed"."""
-    found = commit()
-    parts = [] if found is None else [f"commit {found.number[:_SHOWN]}", *["changed"] * found.changed]
-    return ", ".join([f"lme {lme.__version__}", *parts])
+    checkout = commit()
+    notes = (
+        [] if checkout is None else [f"commit {checkout.number[:_SHOWN]}", *["changed"] * checkout.changed]
+    )
+    return ", ".join([f"lme {lme.__version__}", *notes])
 
 
 def _git(*arguments: str) -> str:

@@ -23,23 +23,23 @@ _PACKAGES = ("numpy", "numba", "optuna")
 def write_weights(
     config: TrainConfig,
     values: Mapping[str, float],
-    about: Mapping[str, Any],
+    metadata: Mapping[str, Any],
     run_dir: Path,
     name: str,
     note: str,
 ) -> Path:
     """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml if a guide can load it.
 
-    values: those of the best trial, by dotted config key. about: further entries of the file.
+    values: those of the best trial, by dotted config key. metadata: further entries of the file.
     note: what follows "Written by lme train" in its first line. Returns the path of the first file. Raises OSError.
     """
     parameters = best_parameters(config, values)
     content = {
         "name": name,
         "parameters": parameters,
-        **({"settings": others} if (others := _others(values)) else {}),
+        **({"settings": other_settings} if (other_settings := _other_settings(values)) else {}),
         "robot": config.robot.name,
-        **about,
+        **metadata,
         "seed": config.seed,
         "versions": versions(*_PACKAGES),
     }
@@ -52,11 +52,11 @@ def write_weights(
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:
     """Return the guide's parameters with the values found; {} for a guide without parameters."""
-    found = {
+    searched = {
         key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
     }
-    given = {name: float(value) for name, value in config.guide.get("parameters", {}).items()}
-    return given | found
+    fixed = {name: float(value) for name, value in config.guide.get("parameters", {}).items()}
+    return fixed | searched
 
 
 def check_name(name: str, study: str) -> None:
@@ -69,8 +69,8 @@ def check_name(name: str, study: str) -> None:
 
 def settings(values: Mapping[str, float]) -> list[str]:
     """Return the overrides that set the values found for keys that are not parameters of the guide."""
-    return [f"{key}={value!r}" for key, value in _others(values).items()]
+    return [f"{key}={value!r}" for key, value in _other_settings(values).items()]
 
 
-def _others(values: Mapping[str, float]) -> dict[str, float]:
+def _other_settings(values: Mapping[str, float]) -> dict[str, float]:
     return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}

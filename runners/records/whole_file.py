@@ -74,8 +74,8 @@ def output_file(path: Path) -> Iterator[Path]:
         draft = Path(folder) / f"draft{path.suffix}"
         yield draft
         sys.stdout.flush()
-        into = path if descriptor is None else os.dup(descriptor)
-        with draft.open("rb") as source, open(into, "wb") as sink:  # noqa: PTH123  # a path or a number
+        destination = path if descriptor is None else os.dup(descriptor)
+        with draft.open("rb") as source, open(destination, "wb") as sink:  # noqa: PTH123  # a path or a number
             shutil.copyfileobj(source, sink)
 
 
@@ -106,12 +106,12 @@ def write_atomically(path: Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def what_is_full(error: OSError, place: object) -> str:
+def what_is_full(error: OSError, target: object) -> str:
     """Return "disk full while writing PLACE", and whether a limit may be the cause; empty for another error."""
     if error.errno not in DISK_FULL:
         return ""
     limit = " (or it is larger than ulimit -f allows)" if error.errno == errno.EFBIG else ""
-    return f"disk full while writing {place}{limit}"
+    return f"disk full while writing {target}{limit}"
 
 
 def obstacle(path: Path) -> Path | None:
@@ -166,8 +166,8 @@ def _remove_stale_drafts(path: Path) -> None:
     for draft in path.parent.glob(f".{glob.escape(path.name)}.*.new{glob.escape(path.suffix)}"):
         with contextlib.suppress(OSError):  # another process may have removed it
             writer = draft.name.removeprefix(f".{path.name}.{_HOST}.").partition(".")[0]
-            ended = writer.isdecimal() and not _is_running(int(writer))
-            if ended or time.time() - draft.stat().st_mtime > STALE_S:
+            has_ended = writer.isdecimal() and not _is_running(int(writer))
+            if has_ended or time.time() - draft.stat().st_mtime > STALE_S:
                 draft.unlink()
 
 

@@ -27,9 +27,9 @@ class TopicClock:
 
     def take(self, message: Any) -> None:
         """Process a rosgraph_msgs/Clock."""
-        now = nanoseconds(message.clock)
-        if now != self._now:
-            self._now, self._moved = now, time.monotonic()
+        time_ns = nanoseconds(message.clock)
+        if time_ns != self._now:
+            self._now, self._moved = time_ns, time.monotonic()
 
     def now(self) -> int | None:
         """Return the time [ns]; None before the first message."""

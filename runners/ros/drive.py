@@ -23,7 +23,7 @@ from runners.ros.transport import Transport
 def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     """Drive the robot until an exception, such as KeyboardInterrupt."""
     config = job.config
-    own: NodeConfig = configured(config.live, "live")[1]
+    node_config: NodeConfig = configured(config.live, "live")[1]
     topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
 
     def navigator(robot: Robot) -> Navigator:
@@ -35,8 +35,8 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     )
     # Connect the driver to ROS.
     measured = topics.twist == "measured"
-    driver = LiveDriver(navigator, config.robot, own, scan, frames, measured_twists=measured)
-    node = Node(own, transport, topics, driver, config.robot.dt)
+    driver = LiveDriver(navigator, config.robot, node_config, scan, frames, measured_twists=measured)
+    node = Node(node_config, transport, topics, driver, config.robot.dt)
     node.listen(_StatePrinter().take)
     version = transport.version
     action = f" or the action {topics.action_in(version)}" if node.serves_action else ""
@@ -53,10 +53,10 @@ class _StatePrinter:
     """A listener that prints the state of the robot whenever it changes."""
 
     def __init__(self) -> None:
-        self._said = ""
+        self._printed_state = ""
 
     def take(self, step: LiveStep) -> None:
         """Print the state of a step if it is new."""
-        if step.text != self._said:
-            self._said = step.text
+        if step.text != self._printed_state:
+            self._printed_state = step.text
             print(step.text, flush=True)

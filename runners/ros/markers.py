@@ -61,25 +61,25 @@ class Marker(NamedTuple):
     text: str = ""
 
 
-def markers(observation: Observation, guidance: Guidance, why: Explanation | None) -> list[Marker]:
-    """Return the markers of one decision. why: None for a guide that cannot explain, which has fewer markers."""
-    found = [] if why is None else [*_explanation_markers(why)]
+def markers(observation: Observation, guidance: Guidance, explanation: Explanation | None) -> list[Marker]:
+    """Return the markers of one decision. A guide that cannot explain has fewer."""
+    all_markers = [] if explanation is None else [*_explanation_markers(explanation)]
     if guidance.path is not None and len(guidance.path) > 1:
-        found.append(Marker("path", 0, Shape.LINE_STRIP, guidance.path, _PATH[None], _LINE))
-    found += _people(observation.pedestrians)
-    found.append(_mark("target", observation.target, _TARGET))
-    found.append(_mark("subgoal", guidance.subgoal, _SUBGOAL))
-    return found
+        all_markers.append(Marker("path", 0, Shape.LINE_STRIP, guidance.path, _PATH[None], _LINE))
+    all_markers += _people(observation.pedestrians)
+    all_markers.append(_mark("target", observation.target, _TARGET))
+    all_markers.append(_mark("subgoal", guidance.subgoal, _SUBGOAL))
+    return all_markers
 
 
-def _explanation_markers(why: Explanation) -> Iterator[Marker]:
-    yield Marker("candidates", 0, Shape.POINTS, why.candidates, _shades(why.scores), _DOT)
+def _explanation_markers(explanation: Explanation) -> Iterator[Marker]:
+    yield Marker("candidates", 0, Shape.POINTS, explanation.candidates, _shades(explanation.scores), _DOT)
     # Each sector as a line through its points, and a single point as a ball.
-    for k, sector in enumerate(why.sectors):
-        points = sector_points(why.view.points, sector)
+    for k, sector in enumerate(explanation.sectors):
+        points = sector_points(explanation.view.points, sector)
         shape = Shape.LINE_STRIP if len(points) > 1 else Shape.SPHERES
         yield Marker("sectors", k, shape, points, _SECTORS[None, k % len(_SECTORS)], _LINE)
-    blockage = why.view.blockage
+    blockage = explanation.view.blockage
     if blockage is not None:
         for k, (name, point) in enumerate((("A", blockage.A), ("B", blockage.B))):
             yield Marker("A and B", k, Shape.SPHERES, point[None], _INK[None], _MARK / 2)
@@ -89,9 +89,9 @@ def _explanation_markers(why: Explanation) -> Iterator[Marker]:
 def _people(pedestrians: Floats) -> Iterator[Marker]:
     """Yield a mark for each person (P, 4), and a line to the person's position a second later."""
     for k, (x, y, vx, vy) in enumerate(pedestrians):
-        way = np.array([(x, y), (x + vx, y + vy)])
-        yield Marker("people", k, Shape.SPHERES, way[:1], _PERSON[None], 2.0 * _MARK)
-        yield Marker("people in a second", k, Shape.LINE_STRIP, way, _PERSON[None], _LINE)
+        displacement = np.array([(x, y), (x + vx, y + vy)])
+        yield Marker("people", k, Shape.SPHERES, displacement[:1], _PERSON[None], 2.0 * _MARK)
+        yield Marker("people in a second", k, Shape.LINE_STRIP, displacement, _PERSON[None], _LINE)
 
 
 def _mark(group: str, point: Floats, colour: Floats) -> Marker:

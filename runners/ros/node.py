@@ -58,7 +58,7 @@ class Node:
         self._due = 0  # [ns] due time of the next decision
         self._goal: ActionGoal | None = None
         self._goal_time = 0  # [ns] when it arrived
-        self._before: Explanation | None = None
+        self._previous_explanation: Explanation | None = None
         self._resting: int | None = None  # [ns] since when the robot has had no goal; None while it has one
         self._status = Status()
         self._listeners: list[Callable[[LiveStep], None]] = []
@@ -74,31 +74,31 @@ class Node:
         try:
             with self._watchdog:
                 while True:
-                    self._ros.handle(self._left())
+                    self._ros.handle(self._remaining_s())
                     self._act()
                     self._watchdog.feed()
         finally:
             self._shut_down()
 
-    def _left(self) -> float:
+    def _remaining_s(self) -> float:
         """Return the longest real time to wait for a message [s]."""
-        now = self._clock.now()
-        if now is None or isinstance(self._clock, TopicClock):
+        time_ns = self._clock.now()
+        if time_ns is None or isinstance(self._clock, TopicClock):
             return self._config.stale / 4
-        return min(max(self._due - now, 0), self._period) / SECOND
+        return min(max(self._due - time_ns, 0), self._period) / SECOND
 
     def _act(self) -> None:
         """Ask the driver for a step if one is due, or if the clock stands still, so that the driver notices."""
-        now = self._clock.now()
-        if now is None:
+        time_ns = self._clock.now()
+        if time_ns is None:
             return
-        waits = self._due - self._period <= now < self._due  # else a step is due, or time has jumped
+        waits = self._due - self._period <= time_ns < self._due  # else a step is due, or time has jumped
         if waits and self._clock.seconds_still < self._config.stale / 4:
             return
         if not waits:
-            late = now - self._due
-            self._due = (self._due if 0 <= late < self._period else now) + self._period
-        self._publish(self._driver.tick(now))
+            delay_ns = time_ns - self._due
+            self._due = (self._due if 0 <= delay_ns < self._period else time_ns) + self._period
+        self._publish(self._driver.tick(time_ns))
 
     def _publish(self, step: LiveStep) -> None:
         """Send the command and its explanation, and report to the action's client."""
@@ -131,7 +131,7 @@ class Node:
         """Publish subgoal, markers and reason of a decision, or why there is none. Cheap without subscribers."""
         # Without a decision, only the reason is published.
         if step.observation is None or step.guidance is None:
-            self._before = None
+            self._previous_explanation = None
             if step.reason and self._reason.watched:
                 self._reason(self._make.text(f"{step.state}: {step.reason}"))
             return
@@ -139,15 +139,15 @@ class Node:
         base, make = self._driver.frames.base, self._make
         self._subgoal(make.point(step.stamp, base, step.guidance.subgoal))
         if not (self._markers.watched or self._reason.watched):
-            self._before = None
+            self._previous_explanation = None
             return
-        why = step.explanation
+        explanation = step.explanation
         if self._markers.watched:
-            found = markers(step.observation, step.guidance, why)
-            self._markers(make.markers(step.stamp, base, found))
-        if why is not None and self._reason.watched:
-            self._reason(make.text(step.reason or reason(why, self._before)))
-        self._before = why
+            explained_markers = markers(step.observation, step.guidance, explanation)
+            self._markers(make.markers(step.stamp, base, explained_markers))
+        if explanation is not None and self._reason.watched:
+            self._reason(make.text(step.reason or reason(explanation, self._previous_explanation)))
+        self._previous_explanation = explanation
 
     def _report(self, step: LiveStep) -> None:
         """Send feedback and result to the client of the action."""
@@ -157,15 +157,15 @@ class Node:
             self._goal.succeed()
             self._goal = None
         elif step.observation is not None:
-            seen = step.observation
-            pose = self._make.pose(step.stamp, self._driver.frames.odom, seen.odometry)
-            self._goal.feedback(pose, math.hypot(*seen.target), step.stamp - self._goal_time)
+            observation = step.observation
+            pose = self._make.pose(step.stamp, self._driver.frames.odom, observation.odometry)
+            self._goal.feedback(pose, math.hypot(*observation.target), step.stamp - self._goal_time)
 
     def _take_goal(self, pose: Any, goal: ActionGoal | None = None) -> None:
         """Drive to a PoseStamped instead of the previous goal."""
-        now, point = self._clock.now() or 0, pose.pose.position
+        time_ns, point = self._clock.now() or 0, pose.pose.position
         try:
-            self._driver.set_goal((point.x, point.y), pose.header.frame_id, now)
+            self._driver.set_goal((point.x, point.y), pose.header.frame_id, time_ns)
         except InputError as error:
             print(error, file=sys.stderr)
             if goal is not None:
@@ -173,7 +173,7 @@ class Node:
             return
         if self._goal is not None:
             self._goal.cancel("another goal replaces it")
-        self._goal, self._goal_time = goal, now
+        self._goal, self._goal_time = goal, time_ns
 
     def _cancel(self, goal: ActionGoal | None = None) -> None:
         """Cancel a goal; None: the current one, if any. A goal that is no longer the current one is ignored."""
@@ -205,8 +205,8 @@ class Node:
         # Subscribe to the clock and to the sensors; each message gets the time of its arrival.
         clock = self._connect_clock()
 
-        def stamped(take: Any) -> Any:
-            return lambda message: take(message, clock.now() or 0)
+        def stamped(handler: Any) -> Any:
+            return lambda message: handler(message, clock.now() or 0)
 
         ros.subscribe(topics.scan, topics.scan_kind, stamped(driver.take_scan), Delivery.NEWEST)
         if topics.pose != TF:
@@ -225,8 +225,8 @@ class Node:
         return clock
 
     def _connect_clock(self) -> SystemClock | TopicClock:
-        asked = self._config.use_sim_time
-        if not (self._ros.sim_time if asked is None else asked):
+        use_sim_time = self._config.use_sim_time
+        if not (self._ros.sim_time if use_sim_time is None else use_sim_time):
             return SystemClock()
         clock = TopicClock()
         self._ros.subscribe(self._topics.clock, "rosgraph_msgs/Clock", clock.take, Delivery.NEWEST)

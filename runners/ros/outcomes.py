@@ -46,25 +46,25 @@ class Outcomes:
         self._file.close()
         count = len(self._successes)
         if count:
-            rate, scored = sum(self._successes) / count, self._scores
-            metric = f", BARN metric {sum(scored) / len(scored):.3f}" if scored else ""
+            rate, scores = sum(self._successes) / count, self._scores
+            metric = f", BARN metric {sum(scores) / len(scores):.3f}" if scores else ""
             print(f"{count} episodes: success {rate:.3f}{metric}. Table: {self._path}")
 
-    def add(self, world: int, run: int, driven: Driven) -> None:
+    def add(self, world: int, run: int, drive: Driven) -> None:
         """Print one episode and add it to the table."""
-        success = driven.outcome is Outcome.SUCCESS
-        score = metrics.barn_metric(success, driven.time, driven.task.optimal_time)
-        spl = metrics.spl(success, driven.task.shortest_path_length, driven.path_length)
-        lengths = driven.path_length, driven.min_clearance, driven.final_distance
-        self._rows.writerow([world, run, driven.outcome, driven.time, score, spl, *lengths])
+        success = drive.outcome is Outcome.SUCCESS
+        score = metrics.barn_metric(success, drive.time, drive.task.optimal_time)
+        spl = metrics.spl(success, drive.task.shortest_path_length, drive.path_length)
+        lengths = drive.path_length, drive.min_clearance, drive.final_distance
+        self._rows.writerow([world, run, drive.outcome, drive.time, score, spl, *lengths])
         self._file.flush()
         self._successes.append(success)
         # Only the worlds of BARN and DynaBARN have the metric.
-        of_barn = driven.task.map_name.startswith(BARN)
+        of_barn = drive.task.map_name.startswith(BARN)
         self._scores += [score] * of_barn
         metric = f"BARN metric {score:.3f}, " if of_barn else ""
         print(
-            f"world {world}, run {run}: {driven.outcome} after {driven.time:.1f} s, {metric}"
-            f"path {driven.path_length:.1f} m, clearance {driven.min_clearance:.2f} m",
+            f"world {world}, run {run}: {drive.outcome} after {drive.time:.1f} s, {metric}"
+            f"path {drive.path_length:.1f} m, clearance {drive.min_clearance:.2f} m",
             flush=True,
         )

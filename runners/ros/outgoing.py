@@ -27,24 +27,24 @@ class OutgoingMessages:
         """Return a std_msgs/String."""
         return self._ros.type("std_msgs/String")(data=data)
 
-    def clock(self, now: int) -> Any:
+    def clock(self, time_ns: int) -> Any:
         """Return a rosgraph_msgs/Clock."""
-        return self._ros.type("rosgraph_msgs/Clock")(clock=self._ros.stamp(now))
+        return self._ros.type("rosgraph_msgs/Clock")(clock=self._ros.stamp(time_ns))
 
-    def command(self, kind: str, now: int, frame: str, twist: Twist) -> Any:
+    def command(self, kind: str, time_ns: int, frame: str, twist: Twist) -> Any:
         """Return a geometry_msgs/Twist or TwistStamped, according to `kind`."""
         message = self._ros.type(f"geometry_msgs/{kind}")()
         moving = message
         if kind == "TwistStamped":
-            self._head(message, now, frame)
+            self._head(message, time_ns, frame)
             moving = message.twist
         moving.linear.x, moving.angular.z = float(twist.v), float(twist.omega)
         return message
 
-    def scan(self, now: int, frame: str, scan: LaserScan, period: float) -> Any:
+    def scan(self, time_ns: int, frame: str, scan: LaserScan, period: float) -> Any:
         """Return a sensor_msgs/LaserScan. period: between scans [s]."""
         message = self._ros.type("sensor_msgs/LaserScan")()
-        self._head(message, now, frame)
+        self._head(message, time_ns, frame)
         message.angle_min, message.angle_increment = scan.angle_min, scan.angle_increment
         message.angle_max = scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment
         message.range_min, message.range_max = scan.range_min, scan.range_max
@@ -52,50 +52,52 @@ class OutgoingMessages:
         message.ranges = array("f", np.asarray(scan.ranges, np.float32).tobytes())
         return message
 
-    def odometry(self, now: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
+    def odometry(self, time_ns: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
         """Return a nav_msgs/Odometry."""
         message = self._ros.type("nav_msgs/Odometry")()
-        self._head(message, now, frame)
+        self._head(message, time_ns, frame)
         message.child_frame_id = child
-        self._place(message.pose.pose, pose)
+        self._set_pose(message.pose.pose, pose)
         message.twist.twist.linear.x, message.twist.twist.angular.z = float(twist.v), float(twist.omega)
         return message
 
-    def pose(self, now: int, frame: str, pose: Pose) -> Any:
+    def pose(self, time_ns: int, frame: str, pose: Pose) -> Any:
         """Return a geometry_msgs/PoseStamped."""
         message = self._ros.type("geometry_msgs/PoseStamped")()
-        self._head(message, now, frame)
-        self._place(message.pose, pose)
+        self._head(message, time_ns, frame)
+        self._set_pose(message.pose, pose)
         return message
 
-    def transform(self, now: int, frame: str, child: str, pose: Pose) -> Any:
+    def transform(self, time_ns: int, frame: str, child: str, pose: Pose) -> Any:
         """Return a tf2_msgs/TFMessage with one transform."""
         stamped = self._ros.type("geometry_msgs/TransformStamped")()
-        self._head(stamped, now, frame)
+        self._head(stamped, time_ns, frame)
         stamped.child_frame_id = child
-        moved = stamped.transform
-        moved.translation.x, moved.translation.y = float(pose.x), float(pose.y)
-        moved.rotation.z, moved.rotation.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)
+        transform = stamped.transform
+        transform.translation.x, transform.translation.y = float(pose.x), float(pose.y)
+        transform.rotation.z, transform.rotation.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)
         return self._ros.type("tf2_msgs/TFMessage")(transforms=[stamped])
 
-    def point(self, now: int, frame: str, point: Floats) -> Any:
+    def point(self, time_ns: int, frame: str, point: Floats) -> Any:
         """Return a geometry_msgs/PointStamped. point: (2,) [m]."""
         message = self._ros.type("geometry_msgs/PointStamped")()
-        self._head(message, now, frame)
+        self._head(message, time_ns, frame)
         message.point.x, message.point.y = map(float, point)
         return message
 
-    def markers(self, now: int, frame: str, found: Sequence[Marker]) -> Any:
+    def markers(self, time_ns: int, frame: str, shapes: Sequence[Marker]) -> Any:
         """Return a visualization_msgs/MarkerArray that replaces all earlier markers of the topic."""
         clear = self._ros.type("visualization_msgs/Marker")(action=_DELETE_ALL)
-        self._head(clear, now, frame)
-        drawn = [clear, *(self._marker(now, frame, one) for one in found)]
-        return self._ros.type("visualization_msgs/MarkerArray")(markers=drawn)
+        self._head(clear, time_ns, frame)
+        messages = [clear, *(self._marker(time_ns, frame, shape) for shape in shapes)]
+        return self._ros.type("visualization_msgs/MarkerArray")(markers=messages)
 
-    def diagnostics(self, now: int, name: str, level: int, text: str, values: Mapping[str, object]) -> Any:
+    def diagnostics(
+        self, time_ns: int, name: str, level: int, text: str, values: Mapping[str, object]
+    ) -> Any:
         """Return a diagnostic_msgs/DiagnosticArray with one status."""
         array = self._ros.type("diagnostic_msgs/DiagnosticArray")()
-        array.header.stamp = self._ros.stamp(now)
+        array.header.stamp = self._ros.stamp(time_ns)
         status = self._ros.type("diagnostic_msgs/DiagnosticStatus")(
             name=name, message=text, hardware_id="lme"
         )
@@ -105,34 +107,34 @@ class OutgoingMessages:
         array.status = [status]
         return array
 
-    def _marker(self, now: int, frame: str, one: Marker) -> Any:
+    def _marker(self, time_ns: int, frame: str, shape: Marker) -> Any:
         message = self._ros.type("visualization_msgs/Marker")(
-            ns=one.group, id=one.number, type=int(one.shape)
+            ns=shape.group, id=shape.number, type=int(shape.shape)
         )
-        self._head(message, now, frame)
+        self._head(message, time_ns, frame)
         message.pose.orientation.w = 1.0
-        message.text = one.text
+        message.text = shape.text
         size = message.scale
-        size.x = size.y = size.z = one.size
-        message.color = self._colour(one.colours[0])
+        size.x = size.y = size.z = shape.size
+        message.color = self._colour(shape.colours[0])
         # Text stands at a point, everything else is a list of points.
-        if one.shape is Shape.TEXT:
-            message.pose.position.x, message.pose.position.y = map(float, one.points[0])
-            message.pose.position.z = one.size
+        if shape.shape is Shape.TEXT:
+            message.pose.position.x, message.pose.position.y = map(float, shape.points[0])
+            message.pose.position.z = shape.size
             return message
         point = self._ros.type("geometry_msgs/Point")
-        message.points = [point(x=x, y=y, z=0.0) for x, y in one.points.tolist()]
-        if len(one.colours) > 1:
-            message.colors = [self._colour(colour) for colour in one.colours]
+        message.points = [point(x=x, y=y, z=0.0) for x, y in shape.points.tolist()]
+        if len(shape.colours) > 1:
+            message.colors = [self._colour(colour) for colour in shape.colours]
         return message
 
     def _colour(self, colour: Floats) -> Any:
         red, green, blue = map(float, colour)
         return self._ros.type("std_msgs/ColorRGBA")(r=red, g=green, b=blue, a=1.0)
 
-    def _head(self, message: Any, now: int, frame: str) -> None:
-        message.header.stamp, message.header.frame_id = self._ros.stamp(now), frame
+    def _head(self, message: Any, time_ns: int, frame: str) -> None:
+        message.header.stamp, message.header.frame_id = self._ros.stamp(time_ns), frame
 
-    def _place(self, message: Any, pose: Pose) -> None:
+    def _set_pose(self, message: Any, pose: Pose) -> None:
         message.position.x, message.position.y = float(pose.x), float(pose.y)
         message.orientation.z, message.orientation.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)

@@ -14,8 +14,7 @@ from lme.live.driver import LiveDriver
 from lme.live.step import LiveState, LiveStep
 from runners.config.schema import DriveConfig
 from runners.records.launch_record import identity
-from runners.workers.mcap_file import McapFile
-from runners.workers.recorder import LATCHED, STATE, TAKEN, TOPICS, WANTED, WHY, DecisionWriter
+from runners.workers.recorder import LATCHED, STATE, TAKEN, TOPICS, WANTED, WHY, DecisionWriter, McapFile
 
 LIVE_TOPICS = {
     **TOPICS,
@@ -42,8 +41,8 @@ class LiveRecorder:
         self._writer: DecisionWriter | None = None
         self._goal = 0  # of the open file
         self._latest, self._shift = -1, 0  # [ns]
-        self._said = ""
-        self._before: Explanation | None = None
+        self._written_state = ""
+        self._previous_explanation: Explanation | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -62,24 +61,24 @@ class LiveRecorder:
             self._begin(step)
         if self._writer is None:
             return
-        now = self._stamp(step)
-        if now is None:
+        time_ns = self._stamp(step)
+        if time_ns is None:
             return
         # Write the decision, or only where the robot is, then what was sent.
         if step.observation is not None:
-            self._decision(self._writer, step, now)
+            self._decision(self._writer, step, time_ns)
         elif step.motion is not None:
-            self._writer.motion(step.motion.pose, step.motion.twist, now)
-        self._writer.twist("/cmd_vel", step.command, now)
-        if step.text != self._said:
-            self._said = step.text
-            self._writer.text(STATE, step.text, now)
+            self._writer.motion(step.motion.pose, step.motion.twist, time_ns)
+        self._writer.twist("/cmd_vel", step.command, time_ns)
+        if step.text != self._written_state:
+            self._written_state = step.text
+            self._writer.text(STATE, step.text, time_ns)
         if step.state in _ENDS:
             self._close()
 
     def _begin(self, step: LiveStep) -> None:
         driver, robot = self._driver, self._driver.robot
-        about = {
+        metadata = {
             "seed": driver.config.seed,
             "world": step.goal,
             "run": 0,
@@ -88,23 +87,29 @@ class LiveRecorder:
         }
         path = self._folder / f"goal-{step.goal}.mcap"
         file = self._open.enter_context(McapFile(path, LIVE_TOPICS, LATCHED, _ADVICE))
-        self._writer = DecisionWriter(file, about, robot)
-        self._goal, self._latest, self._shift, self._said, self._before = step.goal, -1, 0, "", None
+        self._writer = DecisionWriter(file, metadata, robot)
+        self._goal, self._latest, self._shift, self._written_state, self._previous_explanation = (
+            step.goal,
+            -1,
+            0,
+            "",
+            None,
+        )
         self._before_first = True
 
-    def _decision(self, writer: DecisionWriter, step: LiveStep, now: int) -> None:
+    def _decision(self, writer: DecisionWriter, step: LiveStep, time_ns: int) -> None:
         assert step.observation is not None
         assert step.guidance is not None
         assert step.wanted is not None
-        writer.decision(step.observation, step.guidance, now)
+        writer.decision(step.observation, step.guidance, time_ns)
         if self._before_first and step.observation.last_command is not None:
-            writer.twist("/cmd_vel", step.observation.last_command, now)
+            writer.twist("/cmd_vel", step.observation.last_command, time_ns)
         self._before_first = False
-        writer.text(TAKEN, str(step.taken), now)
-        writer.twist(WANTED, step.wanted, now)
+        writer.text(TAKEN, str(step.taken), time_ns)
+        writer.twist(WANTED, step.wanted, time_ns)
         if step.explanation is not None:
-            writer.text(WHY, reason(step.explanation, self._before), now)
-            self._before = step.explanation
+            writer.text(WHY, reason(step.explanation, self._previous_explanation), time_ns)
+            self._previous_explanation = step.explanation
 
     def _stamp(self, step: LiveStep) -> int | None:
         """Return the stamp in the file [ns], later than all before it; None if the step is not new."""

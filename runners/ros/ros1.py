@@ -76,8 +76,10 @@ class Ros1:
         try:
             return getattr(importlib.import_module(f"{package}.msg"), name)
         except ImportError as error:
-            wanted = f"python3-{package.replace('_', '-')}"
-            raise InputError(f"{kind} needs the package {package}: apt-get install {wanted}") from error
+            debian_package = f"python3-{package.replace('_', '-')}"
+            raise InputError(
+                f"{kind} needs the package {package}: apt-get install {debian_package}"
+            ) from error
 
     def stamp(self, time: int) -> Any:
         """Return a message's time from nanoseconds."""
@@ -90,14 +92,16 @@ class Ros1:
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages. In ROS 1, the publisher decides whether to send an earlier one."""
         size = _QUEUE if delivery is Delivery.NEWEST else None
-        self._rospy.Subscriber(topic, self.type(kind), self._later(take), queue_size=size, tcp_nodelay=True)
+        self._rospy.Subscriber(
+            topic, self.type(kind), self._enqueued(take), queue_size=size, tcp_nodelay=True
+        )
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
         """Return a publisher. latched: later subscribers receive the last message."""
-        made = self._rospy.Publisher(
+        ros_publisher = self._rospy.Publisher(
             topic, self.type(kind), queue_size=_QUEUE, latch=latched, tcp_nodelay=True
         )
-        return TopicPublisher(made.publish, made.get_num_connections)
+        return TopicPublisher(ros_publisher.publish, ros_publisher.get_num_connections)
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -120,7 +124,7 @@ class Ros1:
                 cancel(goal)
 
         server = actionlib.ActionServer(
-            action, MoveBaseAction, self._later(begin), self._later(stop), auto_start=False
+            action, MoveBaseAction, self._enqueued(begin), self._enqueued(stop), auto_start=False
         )
         server.start()
         self._server = server
@@ -136,8 +140,8 @@ class Ros1:
         # Wait for the first message, then deliver without waiting until none is left.
         with contextlib.suppress(queue.Empty):
             self._inbox.get(timeout=max(timeout, 0.0))()
-            end = time.monotonic() + HANDLING
-            while time.monotonic() < end:
+            deadline = time.monotonic() + HANDLING
+            while time.monotonic() < deadline:
                 self._inbox.get_nowait()()
 
     def close(self) -> None:
@@ -151,7 +155,7 @@ class Ros1:
             self._inbox.put(_interrupt)
             self._closed.wait(_SHUTDOWN_S)
 
-    def _later(self, take: Take) -> Take:
+    def _enqueued(self, take: Take) -> Take:
         """Defer `take`: rospy calls back in its own threads, while `handle` delivers in the caller's."""
         return lambda message: self._inbox.put(partial(take, message))
 

@@ -98,8 +98,8 @@ class Ros2:
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         profile = QoSProfile(depth=1, durability=durability)
-        made = self._node.create_publisher(self.type(kind), topic, profile)
-        return TopicPublisher(made.publish, made.get_subscription_count)
+        ros_publisher = self._node.create_publisher(self.type(kind), topic, profile)
+        return TopicPublisher(ros_publisher.publish, ros_publisher.get_subscription_count)
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -150,16 +150,16 @@ class Ros2:
 
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
-        before = self._handled
+        handled_before = self._handled
         # Wait once, then deliver without waiting as long as messages come.
         self._executor.spin_once(timeout_sec=max(timeout, 0.0))
-        end = time.monotonic() + HANDLING
-        while self._handled != before and time.monotonic() < end:
-            before = self._handled
+        deadline = time.monotonic() + HANDLING
+        while self._handled != handled_before and time.monotonic() < deadline:
+            handled_before = self._handled
             self._executor.spin_once(timeout_sec=0.0)
         # Do what the action server has requested.
-        later, self._later = self._later, []
-        for call in later:
+        pending, self._later = self._later, []
+        for call in pending:
             call()
 
     def close(self) -> None:

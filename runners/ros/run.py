@@ -26,7 +26,7 @@ from runners.ros.simulator import SimulatedRobot
 from runners.ros.topics import LiveTopicsConfig
 from runners.ros.transport import Transport
 from runners.workers.episodes import episode_rng
-from runners.workers.mcap_file import check_installed as check_mcap
+from runners.workers.recorder import check_installed as check_mcap
 
 SIMULATOR = "simulator"
 _INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}
@@ -63,28 +63,28 @@ def validate(job: Job[LiveCommandConfig]) -> None:
 
 def drive(job: Job[LiveCommandConfig], arguments: Sequence[str] = ()) -> None:
     """Drive until Ctrl-C, or until the simulator has driven all worlds. arguments: ROS's own."""
-    came: list[int] = []
+    signals: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         """End as Ctrl-C does, with the robot at rest."""
-        came.append(number)
+        signals.append(number)
         raise KeyboardInterrupt
 
     # Let every signal that ends the command stop the robot first.
-    before = {number: signal.signal(number, interrupt) for number in _ends()}
+    previous_handlers = {number: signal.signal(number, interrupt) for number in _ends()}
     transport = None
     try:
         transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", arguments)
         (_simulate if _simulates(job) else drive_robot)(job, transport)
     except (KeyboardInterrupt, RuntimeError) as error:
         # pybind11, in rclpy, turns an interrupt during a conversion into a RuntimeError.
-        if isinstance(error, RuntimeError) and not came:
+        if isinstance(error, RuntimeError) and not signals:
             raise
         print("stopped")
     finally:
         if transport is not None:
             transport.close()
-        for number, handler in before.items():
+        for number, handler in previous_handlers.items():
             signal.signal(number, handler)
 
 
@@ -96,17 +96,19 @@ def connect(version: int | None, name: str, arguments: Sequence[str]) -> Transpo
 def _simulate(job: Job[LiveCommandConfig], transport: Transport) -> None:
     config = job.config
     maps = build.map_set(config)
-    own = configured(config.live, "live")[1]
+    simulator_config = configured(config.live, "live")[1]
     topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
-    robot = SimulatedRobot(own, transport, topics, config.robot, build.simulator(_finely_stepped(config)))
+    robot = SimulatedRobot(
+        simulator_config, transport, topics, config.robot, build.simulator(_finely_stepped(config))
+    )
     print(
         f"simulated {config.robot.name} in ROS {config.ros}: waits for commands on {topics.command}",
         flush=True,
     )
     keys = _keys(maps.numbers, config.runs)
     with Outcomes(job.run_dir) as outcomes:
-        for (world, run), driven in zip(keys, robot.drive(_tasks(config)), strict=False):
-            outcomes.add(world, run, driven)
+        for (world, run), result in zip(keys, robot.drive(_tasks(config)), strict=False):
+            outcomes.add(world, run, result)
 
 
 def _tasks(config: LiveCommandConfig) -> Iterator[tuple[Task, np.random.Generator]]:

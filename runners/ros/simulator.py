@@ -107,27 +107,27 @@ class SimulatedRobot:
         progress = Progress(task, self._simulator.state)
         self._command = _REST
         goal = relative(Pose(float(task.goal[0]), float(task.goal[1]), task.start.yaw), task.start)
-        sent = begun = False
-        waited = 0.0
+        is_sent = has_begun = False
+        waited_s = 0.0
         # The world stands still until the first command moves the robot.
-        while (outcome := progress.outcome(self._simulator.state)) is None and waited < task.time_limit:
+        while (outcome := progress.outcome(self._simulator.state)) is None and waited_s < task.time_limit:
             self._publish(observation)
-            sent = sent or self._send(goal)
+            is_sent = is_sent or self._send(goal)
             self._wait()
             command = self._current_command()
-            begun = begun or command != _REST
-            if begun:
-                before = self._simulator.state
+            has_begun = has_begun or command != _REST
+            if has_begun:
+                previous_state = self._simulator.state
                 observation = self._simulator.step(command)
-                progress.moved(before, self._simulator.state)
+                progress.moved(previous_state, self._simulator.state)
             else:
-                waited += self._config.step
+                waited_s += self._config.step
         self._publish(observation)  # so that a node with the task's tolerance sees that it has arrived
         state = self._simulator.state
         return Driven(
             task,
             outcome or Outcome.TIMEOUT,
-            progress.time(state) if begun else task.time_limit,
+            progress.time(state) if has_begun else task.time_limit,
             progress.path_length,
             progress.min_clearance,
             math.dist(state.pose[:2], task.goal),
@@ -135,28 +135,28 @@ class SimulatedRobot:
 
     def _current_command(self) -> Twist:
         """Return the last command; zero if it is older than the watchdog allows."""
-        fresh = self._now - self._commanded <= self._config.watchdog * SECOND
-        return self._command if fresh else _REST
+        is_fresh = self._now - self._commanded <= self._config.watchdog * SECOND
+        return self._command if is_fresh else _REST
 
     def _wait(self) -> None:
         """Wait for the next step and take the commands that arrive meanwhile. A late step delays the later ones."""
-        while (left := self._next - time.monotonic()) > 0.0:
-            self._ros.handle(left)
+        while (remaining_s := self._next - time.monotonic()) > 0.0:
+            self._ros.handle(remaining_s)
         self._ros.handle(0.0)
         self._next = max(self._next, time.monotonic() - self._period) + self._period
         self._now += self._step
 
     def _publish(self, observation: Observation) -> None:
         """Publish the sensors' data and then the time, so that a node has all data of that time."""
-        now, make, pose = self._now, self._make, observation.odometry
-        self._odometry(make.odometry(now, ODOM, BASE, pose, observation.twist))
+        time_ns, make, pose = self._now, self._make, observation.odometry
+        self._odometry(make.odometry(time_ns, ODOM, BASE, pose, observation.twist))
         if self._tf is not None:
-            self._tf(make.transform(now, ODOM, BASE, pose))
+            self._tf(make.transform(time_ns, ODOM, BASE, pose))
         if self._steps % self._scans == 0:
             period = self._scans * self._config.step
-            self._scan(make.scan(now, self._config.scan_frame, observation.scan, period))
+            self._scan(make.scan(time_ns, self._config.scan_frame, observation.scan, period))
         self._steps += 1
-        self._clock(make.clock(now))
+        self._clock(make.clock(time_ns))
 
     def _send(self, goal: Pose) -> bool:
         """Send the goal if somebody subscribes; return whether it was sent."""

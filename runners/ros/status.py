@@ -37,12 +37,14 @@ class Status:
     def message(self, step: LiveStep, soft_stops: int, make: OutgoingMessages) -> Any:
         """Return a diagnostic_msgs/DiagnosticArray for the time since the last one. soft_stops: total so far."""
         seconds = time.monotonic() - self._began
-        made = self._decisions
+        decision_times = self._decisions
         values = {
             "state": step.state,
-            "decisions per second": round(len(made) / seconds, 1),
-            "median decision [ms]": round(sorted(made)[len(made) // 2] / 1000.0, 2) if made else "-",
-            "longest decision [ms]": round(max(made) / 1000.0, 2) if made else "-",
+            "decisions per second": round(len(decision_times) / seconds, 1),
+            "median decision [ms]": round(sorted(decision_times)[len(decision_times) // 2] / 1000.0, 2)
+            if decision_times
+            else "-",
+            "longest decision [ms]": round(max(decision_times) / 1000.0, 2) if decision_times else "-",
             "soft stops": soft_stops,
         }
         if self._tracking:

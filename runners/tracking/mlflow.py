@@ -175,9 +175,9 @@ class MlflowTracking:
         tags: Mapping[str, Any],
         sweep_dir: Path | None = None,
     ) -> None:
-        place = unwritable(self._config.uri)
-        if place is not None:
-            _warn_unwritable(place, self._config.uri, sweep_dir or run_dir)
+        unwritable_path = unwritable(self._config.uri)
+        if unwritable_path is not None:
+            _warn_unwritable(unwritable_path, self._config.uri, sweep_dir or run_dir)
             return
         set_defaults()
 
@@ -206,7 +206,7 @@ class MlflowTracking:
                 return
             run.changed += log_metrics(run.client, run.run_id, metrics)
             log_series(run.client, run.run_id, series or {})
-            lost = self._log_files(run, artifacts)
+            lost_files = self._log_files(run, artifacts)
             remove_duplicates(run.client, run.run_id)
             run.close(FINISHED)
         except Exception as error:
@@ -214,8 +214,8 @@ class MlflowTracking:
             self.stop(FAILED)
         else:
             # The run is closed; name the values and files that are missing or stored in another form.
-            if lost:
-                _warn_lost(uri, lost)
+            if lost_files:
+                _warn_lost(uri, lost_files)
             if run.changed:
                 warnings.warn(f"MLflow at {masked(uri)} keeps {_listed(run.changed)}", stacklevel=2)
         self._opening = None
@@ -258,18 +258,18 @@ class MlflowTracking:
 
         A store that does not answer costs time for every file, so after a while no more are tried.
         """
-        lost: dict[str, Exception] = {}
+        lost_files: dict[str, Exception] = {}
         wasted_s = 0.0
         for path, folder in _files(artifacts, self._run_dir):
-            began = time.monotonic()
+            start_s = time.monotonic()
             try:
                 if wasted_s > _UPLOAD_S:
                     raise TimeoutError("the store of files does not answer")
                 run.client.log_artifact(run.run_id, str(path), folder)
             except Exception as error:
-                lost[path.name] = error
-                wasted_s += time.monotonic() - began
-        return lost
+                lost_files[path.name] = error
+                wasted_s += time.monotonic() - start_s
+        return lost_files
 
 
 def close_sweep(sweep_dir: Path, state: str) -> None:
@@ -279,10 +279,10 @@ def close_sweep(sweep_dir: Path, state: str) -> None:
     """
     uri = DEFAULT_URI
     try:
-        noted = noted_run(sweep_dir)
-        if noted is None:
+        mlflow_run = noted_run(sweep_dir)
+        if mlflow_run is None:
             return
-        uri, parent = noted
+        uri, parent = mlflow_run
         set_defaults()
         _in_time(uri, lambda: _close_sweep(uri, parent, state))
     except Exception as error:
@@ -291,7 +291,7 @@ def close_sweep(sweep_dir: Path, state: str) -> None:
 
 def _close_sweep(uri: str, parent: str, state: str) -> None:
     client = open_client(uri)
-    for run_id in children(client, parent, RUNNING, most=1000):
+    for run_id in children(client, parent, RUNNING, max_results=1000):
         client.set_terminated(run_id, KILLED if state == FINISHED else state)
     if client.get_run(parent).info.status == RUNNING:
         client.set_terminated(parent, worst_state(client, parent, state))
@@ -342,14 +342,14 @@ def _files(paths: Sequence[Path], run_dir: Path) -> Iterator[tuple[Path, str | N
             yield path, folder
             continue
         for file in sorted(file for file in path.rglob("*") if file.is_file()):
-            below = Path(folder or "") / path.name / file.parent.relative_to(path)
-            yield file, below.as_posix()
+            artifact_folder = Path(folder or "") / path.name / file.parent.relative_to(path)
+            yield file, artifact_folder.as_posix()
 
 
 def _folder(path: Path, run_dir: Path) -> str | None:
     """Return the folder of a path within the run's directory; None at its top or outside of it."""
-    place = path.parent.relative_to(run_dir) if path.is_relative_to(run_dir) else Path()
-    return place.as_posix() if place.parts else None
+    relative = path.parent.relative_to(run_dir) if path.is_relative_to(run_dir) else Path()
+    return relative.as_posix() if relative.parts else None
 
 
 def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
@@ -359,10 +359,10 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
     """
     uri = DEFAULT_URI
     try:
-        noted = noted_run(run_dir)
-        if noted is None:
+        mlflow_run = noted_run(run_dir)
+        if mlflow_run is None:
             return
-        uri, run_id = noted
+        uri, run_id = mlflow_run
         set_defaults()
         store = sqlite_path(uri)
         if store is not None and not store.is_file():
@@ -377,10 +377,10 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
 
 
 @cache  # once for all jobs of a sweep
-def _warn_unwritable(place: Path, uri: str, results: Path) -> None:
+def _warn_unwritable(path: Path, uri: str, results: Path) -> None:
     """Warn before a run, without importing MLflow, that its store cannot be written."""
     warnings.warn(
-        f"not logged to MLflow at {masked(uri)}: {place} cannot be written; all results go to {results}. "
+        f"not logged to MLflow at {masked(uri)}: {path} cannot be written; all results go to {results}. "
         "Set MLFLOW_TRACKING_URI to another store, or choose tracking=none",
         stacklevel=3,
     )
@@ -393,11 +393,11 @@ def _warn(uri: str, error: Exception) -> None:
     )
 
 
-def _warn_lost(uri: str, lost: Mapping[str, Exception]) -> None:
+def _warn_lost(uri: str, lost_files: Mapping[str, Exception]) -> None:
     """Name the files that could not be logged, and why the first could not."""
-    reason = _reason(next(iter(lost.values())))
+    reason = _reason(next(iter(lost_files.values())))
     warnings.warn(
-        f"not logged to MLflow at {masked(uri)}: {_listed(list(lost))} ({reason}); metrics and other "
+        f"not logged to MLflow at {masked(uri)}: {_listed(list(lost_files))} ({reason}); metrics and other "
         "files are logged",
         stacklevel=3,
     )
@@ -408,8 +408,8 @@ def _reason(error: Exception) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"{', '.join(names[:_SHOWN])}{more}"
+    remainder = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"{', '.join(names[:_SHOWN])}{remainder}"
 
 
 def environment_tags() -> dict[str, str]:
@@ -419,7 +419,7 @@ def environment_tags() -> dict[str, str]:
 
 def _git_tags() -> dict[str, str]:
     """Return the commit of the checkout, and whether it has uncommitted changes; {} in an installed wheel."""
-    found = commit()
-    if found is None:
+    checkout = commit()
+    if checkout is None:
         return {}
-    return {"mlflow.source.git.commit": found.number, "git_changed": str(found.changed).lower()}
+    return {"mlflow.source.git.commit": checkout.number, "git_changed": str(checkout.changed).lower()}

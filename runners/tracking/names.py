@@ -1,32 +1,38 @@
-"""Names and texts that MLflow accepts."""
+"""Parameters of a tracked run, and names and texts that MLflow accepts."""
 
 from __future__ import annotations
 
 import os
 import posixpath
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from runners.config.flatten import flatten
 from runners.config.urls import masked_text
 
+if TYPE_CHECKING:
+    from runners.records.episode_record import RunLabels
+
 KEY_LENGTH = 250
+LABELS = ("system", "robot", "map", "ablation")  # what users search for
 _REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
 def fitting_names(names: Sequence[str]) -> list[str]:
     """Return for each name one that MLflow accepts; all differ, and accepted names stay as they are."""
-    used = {name for name in names if _fits(name)}
-    seen: set[str] = set()
-    fitting = []
+    unchanged = {name for name in names if _fits(name)}
+    assigned: set[str] = set()
+    names_out = []
     for name in names:
-        if name in used and name not in seen:
-            seen.add(name)
-            fitting.append(name)
+        if name in unchanged and name not in assigned:
+            assigned.add(name)
+            names_out.append(name)
             continue
-        new = _unused(_cleaned(name), used | seen)
-        seen.add(new)
-        fitting.append(new)
-    return fitting
+        new_name = _unused(_cleaned(name), unchanged | assigned)
+        assigned.add(new_name)
+        names_out.append(new_name)
+    return names_out
 
 
 def fitting_text(value: object, length: int) -> str:
@@ -35,9 +41,13 @@ def fitting_text(value: object, length: int) -> str:
     return text.encode(errors="replace").decode()[:length]
 
 
-def renamed(names: Iterable[str], fitting: Iterable[str]) -> list[str]:
+def renamed(names: Iterable[str], new_names: Iterable[str]) -> list[str]:
     """Return "a as b" for every name that was changed."""
-    return [f"{name!r:.80} as {new!r:.80}" for name, new in zip(names, fitting, strict=True) if name != new]
+    return [
+        f"{name!r:.80} as {new_name!r:.80}"
+        for name, new_name in zip(names, new_names, strict=True)
+        if name != new_name
+    ]
 
 
 def _fits(name: str) -> bool:
@@ -47,16 +57,21 @@ def _fits(name: str) -> bool:
 
 
 def _cleaned(name: str) -> str:
-    parts = _REFUSED.sub("_", name).split("/")
-    clean = "/".join("_" if part in ("", ".", "..") else part for part in parts)[:KEY_LENGTH]
+    segments = _REFUSED.sub("_", name).split("/")
+    clean = "/".join("_" if segment in ("", ".", "..") else segment for segment in segments)[:KEY_LENGTH]
     return clean if _fits(clean) else re.sub(r"^\.+|/", "_", clean)
 
 
-def _unused(name: str, used: set[str]) -> str:
+def _unused(name: str, taken_names: set[str]) -> str:
     """Return the name, with a number if another has it already."""
-    number, new = 1, name
-    while new in used:
+    number, candidate = 1, name
+    while candidate in taken_names:
         number += 1
-        end = f"_{number}"
-        new = name[: KEY_LENGTH - len(end)] + end
-    return new
+        suffix = f"_{number}"
+        candidate = name[: KEY_LENGTH - len(suffix)] + suffix
+    return candidate
+
+
+def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
+    """Return the parameters by dotted key, with labels such as system=LME, robot=jackal, map=barn, ablation=none."""
+    return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}

@@ -47,11 +47,13 @@ def addresses(server: str) -> list[RunsPage]:
     """
     return [
         RunsPage(
-            str(found["name"]),
-            f"{server}/#/experiments/{found['experiment_id']}/runs{_shared(server, found)}",
+            str(experiment["name"]),
+            f"{server}/#/experiments/{experiment['experiment_id']}/runs{_shared(server, experiment)}",
         )
-        for found in _ask(server, "experiments/search", max_results=1000).get("experiments", [])
-        if _ask(server, "runs/search", experiment_ids=[found["experiment_id"]], max_results=1).get("runs")
+        for experiment in _ask(server, "experiments/search", max_results=1000).get("experiments", [])
+        if _ask(server, "runs/search", experiment_ids=[experiment["experiment_id"]], max_results=1).get(
+            "runs"
+        )
     ]
 
 
@@ -65,10 +67,12 @@ def _shared(server: str, experiment: dict[str, Any]) -> str:
     return f"?viewStateShareKey={VIEW}"
 
 
-def _ask(server: str, what: str, **content: Any) -> dict[str, Any]:
+def _ask(server: str, method: str, **content: Any) -> dict[str, Any]:
     """Return the server's answer to a request of its REST interface."""
     request = urllib.request.Request(
-        f"{server}/api/2.0/mlflow/{what}", json.dumps(content).encode(), {"Content-Type": "application/json"}
+        f"{server}/api/2.0/mlflow/{method}",
+        json.dumps(content).encode(),
+        {"Content-Type": "application/json"},
     )
     with _opener_without_proxy().open(request, timeout=_TIMEOUT_S) as answer:
         return dict(json.load(answer))

@@ -60,8 +60,8 @@ def set_defaults() -> None:
 
 def check_uri(key: str, uri: str) -> None:
     """Raise InputError, which names `key`, unless MLflow can store runs at `uri`."""
-    scheme, found, _ = uri.partition(":")
-    if not found or scheme.partition("+")[0] not in SCHEMES:
+    scheme, separator, _ = uri.partition(":")
+    if not separator or scheme.partition("+")[0] not in SCHEMES:
         raise InputError(
             f"{key} is {masked(uri)}: must be a database or a server, such as {DEFAULT_URI} or http://host:5000"
         )
@@ -116,15 +116,16 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     """
     from mlflow.exceptions import MlflowException
 
-    found = client.get_experiment_by_name(name)
-    if found is not None:
-        if found.lifecycle_stage == "deleted":
+    experiment = client.get_experiment_by_name(name)
+    if experiment is not None:
+        if experiment.lifecycle_stage == "deleted":
             raise InputError(
                 f"the experiment {name} was deleted: restore it with `MLFLOW_TRACKING_URI={shlex.quote(masked(uri))} "
-                f"mlflow experiments restore --experiment-id {found.experiment_id}`, then add resume=true; or choose "
+                f"mlflow experiments restore --experiment-id {experiment.experiment_id}`, then add "
+                "resume=true; or choose "
                 "another with tracking.experiment=NAME"
             )
-        return str(found.experiment_id)
+        return str(experiment.experiment_id)
     # Create the experiment. Without a server its files go next to the database.
     location = None
     if not uri.startswith(("http", "databricks")):
@@ -133,10 +134,10 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     try:
         return str(client.create_experiment(name, artifact_location=location))
     except MlflowException:
-        found = client.get_experiment_by_name(name)  # another process may have created it meanwhile
-        if found is None:
+        experiment = client.get_experiment_by_name(name)  # another process may have created it meanwhile
+        if experiment is None:
             raise
-        return str(found.experiment_id)
+        return str(experiment.experiment_id)
 
 
 def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tags: Mapping[str, Any]) -> str:
@@ -145,16 +146,18 @@ def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tag
     with _locked(directory):  # the jobs of a sweep may ask for its run at the same time
         note = directory / RUN_ID_FILE
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-            known = read_json(note)
-            if known["experiment"] == experiment and _exists(client, known["run"]):
-                client.update_run(known["run"], status=RUNNING)
-                return str(known["run"])
+            saved_note = read_json(note)
+            if saved_note["experiment"] == experiment and _exists(client, saved_note["run"]):
+                client.update_run(saved_note["run"], status=RUNNING)
+                return str(saved_note["run"])
         texts = {
             key: fitting_text(value, TAG_LENGTH)
             for key, value in zip(fitting_names(list(tags)), tags.values(), strict=True)
         }
         texts[_CREATED] = uuid.uuid4().hex
-        run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
+        # The run is named for the last two folders: date and time, or sweep and number.
+        name = "/".join(directory.resolve().parts[-2:])
+        run_id = str(client.create_run(experiment, tags=texts, run_name=name).info.run_id)
         write_atomically(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
 
@@ -167,8 +170,8 @@ def noted_run(directory: Path) -> tuple[str, str] | None:
     note = directory / RUN_ID_FILE
     if not note.is_file():
         return None
-    known = read_json(note)
-    return str(known.get("uri", DEFAULT_URI)), str(known["run"])
+    saved_note = read_json(note)
+    return str(saved_note.get("uri", DEFAULT_URI)), str(saved_note["run"])
 
 
 def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> None:
@@ -179,23 +182,26 @@ def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> No
     from runners.records.launch_record import read_launch  # slow to import, and `lme doctor` does not need it
 
     launch = read_launch(sweep_dir)
-    started = sum(1 for _ in sweep_dir.rglob(f"*/{RUN_ID_FILE}"))
-    if launch is not None and launch.num_jobs is not None and started < launch.num_jobs:
+    num_started = sum(1 for _ in sweep_dir.rglob(f"*/{RUN_ID_FILE}"))
+    if launch is not None and launch.num_jobs is not None and num_started < launch.num_jobs:
         return
     if not children(client, parent, RUNNING):
         client.set_terminated(parent, worst_state(client, parent, FINISHED))
 
 
-def children(client: MlflowClient, parent: str, state: str, most: int = 1) -> list[str]:
-    """Return the ids of at most `most` runs of a sweep's jobs that are in this state."""
+def children(client: MlflowClient, parent: str, state: str, max_results: int = 1) -> list[str]:
+    """Return the ids of at most `max_results` runs of a sweep's jobs that are in this state."""
     experiment = client.get_run(parent).info.experiment_id
-    wanted = f"tags.`{PARENT}` = '{parent}' and attributes.status = '{state}'"
-    return [run.info.run_id for run in client.search_runs([experiment], wanted, max_results=most)]
+    query = f"tags.`{PARENT}` = '{parent}' and attributes.status = '{state}'"
+    return [run.info.run_id for run in client.search_runs([experiment], query, max_results=max_results)]
 
 
-def worst_state(client: MlflowClient, parent: str, own: str) -> str:
-    """Return the worst state of the runs of a sweep's jobs, and of `own`."""
-    return next((state for state in (FAILED, KILLED) if own == state or children(client, parent, state)), own)
+def worst_state(client: MlflowClient, parent: str, parent_state: str) -> str:
+    """Return the worst state of the runs of a sweep's jobs, and of `parent_state`."""
+    return next(
+        (state for state in (FAILED, KILLED) if parent_state == state or children(client, parent, state)),
+        parent_state,
+    )
 
 
 def remove_duplicates(client: MlflowClient, run_id: str) -> None:
@@ -207,9 +213,9 @@ def remove_duplicates(client: MlflowClient, run_id: str) -> None:
     mark = run.data.tags.get(_CREATED)
     if mark is None:
         return
-    for other in client.search_runs([run.info.experiment_id], f"tags.{_CREATED} = '{mark}'"):
-        if other.info.run_id != run_id:
-            client.delete_run(other.info.run_id)
+    for duplicate in client.search_runs([run.info.experiment_id], f"tags.{_CREATED} = '{mark}'"):
+        if duplicate.info.run_id != run_id:
+            client.delete_run(duplicate.info.run_id)
 
 
 @contextlib.contextmanager
@@ -220,12 +226,12 @@ def _locked(directory: Path) -> Iterator[None]:
     except ImportError:  # Windows has no such locks
         yield
         return
-    place = os.open(directory, os.O_RDONLY)
+    descriptor = os.open(directory, os.O_RDONLY)
     try:
-        fcntl.flock(place, fcntl.LOCK_EX)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
-        os.close(place)
+        os.close(descriptor)
 
 
 def _exists(client: MlflowClient, run_id: str) -> bool:
@@ -239,11 +245,6 @@ def _exists(client: MlflowClient, run_id: str) -> bool:
         raise
 
 
-def _run_name(directory: Path) -> str:
-    """Return the last two folders: date and time, or sweep and number."""
-    return "/".join(directory.resolve().parts[-2:])
-
-
 def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> list[str]:
     """Log the parameters that the run does not have yet: MLflow does not allow changes.
 
@@ -251,53 +252,53 @@ def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> 
     """
     from mlflow.entities import Param
 
-    known = client.get_run(run_id).data.params
+    logged = client.get_run(run_id).data.params
     values = {str(key): str(value) for key, value in flatten(config)}
     names = dict(zip(values, fitting_names(list(values)), strict=True))
-    new = {key: value for key, value in values.items() if names[key] not in known}
-    params = [Param(names[key], fitting_text(value, PARAM_LENGTH)) for key, value in new.items()]
+    new_params = {key: value for key, value in values.items() if names[key] not in logged}
+    params = [Param(names[key], fitting_text(value, PARAM_LENGTH)) for key, value in new_params.items()]
     for start in range(0, len(params), BATCH):
         client.log_batch(run_id, params=params[start : start + BATCH])
     cut = [
         f"the first {PARAM_LENGTH} of the {len(value)} characters of {key:.80}"
-        for key, value in new.items()
+        for key, value in new_params.items()
         if len(value) > PARAM_LENGTH
     ]
-    return [*renamed(new, [names[key] for key in new]), *cut]
+    return [*renamed(new_params, [names[key] for key in new_params]), *cut]
 
 
 def log_metrics(client: MlflowClient, run_id: str, metrics: Mapping[str, float]) -> list[str]:
     """Log numbers; return a description of each that MLflow cannot store as it is."""
     from mlflow.entities import Metric
 
-    now = int(time.time() * 1000)
+    time_ms = int(time.time() * 1000)
     values = {str(key): float(value) for key, value in metrics.items() if isinstance(value, Real)}
     names = fitting_names(list(values))
-    points = [Metric(name, value, now, 0) for name, value in zip(names, values.values(), strict=True)]
+    points = [Metric(name, value, time_ms, 0) for name, value in zip(names, values.values(), strict=True)]
     for start in range(0, len(points), METRICS_BATCH):
         client.log_batch(run_id, metrics=points[start : start + METRICS_BATCH])
     infinite = [
         f"{key:.80}, which is {value}, as ±1.8e+308" for key, value in values.items() if math.isinf(value)
     ]
-    none = [
+    skipped = [
         f"{key:.80}, which is {value!r:.80}, not at all"
         for key, value in metrics.items()
         if key not in values
     ]
-    return [*renamed(values, names), *infinite, *none]
+    return [*renamed(values, names), *infinite, *skipped]
 
 
 def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[float]]) -> None:
     """Log metrics with a value for each step; skip steps that were logged before the run was resumed."""
     from mlflow.entities import Metric
 
-    now = int(time.time() * 1000)
+    time_ms = int(time.time() * 1000)
     for name, values in zip(fitting_names(list(series)), series.values(), strict=True):
-        known = {metric.step for metric in client.get_metric_history(run_id, name)}
+        logged_steps = {metric.step for metric in client.get_metric_history(run_id, name)}
         points = [
-            Metric(name, float(value), now, step)
+            Metric(name, float(value), time_ms, step)
             for step, value in enumerate(values)
-            if step not in known and math.isfinite(value)
+            if step not in logged_steps and math.isfinite(value)
         ]
         for start in range(0, len(points), METRICS_BATCH):
             client.log_batch(run_id, metrics=points[start : start + METRICS_BATCH])

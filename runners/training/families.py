@@ -29,14 +29,14 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
             raise InputError(
                 f"{key}.{unknown[0]}: no such family; must be one of {', '.join(config.training)}"
             )
-    found = {
+    suitable = {
         name: replace(config, map=node, robot=_driver(config, name))
         for name, node in config.training.items()
         if node is not None and name not in too_narrow(config)
     }
-    if not found:
+    if not suitable:
         raise InputError("training has no family of worlds for this robot: give at least one, or choose map=")
-    return found
+    return suitable
 
 
 def too_narrow(config: TrainConfig) -> list[str]:
@@ -47,8 +47,8 @@ def too_narrow(config: TrainConfig) -> list[str]:
 
 
 def _driver(config: TrainConfig, name: str) -> Robot:
-    own = config.training_robots.get(name, config.robot)
-    return own if own.hull.r_max > config.robot.hull.r_max else config.robot
+    family_robot = config.training_robots.get(name, config.robot)
+    return family_robot if family_robot.hull.r_max > config.robot.hull.r_max else config.robot
 
 
 def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count: int) -> list[int]:
@@ -60,29 +60,29 @@ def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count:
     numbers = config.training_numbers
     if len(numbers) != 2 or not 0 <= numbers[0] <= numbers[1]:
         raise InputError(f"training_numbers is {numbers}: must be [first, last], from 0 on")
-    first, last = numbers
-    kept = {number for place in held_out for number in build.map_set(place).numbers}
-    left = last - first + 1 - sum(first <= number <= last for number in kept)
-    if left < count:
+    lowest, highest = numbers
+    reserved = {number for map_config in held_out for number in build.map_set(map_config).numbers}
+    available = highest - lowest + 1 - sum(lowest <= number <= highest for number in reserved)
+    if available < count:
         raise InputError(
-            f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but leaves {left}"
+            f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but leaves {available}"
         )
     # Draw one by one, so that a larger count only adds numbers at the end.
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, _TRAINING]))
-    drawn: dict[int, None] = {}
-    while len(drawn) < count:
-        number = int(rng.integers(first, last + 1))
-        if number not in kept:
-            drawn[number] = None
-    return list(drawn)
+    numbers_drawn: dict[int, None] = {}
+    while len(numbers_drawn) < count:
+        number = int(rng.integers(lowest, highest + 1))
+        if number not in reserved:
+            numbers_drawn[number] = None
+    return list(numbers_drawn)
 
 
 def with_worlds(trained: Families, worlds: Sequence[int]) -> Families:
     """Return the families with these worlds. Raises InputError if one does not have them."""
-    found = {
+    families_with_worlds = {
         name: replace(family, map={**family.map, "worlds": list(worlds)}) for name, family in trained.items()
     }
-    for name, family in found.items():
+    for name, family in families_with_worlds.items():
         try:
             build.map_set(family)
         except InputError as error:
@@ -90,4 +90,4 @@ def with_worlds(trained: Families, worlds: Sequence[int]) -> Families:
                 f"training_numbers is {family.training_numbers}: must be worlds that {name} has, such as [0,299] "
                 f"with map=barn and its lab100 held out ({error})"
             ) from error
-    return found
+    return families_with_worlds

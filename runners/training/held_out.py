@@ -30,29 +30,31 @@ Places = Mapping[str, HeldOutConfig]
 def held_out_places(job: Job[HeldOutConfig]) -> Places:
     """Return the maps of `held_out`, or else `map`."""
     config = job.config
-    places = config.held_out or {job.choices["map"]: config.map}
-    return {name: replace(config, map=node) for name, node in places.items()}
+    map_nodes = config.held_out or {job.choices["map"]: config.map}
+    return {name: replace(config, map=node) for name, node in map_nodes.items()}
 
 
 def evaluate_held_out(
     job: Job[HeldOutConfig],
-    places: Places,
+    held_out: Places,
     values: Mapping[str, Any],
     weights: str,
-    what: str,
-    below: str = "",
+    subject: str,
+    subfolder: str = "",
 ) -> pd.DataFrame:
     """Evaluate values on every held-out map, and return the records.
 
-    places: configs by name, each with its map and robot. values: by dotted config key. weights: name for the column
-    `weights` of the records. what: description of the values. Every map has its own directory in the folder `below`
+    held_out: configs by name, each with its map and robot. values: by dotted config key. weights: name for the column
+    `weights` of the records. subject: description of the values. Every map has its own directory in `subfolder`
     of the training's.
     """
     from runners.records.records import read_episodes
 
-    for place, config in places.items():
-        _evaluate_on(place, _evaluation(job, config, values, place, weights, below), values, what)
-    return read_episodes([job.run_dir / below / place for place in places])
+    for map_name, config in held_out.items():
+        _evaluate_on(
+            map_name, _evaluation(job, config, values, map_name, weights, subfolder), values, subject
+        )
+    return read_episodes([job.run_dir / subfolder / map_name for map_name in held_out])
 
 
 def report_held_out(job: Job[HeldOutConfig], frame: pd.DataFrame) -> None:
@@ -84,63 +86,63 @@ def _evaluation(
     job: Job[HeldOutConfig],
     place_config: HeldOutConfig,
     values: Mapping[str, Any],
-    place: str,
+    map_name: str,
     weights: str,
-    below: str,
+    subfolder: str,
 ) -> Job[EvalConfig]:
     """Return the job that evaluates the values on one map."""
     # The keys that this config shares with that of lme eval, with the values found.
-    found = with_values(place_config, values)
+    tuned_config = with_values(place_config, values)
     own_robot = place_config.robot is not job.config.robot
-    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(found)}
-    shared = {each: getattr(found, each) for each in names}
+    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(tuned_config)}
+    shared = {field_name: getattr(tuned_config, field_name) for field_name in names}
     config = EvalConfig(**{**shared, "weights": weights, "resume": False})
     return Job(
         config=config,
-        choices=_choices(job, place, own_robot),
+        choices=_choices(job, map_name, own_robot),
         overrides=job.overrides,
-        changes=_changes(job, place, own_robot) | _settings(values),
+        changes=_changes(job, map_name, own_robot) | _settings(values),
         folders=job.folders,
-        run_dir=job.run_dir / below / place,
+        run_dir=job.run_dir / subfolder / map_name,
     )
 
 
-def _choices(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, str]:
+def _choices(job: Job[HeldOutConfig], map_name: str, own_robot: bool) -> dict[str, str]:
     """Return the options of the evaluation: the place has its own map, and perhaps its own robot."""
-    chosen = dict(job.choices)
-    here = [f"map@{HELD_OUT}{place}", f"map@{TRAINING}{place}"]
-    chosen["map"] = next((job.choices[key] for key in here if key in job.choices), place)
+    choices = dict(job.choices)
+    group_keys = [f"map@{HELD_OUT}{map_name}", f"map@{TRAINING}{map_name}"]
+    choices["map"] = next((job.choices[key] for key in group_keys if key in job.choices), map_name)
     if own_robot:
-        chosen["robot"] = job.choices[f"robot@{TRAINING_ROBOTS}{place}"]
-    return chosen
+        choices["robot"] = job.choices[f"robot@{TRAINING_ROBOTS}{map_name}"]
+    return choices
 
 
-def _changes(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, Any]:
+def _changes(job: Job[HeldOutConfig], map_name: str, own_robot: bool) -> dict[str, Any]:
     """Return the changed keys of the evaluation on one map, without those of other maps."""
-    own = {f"{HELD_OUT}{place}.": "map.", f"{TRAINING}{place}.": "map."}
-    own |= {f"{TRAINING_ROBOTS}{place}.": "robot."} if own_robot else {}
+    key_prefixes = {f"{HELD_OUT}{map_name}.": "map.", f"{TRAINING}{map_name}.": "map."}
+    key_prefixes |= {f"{TRAINING_ROBOTS}{map_name}.": "robot."} if own_robot else {}
     foreign = [HELD_OUT, TRAINING, TRAINING_ROBOTS]
     foreign += ["map."] if job.config.held_out else []
     foreign += ["robot."] if own_robot else []
-    found = {key: value for key, value in job.changes.items() if not key.startswith(tuple(foreign))}
-    for prefix, group in own.items():
-        found |= {
+    changes = {key: value for key, value in job.changes.items() if not key.startswith(tuple(foreign))}
+    for prefix, group in key_prefixes.items():
+        changes |= {
             key.replace(prefix, group, 1): value
             for key, value in job.changes.items()
             if key.startswith(prefix)
         }
-    return found
+    return changes
 
 
-def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any], what: str) -> None:
+def _evaluate_on(map_name: str, job: Job[EvalConfig], values: Mapping[str, Any], subject: str) -> None:
     config, maps = job.config, build.map_set(job.config)
-    worlds = f"{len(maps.numbers)} worlds of {place} that training never saw"
-    print(f"Now {what}: {worlds}, {config.runs} runs each")
+    worlds = f"{len(maps.numbers)} worlds of {map_name} that training never saw"
+    print(f"Now {subject}: {worlds}, {config.runs} runs each")
     job.run_dir.mkdir(parents=True, exist_ok=True)
     launch = launch_of("eval", [job], [], False, None)
     launch.write(job.run_dir)
     inputs.keep(launch.inputs, job.run_dir)
-    labels = replace(run_labels(job, maps), map=place)
+    labels = replace(run_labels(job, maps), map=map_name)
     if _settings(values):  # not the planner of the named pair any more
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)

@@ -29,7 +29,7 @@ class Journal(BaseJournalBackend):
     def __init__(self, path: Path) -> None:
         self._path = path
         self._entries = list(_complete_steps(path))
-        self._waiting: list[str] = []
+        self._unwritten_lines: list[str] = []
 
     def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
         """Return the entries from this number on, in order."""
@@ -40,21 +40,21 @@ class Journal(BaseJournalBackend):
         lines = [json.dumps(entry, separators=(",", ":")) for entry in logs]
         # Decoded again so that this process sees the same values as one that resumes from the file.
         self._entries += map(json.loads, lines)
-        self._waiting += lines
+        self._unwritten_lines += lines
 
     def flush(self) -> None:
         """Write the waiting entries to disk as one step."""
-        if not self._waiting:
+        if not self._unwritten_lines:
             return
         # The mark holds the number of its own line, so that missing or added lines are found.
-        last = self._entries[-1]
-        mark = {"op_code": _SET_STUDY_SYSTEM_ATTR, "worker_id": last["worker_id"], "study_id": 0}
+        last_entry = self._entries[-1]
+        mark = {"op_code": _SET_STUDY_SYSTEM_ATTR, "worker_id": last_entry["worker_id"], "study_id": 0}
         self.append_logs([{**mark, "system_attr": {_MARK: len(self._entries) + 1}}])
         with self._path.open("ab") as file:
-            file.write("".join(f"{line}\n" for line in self._waiting).encode())
+            file.write("".join(f"{line}\n" for line in self._unwritten_lines).encode())
             file.flush()
             os.fsync(file.fileno())
-        self._waiting.clear()
+        self._unwritten_lines.clear()
 
 
 def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
@@ -77,10 +77,10 @@ def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
     # Check that every mark is in the line that it names.
     for number, line in enumerate(lines, start=1):
         entry = _decode(line, path, number)
-        counted = (entry.get("system_attr") or {}).get(_MARK, number)
-        if counted != number:
+        expected_number = (entry.get("system_attr") or {}).get(_MARK, number)
+        if expected_number != number:
             raise InputError(
-                f"{path} line {number}: should be line {counted!r:.40}, so lines are missing or were added; "
+                f"{path} line {number}: should be line {expected_number!r:.40}, so lines are missing or were added; "
                 "restore the file, or start another study"
             )
         yield entry

@@ -11,7 +11,7 @@ import numpy as np
 
 from runners.config.space import Range, Space
 from runners.records.whole_file import write_atomically
-from runners.reports.analysis.columns import csv_text
+from runners.reports.analysis.tables import csv_text
 from runners.reports.figures.style import FRAME, INK, OBSTACLE, SKY, new_figure, save, symbol
 from runners.training.race import START, End, Race, Racer, driven_label, name_of, racers, worlds_driven
 from runners.training.study import Trial
@@ -33,12 +33,12 @@ def write_trials(trials: Sequence[Trial], run_dir: Path) -> Path:
 
     One row per trial: reward, values, and outcome, steps and reward on each configuration.
     """
-    several = len({score.family for score in trials[0].scores}) > 1
+    has_families = len({score.family for score in trials[0].scores}) > 1
     lines = []
     for trial in trials:
         line: dict[str, object] = {"trial": trial.number, "reward": trial.reward, **trial.values}
         for score in trial.scores:
-            world = f"{score.family}_{score.world}" if several else str(score.world)
+            world = f"{score.family}_{score.world}" if has_families else str(score.world)
             line |= {
                 f"outcome_{world}": score.outcome,
                 f"steps_{world}": score.steps,
@@ -84,20 +84,20 @@ def race_figure(race: Race, start: str) -> Figure:
     figure = new_figure(WIDTH_IN, 4.0)
     axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)
-    found = racers(race)
-    for racer in reversed(found):
+    field = racers(race)
+    for racer in reversed(field):
         _line(axes, racer)
     # The axis shows the candidates that raced; the others may lie far below.
-    seen = [value for racer in found if racer.raced for value in racer.values]
-    low, high = min(seen), max(seen)
-    room = max(high - low, 0.02)
-    axes.set_ylim(low - 0.06 * room, high + 0.06 * room)
+    rewards = [value for racer in field if racer.raced for value in racer.values]
+    low, high = min(rewards), max(rewards)
+    reward_range = max(high - low, 0.02)
+    axes.set_ylim(low - 0.06 * reward_range, high + 0.06 * reward_range)
     axes.set_xlim(-0.08, len(race.rungs) - 1 + 0.3 * max(len(race.rungs) - 1, 1))
     axes.set_xticks(range(len(race.rungs)), [worlds_driven(rung) for rung in race.rungs])
     axes.tick_params(labelsize=8.5, colors=INK)
     axes.set(xlabel=driven_label(race), ylabel="mean reward so far")
-    _names(axes, found, start, len(race.rungs))
-    axes.set_title(_title(race, found), fontsize=10)
+    _names(axes, field, start, len(race.rungs))
+    axes.set_title(_title(race, field), fontsize=10)
     _race_legend(figure, race)
     return figure
 
@@ -117,19 +117,28 @@ def parameters_figure(
     for axes in panels.flat[len(space) :]:
         axes.set_visible(False)
     # One panel for each parameter, with start and best trial marked; one legend for all.
-    known: dict[str, Any] = {}
-    for axes, (key, found) in zip(panels.flat, space.items(), strict=False):
-        _panel(axes, key, found, trials, raced)
+    handles_by_name: dict[str, Any] = {}
+    for axes, (key, bounds) in zip(panels.flat, space.items(), strict=False):
+        _panel(axes, key, bounds, trials, raced)
         if (value := start.get(key)) is not None:
             axes.axvline(value, color=BEST, linewidth=1.3, linestyle="--", label="start")
-        (chosen,) = (trial for trial in trials if trial.number == best)
-        axes.plot(chosen.values[key], chosen.reward, "o", color=LINE, markersize=7, fillstyle="none",
+        (best_trial,) = (trial for trial in trials if trial.number == best)
+        axes.plot(best_trial.values[key], best_trial.reward, "o", color=LINE, markersize=7, fillstyle="none",
                   clip_on=False, label="best trial")  # fmt: skip
-        axes.set_xlim(found.low, found.high)
-        known |= {name: handle for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+        axes.set_xlim(bounds.low, bounds.high)
+        handles_by_name |= {
+            name: handle for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
     for row in panels:
         row[0].set_ylabel("reward", fontsize=8.5)
-    figure.legend(known.values(), known, loc="outside upper center", ncols=4, frameon=False, fontsize=8.5)
+    figure.legend(
+        handles_by_name.values(),
+        handles_by_name,
+        loc="outside upper center",
+        ncols=4,
+        frameon=False,
+        fontsize=8.5,
+    )
     return figure
 
 
@@ -138,9 +147,9 @@ def _convergence(trials: Sequence[Trial]) -> Figure:
     figure, axes = _figure(3.6)
     numbers = np.array([trial.number for trial in trials])
     rewards = np.array([trial.reward for trial in trials])
-    best = np.maximum.accumulate(rewards)
+    best_so_far = np.maximum.accumulate(rewards)
     axes.plot(numbers, rewards, "o", color=POINT, markersize=3.5, markeredgewidth=0, label="trial")
-    axes.step(numbers, best, where="post", color=LINE, linewidth=1.6, label="best so far")
+    axes.step(numbers, best_so_far, where="post", color=LINE, linewidth=1.6, label="best so far")
     winner = int(np.argmax(rewards))
     axes.plot(
         numbers[winner], rewards[winner], "*", color=BEST, markersize=11, markeredgewidth=0, label="best"
@@ -151,8 +160,8 @@ def _convergence(trials: Sequence[Trial]) -> Figure:
     )
     axes.legend(loc="lower right", frameon=False, fontsize=8.5, ncols=3)
     low, high = float(rewards.min()), float(rewards.max())
-    room = max(high - low, 0.02)
-    axes.set_ylim(low - 0.16 * room, high + 0.06 * room)
+    reward_range = max(high - low, 0.02)
+    axes.set_ylim(low - 0.16 * reward_range, high + 0.06 * reward_range)
     return figure
 
 
@@ -177,34 +186,38 @@ def _figure(height_in: float) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _panel(axes: Axes, key: str, found: Range, trials: Sequence[Trial], raced: frozenset[int]) -> None:
+def _panel(axes: Axes, key: str, bounds: Range, trials: Sequence[Trial], raced: frozenset[int]) -> None:
     """Draw one parameter: its axis and the trials."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=7.5, colors=INK)
-    axes.set_xscale("log" if found.log else "linear")
+    axes.set_xscale("log" if bounds.log else "linear")
     axes.minorticks_off()
-    axes.set_xticks([found.low, found.high], [f"{found.low:g}", f"{found.high:g}"])
+    axes.set_xticks([bounds.low, bounds.high], [f"{bounds.low:g}", f"{bounds.high:g}"])
     axes.set_xlabel(symbol(key.rpartition(".")[2]), fontsize=9.5, labelpad=-6)
     for name, colour, size in (("trial", FRAME, 2.6), ("raced", SKY, 3.4)):
-        part = [trial for trial in trials if (trial.number in raced) == (name == "raced")]
-        if part:
-            axes.plot([t.values[key] for t in part], [t.reward for t in part], "o", color=colour, markersize=size,
+        subset = [trial for trial in trials if (trial.number in raced) == (name == "raced")]
+        if subset:
+            axes.plot([t.values[key] for t in subset], [t.reward for t in subset], "o", color=colour, markersize=size,
                       markeredgewidth=0, clip_on=False, label=name)  # fmt: skip
 
 
 def _line(axes: Axes, racer: Racer) -> None:
-    colour, width = _look(racer)
-    shown = racer.raced or racer.number == START
+    colour, width = _racer_style(racer)
+    is_prominent = racer.raced or racer.number == START
     axes.plot(
-        range(len(racer.values)), racer.values, color=colour, linewidth=width, alpha=1.0 if shown else 0.6
+        range(len(racer.values)),
+        racer.values,
+        color=colour,
+        linewidth=width,
+        alpha=1.0 if is_prominent else 0.6,
     )
     axes.plot(
         len(racer.values) - 1, racer.values[-1], _MARKS[racer.end], color=colour, markerfacecolor=_filling(racer),
-        markersize=11 if racer.end is End.won else 4.5, markeredgewidth=1.0, alpha=1.0 if shown else 0.6,
+        markersize=11 if racer.end is End.won else 4.5, markeredgewidth=1.0, alpha=1.0 if is_prominent else 0.6,
     )  # fmt: skip
 
 
-def _look(racer: Racer) -> tuple[str, float]:
+def _racer_style(racer: Racer) -> tuple[str, float]:
     """Return colour and width of a racer's line."""
     if racer.number == START:
         return BEST, 2.0
@@ -212,30 +225,30 @@ def _look(racer: Racer) -> tuple[str, float]:
 
 
 def _filling(racer: Racer) -> str:
-    return "white" if racer.end is End.outranked else _look(racer)[0]
+    return "white" if racer.end is End.outranked else _racer_style(racer)[0]
 
 
-def _names(axes: Axes, found: Sequence[Racer], start: str, rungs: int) -> None:
+def _names(axes: Axes, field: Sequence[Racer], start: str, rungs: int) -> None:
     """Write the names of the start and of the finalists beside their lines, without overlap."""
     low, high = axes.get_ylim()
-    last = [racer for racer in found if len(racer.values) == rungs]
+    finalists = [racer for racer in field if len(racer.values) == rungs]
     height = -math.inf
-    for racer in reversed(last):
+    for racer in reversed(finalists):
         height = max((racer.values[-1] - low) / (high - low), height + _NAME_GAP)
         name = name_of(racer.number, start).replace("$", r"\$")
         special = racer.number == START or racer.end is End.won
         axes.annotate(
             f"{name}  {racer.values[-1]:.3f}", (rungs - 1, racer.values[-1]), (rungs - 1 + 0.05 * rungs, height),
             textcoords=("data", "axes fraction"), va="center", fontsize=8,
-            color=_look(racer)[0] if special else INK, fontweight="bold" if special else "normal",
+            color=_racer_style(racer)[0] if special else INK, fontweight="bold" if special else "normal",
             arrowprops={"arrowstyle": "-", "color": FRAME, "linewidth": 0.6, "shrinkB": 4.0, "relpos": (0, 0.5)},
         )  # fmt: skip
 
 
-def _title(race: Race, found: Sequence[Racer]) -> str:
-    worse = sum(racer.end is End.worse for racer in found if racer.raced)
-    raced = sum(racer.raced for racer in found)
-    return f"{len(found)} candidates · {raced} raced · {worse} of these worse beyond the noise"
+def _title(race: Race, field: Sequence[Racer]) -> str:
+    worse = sum(racer.end is End.worse for racer in field if racer.raced)
+    raced = sum(racer.raced for racer in field)
+    return f"{len(field)} candidates · {raced} raced · {worse} of these worse beyond the noise"
 
 
 def _race_legend(figure: Figure, race: Race) -> None:

@@ -88,64 +88,71 @@ def check_race(config: RaceConfig) -> None:
 def run_race(
     candidates: Sequence[Candidate],
     scores: Iterable[Score],
-    places: Sequence[Sequence[Place]],
+    stages: Sequence[Sequence[Place]],
     config: RaceConfig,
     drive: Drive,
     restarts: int = 1,
 ) -> Race:
     """Run the whole race.
 
-    candidates: those of the search, and perhaps the start. scores: those of the search. places: those of the search,
+    candidates: those of the search, and perhaps the start. scores: those of the search. stages: configurations of it,
     and those that each rung adds. drive: runs attempts. restarts: number of searches; the best of each enter the
     first rung.
     """
     # Rung 0 is the search: only the start, which was no trial, still has to drive its worlds.
-    rewards: dict[int, dict[Place, float]] = {each.number: {} for each in candidates}
+    rewards: dict[int, dict[Place, float]] = {candidate.number: {} for candidate in candidates}
     for score in scores:
         rewards[score.trial][score.place] = score.reward
-    field, driven = list(candidates), tuple(places[0])
-    _complete(field, driven, rewards, drive)
-    rungs = [replace(_rung(field, driven, rewards), worse=frozenset())]
+    field, configurations = list(candidates), tuple(stages[0])
+    _drive_missing(field, configurations, rewards, drive)
+    rungs = [replace(_rung(field, configurations, rewards), worse=frozenset())]
     # Each rung keeps the best candidates, and adds worlds that all of them drive.
-    for count, more in zip(config.candidates, places[1:], strict=True):
-        kept = _survivors(rungs[-1], count, restarts if len(rungs) == 1 else 1)
-        field = [each for each in field if each.number in kept]
-        driven += tuple(more)
-        _complete(field, driven, rewards, drive)
-        rungs.append(_rung(field, driven, rewards))
+    for count, added in zip(config.candidates, stages[1:], strict=True):
+        survivors = _survivors(rungs[-1], count, restarts if len(rungs) == 1 else 1)
+        field = [candidate for candidate in field if candidate.number in survivors]
+        configurations += tuple(added)
+        _drive_missing(field, configurations, rewards, drive)
+        rungs.append(_rung(field, configurations, rewards))
     return Race(tuple(rungs), rewards)
 
 
-def mean_reward(rewards: Mapping[Place, float], places: Iterable[Place]) -> float:
+def mean_reward(rewards: Mapping[Place, float], configurations: Iterable[Place]) -> float:
     """Return the mean of the families' mean rewards."""
     by_family: dict[str, list[float]] = {}
-    for place in places:
-        by_family.setdefault(place[0], []).append(rewards[place])
+    for configuration in configurations:
+        by_family.setdefault(configuration[0], []).append(rewards[configuration])
     return fmean(map(fmean, by_family.values()))
 
 
-def _complete(
-    field: Sequence[Candidate], places: Sequence[Place], rewards: dict[int, dict[Place, float]], drive: Drive
+def _drive_missing(
+    field: Sequence[Candidate],
+    configurations: Sequence[Place],
+    rewards: dict[int, dict[Place, float]],
+    drive: Drive,
 ) -> None:
     """Drive the places that the candidates have not driven yet, and add their rewards."""
     attempts = [
-        Attempt(each.number, *place, tuple(each.values.items()))
-        for each in field
-        for place in places
-        if place not in rewards[each.number]
+        Attempt(candidate.number, *configuration, tuple(candidate.values.items()))
+        for candidate in field
+        for configuration in configurations
+        if configuration not in rewards[candidate.number]
     ]
     for score in drive(attempts) if attempts else ():
         rewards[score.trial][score.place] = score.reward
 
 
 def _rung(
-    field: Sequence[Candidate], places: tuple[Place, ...], rewards: Mapping[int, Mapping[Place, float]]
+    field: Sequence[Candidate],
+    configurations: tuple[Place, ...],
+    rewards: Mapping[int, Mapping[Place, float]],
 ) -> Rung:
-    values = {each.number: mean_reward(rewards[each.number], places) for each in field}
+    values = {candidate.number: mean_reward(rewards[candidate.number], configurations) for candidate in field}
     ranked = dict(sorted(values.items(), key=lambda item: (-item[1], item[0])))
-    best = _vector(rewards[next(iter(ranked))], places)
-    worse = {number for number in ranked if _is_worse(_vector(rewards[number], places) - best)}
-    return Rung(places, ranked, frozenset(worse))
+    best_rewards = _vector(rewards[next(iter(ranked))], configurations)
+    worse = {
+        number for number in ranked if _is_worse(_vector(rewards[number], configurations) - best_rewards)
+    }
+    return Rung(configurations, ranked, frozenset(worse))
 
 
 def _survivors(rung: Rung, count: int, restarts: int) -> set[int]:
@@ -170,8 +177,8 @@ def _is_worse(differences: Floats) -> bool:
     return float(differences.mean()) < -_NOISE * error
 
 
-def _vector(rewards: Mapping[Place, float], places: Sequence[Place]) -> Floats:
-    return np.array([rewards[place] for place in places])
+def _vector(rewards: Mapping[Place, float], configurations: Sequence[Place]) -> Floats:
+    return np.array([rewards[configuration] for configuration in configurations])
 
 
 class End(StrEnum):
@@ -199,16 +206,17 @@ class Racer:
 
 def racers(race: Race) -> list[Racer]:
     """Return all candidates: the winner first, then by the number of rungs and by the last mean reward."""
-    found = [_racer(race, number) for number in race.rungs[0].values]
+    all_racers = [_racer(race, number) for number in race.rungs[0].values]
     return sorted(
-        found, key=lambda one: (one.end is not End.won, -len(one.values), -one.values[-1], one.number)
+        all_racers,
+        key=lambda racer: (racer.end is not End.won, -len(racer.values), -racer.values[-1], racer.number),
     )
 
 
 def name_of(number: int, start: str) -> str:
     """Return the name of a candidate. start: name of the starting weights."""
-    short = start if len(start) <= _LONGEST else f"…{start[1 - _LONGEST :]}"
-    return f"{short} (start)" if number == START else f"trial {number}"
+    start_name = start if len(start) <= _LONGEST else f"…{start[1 - _LONGEST :]}"
+    return f"{start_name} (start)" if number == START else f"trial {number}"
 
 
 def worlds_by_family(rung: Rung) -> dict[str, int]:
@@ -218,8 +226,8 @@ def worlds_by_family(rung: Rung) -> dict[str, int]:
 
 def driven_label(race: Race) -> str:
     """Return the label of the counts from `worlds_driven`."""
-    several = len(worlds_by_family(race.rungs[0])) > 1
-    return f"worlds {'of each family ' if several else ''}driven"
+    has_families = len(worlds_by_family(race.rungs[0])) > 1
+    return f"worlds {'of each family ' if has_families else ''}driven"
 
 
 def worlds_driven(rung: Rung) -> str:
@@ -229,13 +237,13 @@ def worlds_driven(rung: Rung) -> str:
 
 
 def _racer(race: Race, number: int) -> Racer:
-    driven = [rung for rung in race.rungs if number in rung.values]
-    return Racer(number, tuple(rung.values[number] for rung in driven), _end(race, number, driven[-1]))
+    rungs = [rung for rung in race.rungs if number in rung.values]
+    return Racer(number, tuple(rung.values[number] for rung in rungs), _end(race, number, rungs[-1]))
 
 
-def _end(race: Race, number: int, last: Rung) -> End:
+def _end(race: Race, number: int, last_rung: Rung) -> End:
     if number == race.winner:
         return End.won
-    if number in last.worse:
+    if number in last_rung.worse:
         return End.worse
-    return End.finished if last is race.rungs[-1] else End.outranked
+    return End.finished if last_rung is race.rungs[-1] else End.outranked

@@ -47,52 +47,52 @@ _FILES = (
 
 def write_training_report(
     job: Job[TrainConfig],
-    places: Places,
-    found: Found,
+    held_out: Places,
+    search_result: Found,
     start: pd.DataFrame,
     frame: pd.DataFrame,
     verdict: Verdict,
-    use: str,
+    command: str,
     start_dir: Path,
 ) -> list[Path]:
     """Write everything, print the path of the page, and return the paths of the pictures and of the page.
 
-    places: held-out configs by map. start, frame: records of the start and of the result, with rewards; the same if
-    the start won. use: command that drives with the weights. start_dir: directory of the start's evaluation.
+    held_out: held-out configs by map. start, frame: records of the start and of the result, with rewards; the same if
+    the start won. command: the one that drives with the weights. start_dir: directory of the start's evaluation.
     """
-    run_dir, is_start = job.run_dir, found.number == START
-    start_values = _start_values(job.config, found.space)
-    best = found.race.best_trial if found.race is not None else found.number
+    run_dir, is_start = job.run_dir, search_result.number == START
+    start_values = _start_values(job.config, search_result.space)
+    best = search_result.race.best_trial if search_result.race is not None else search_result.number
     if best == START:  # the best trial has the values of the start, or there is no other
-        best = max(found.told, key=lambda trial: (trial.reward, -trial.number)).number
+        best = max(search_result.told, key=lambda trial: (trial.reward, -trial.number)).number
     # Pictures, and explainer pages of the worst worlds.
-    figures = _figures(found, start_values, start_name(job), best)
+    figures = _figures(search_result, start_values, start_name(job), best)
     pictures = [path for name, figure in figures.items() for path in save(figure, run_dir / name)]
-    worst = worst_worlds(frame, None if is_start else start, _WORST)
-    _explain(job, frame, worst)
+    worst_worlds_found = worst_worlds(frame, None if is_start else start, _WORST)
+    _explain(job, frame, worst_worlds_found)
     # The page, with links to files and commands.
     report = TrainingReport(
         title=f"Training of {start['system'].iloc[0]} on {job.config.robot.name}",
-        facts=_facts(job, len(found.told)),
+        facts=_facts(job, len(search_result.told)),
         sentence=verdict.lines(start_name(job))[-1],
         sign=verdict.sign,
         start=start_name(job),
-        winner=found.number,
+        winner=search_result.number,
         best=best,
-        training_reward=found.reward,
-        training_worlds=f"{found.worlds} worlds{' of each family' if not job.config.map else ''}",
+        training_reward=search_result.reward,
+        training_worlds=f"{search_result.worlds} worlds{' of each family' if not job.config.map else ''}",
         gap=verdict.gap,
         held_out=_held_out(verdict),
         figures=figures,
-        race=found.race,
-        trials=found.told,
-        space=found.space,
+        race=search_result.race,
+        trials=search_result.told,
+        space=search_result.space,
         start_values=start_values,
-        importances=found.importances,
-        worst=worst,
+        importances=search_result.importances,
+        worst=worst_worlds_found,
         failures=int(is_failure(frame).sum()),
         regressions=0 if is_start else regressions(frame, start),
-        commands=_commands(job, places, found, verdict, use, start_dir, worst[0]),
+        commands=_commands(job, held_out, search_result, verdict, command, start_dir, worst_worlds_found[0]),
         files=[run_dir / name for name in _FILES if (run_dir / name).is_file()],
     )
     path = run_dir / REPORT
@@ -102,88 +102,94 @@ def write_training_report(
 
 
 def _start_values(config: TrainConfig, space: Space) -> dict[str, float | None]:
-    known: dict[str, Any] = dict(flatten(asdict(config)))
-    return {key: None if known[key] is None else float(known[key]) for key in space}
+    config_values: dict[str, Any] = dict(flatten(asdict(config)))
+    return {key: None if config_values[key] is None else float(config_values[key]) for key in space}
 
 
 def _figures(
-    found: Found, start_values: Mapping[str, float | None], start: str, best: int
+    search_result: Found, start_values: Mapping[str, float | None], start: str, best: int
 ) -> dict[str, Figure]:
     """Draw the page's pictures, by the names of their files. start: its name. best: number of the best trial."""
     from runners.training.pictures import parameters_figure, race_figure
 
-    race = found.race
+    race = search_result.race
     raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()  # of the first rung
-    parameters = parameters_figure(found.told, found.space, best, start_values, raced)
+    parameters = parameters_figure(search_result.told, search_result.space, best, start_values, raced)
     return {"parameters": parameters, **({"race": race_figure(race, start)} if race is not None else {})}
 
 
 def _explain(job: Job[TrainConfig], frame: pd.DataFrame, worst: Sequence[WorstWorld]) -> None:
     """Make the explainer pages of these worlds; existing pages are kept."""
-    executor, made = instantiate.build(job.config.executor, "executor"), list[pages.Page]()
+    executor, all_pages = instantiate.build(job.config.executor, "executor"), list[pages.Page]()
     for run_dir in dict.fromkeys(world.run_dir for world in worst):
         keys = {world.key for world in worst if world.run_dir == run_dir}
-        here = frame[frame["run_dir"] == str(run_dir)]
-        chosen = here[[key in keys for key in pages.keys_of(here)]]
-        where = {key: page_path(run_dir, key) for key in keys}
-        made += pages.make_pages(run_dir, chosen, where, executor, keep=True)
+        episodes_of_run = frame[frame["run_dir"] == str(run_dir)]
+        episodes = episodes_of_run[[key in keys for key in pages.keys_of(episodes_of_run)]]
+        page_paths = {key: page_path(run_dir, key) for key in keys}
+        all_pages += pages.make_pages(run_dir, episodes, page_paths, executor, keep=True)
         pages.index(run_dir)
         write_table(job, run_dir)  # again, since the table lists the pages
-    missing = [page for page in made if page.problem]
-    if missing:
+    failed_pages = [page for page in all_pages if page.problem]
+    if failed_pages:
         warnings.warn(
-            f"{len(missing)} of {len(made)} pages were not made: {missing[0].problem}", stacklevel=2
+            f"{len(failed_pages)} of {len(all_pages)} pages were not made: {failed_pages[0].problem}",
+            stacklevel=2,
         )
 
 
 def _facts(job: Job[TrainConfig], trials: int) -> str:
     config = job.config
     trained = families(config, job.choices)
-    where = ", ".join(f"{name} ({family.robot.name})" for name, family in trained.items())
+    families_text = ", ".join(f"{name} ({family.robot.name})" for name, family in trained.items())
     start = f"start: {start_name(job)}{'' if config.start_from_config else ', not a candidate'}"
-    return f"{trials} trials ({job.choices['search']}, seed {config.seed}) · {where} · {start}"
+    return f"{trials} trials ({job.choices['search']}, seed {config.seed}) · {families_text} · {start}"
 
 
 def _held_out(verdict: Verdict) -> list[HeldOut]:
     """Return one row per map, and one of all worlds, in which every world counts the same."""
-    return [_row(place, each) for place, each in {**verdict.by_place, "all": verdict.overall}.items()]
+    return [
+        _row(map_name, comparison)
+        for map_name, comparison in {**verdict.by_place, "all": verdict.overall}.items()
+    ]
 
 
-def _row(place: str, each: HeldOutComparison) -> HeldOut:
-    success, reward = each.success_difference, each.reward_difference
+def _row(map_name: str, comparison: HeldOutComparison) -> HeldOut:
+    success, reward = comparison.success_difference, comparison.reward_difference
     return HeldOut(
-        place,
+        map_name,
         success.worlds,
         success.pairs // success.worlds,
-        each.success,
-        each.success - success.mean,
+        comparison.success,
+        comparison.success - success.mean,
         success,
-        each.reward,
-        each.reward - reward.mean,
+        comparison.reward,
+        comparison.reward - reward.mean,
         reward,
     )
 
 
 def _commands(
     job: Job[TrainConfig],
-    places: Places,
-    found: Found,
+    held_out: Places,
+    search_result: Found,
     verdict: Verdict,
-    use: str,
+    command: str,
     start_dir: Path,
-    worst: WorstWorld,
+    worst_world: WorstWorld,
 ) -> dict[str, str]:
     """Return the commands that are useful next, by their purpose."""
     run_dir = job.run_dir
     words = {}
-    if found.number != START:
+    if search_result.number != START:
         not_advised = " (not recommended)" if verdict.is_worse else ""
-        words[f"Drive with the result{not_advised}"] = use
-        for place in places:
-            both = lme_command("compare", start_dir / place, run_dir / place)
-            words[f"Compare with the start on {place}, world by world"] = both
-    if worst.failed:
-        why = lme_command("explain", worst.run_dir, "failures", *trust_flags(worst.run_dir))
-        words[f"See why the robot failed on {worst.run_dir.name}"] = why
+        words[f"Drive with the result{not_advised}"] = command
+        for map_name in held_out:
+            compare_command = lme_command("compare", start_dir / map_name, run_dir / map_name)
+            words[f"Compare with the start on {map_name}, world by world"] = compare_command
+    if worst_world.failed:
+        explain_command = lme_command(
+            "explain", worst_world.run_dir, "failures", *trust_flags(worst_world.run_dir)
+        )
+        words[f"See why the robot failed on {worst_world.run_dir.name}"] = explain_command
     words["Continue this training, if it was stopped"] = resume_command("train", run_dir)
     return words

@@ -90,7 +90,7 @@ class TrainingReport:
 
 def write_report(report: TrainingReport, path: Path) -> None:
     """Write the page. Links are relative to it. Raises InputError if it cannot be written."""
-    parts = {
+    document_fields = {
         **document_parts(report.title, _STYLES, _SCRIPTS),
         "TITLE": html_text(report.title),
         "FACTS": breakable(report.facts),
@@ -102,19 +102,19 @@ def write_report(report: TrainingReport, path: Path) -> None:
         "PARAMETERS": _parameters(report),
         "WORST": _worst(report, path.parent),
         "COMMANDS": "".join(
-            f"<dt>{html_text(what)}</dt><dd><code>{breakable(command)}</code></dd>"
-            for what, command in report.commands.items()
+            f"<dt>{html_text(purpose)}</dt><dd><code>{breakable(command)}</code></dd>"
+            for purpose, command in report.commands.items()
         ),
         "FILES": ", ".join(f'<a href="{file.name}">{html_text(file.name)}</a>' for file in report.files),
     }
-    write_html(path, fill("training.html", parts))
+    write_html(path, fill("training.html", document_fields))
 
 
 def _verdict(report: TrainingReport) -> str:
-    word, _, rest = report.sentence.partition(": ")
+    word, _, explanation = report.sentence.partition(": ")
     return (
         f'<p class="verdict {_SIGNS[report.sign]}"><strong>{html_text(word)}</strong> '
-        f"<span>{html_text(rest[:1].upper() + rest[1:])}.</span></p>"
+        f"<span>{html_text(explanation[:1].upper() + explanation[1:])}.</span></p>"
     )
 
 
@@ -134,21 +134,23 @@ def _tiles(report: TrainingReport) -> Iterator[str]:
     )
     gap = f"{rounded(abs(report.gap))} {'above' if report.gap >= 0.0 else 'below'} that of the held-out maps"
     yield _tile("Reward in training", rounded(report.training_reward), gap)
-    found = "the start" if is_start else f"trial {report.winner}"
-    yield _tile("Found by", found, f"of {counted(len(report.trials), 'trial')}, {report.training_worlds}")
+    winner_text = "the start" if is_start else f"trial {report.winner}"
+    yield _tile(
+        "Found by", winner_text, f"of {counted(len(report.trials), 'trial')}, {report.training_worlds}"
+    )
 
 
-def _tile(name: str, value: str, below: str) -> str:
-    return f"<div><dt>{name}</dt><dd>{value}<small>{html_text(below)}</small></dd></div>"
+def _tile(name: str, value: str, caption: str) -> str:
+    return f"<div><dt>{name}</dt><dd>{value}<small>{html_text(caption)}</small></dd></div>"
 
 
-def _picture(figure: Figure, about: str) -> str:
+def _picture(figure: Figure, description: str) -> str:
     """Return a picture as an embedded image; inline, the page's content policy would refuse its styles."""
     data = b64encode(picture(figure, "svg")).decode("ascii")
     width = round(figure.get_figwidth() * _PX_PER_IN)
     return (
-        f'<div class="wide" tabindex="0" role="region" aria-label="{about}">'
-        f'<img alt="{about}" width="{width}" src="data:image/svg+xml;base64,{data}"></div>'
+        f'<div class="wide" tabindex="0" role="region" aria-label="{description}">'
+        f'<img alt="{description}" width="{width}" src="data:image/svg+xml;base64,{data}"></div>'
     )
 
 
@@ -157,10 +159,10 @@ def _race(report: TrainingReport) -> str:
     if race is None:
         return "<p>There was no race: the best trial of the search is the result.</p>"
     raced = sum(racer.raced for racer in racers(race))
-    stays = _START_NOTE if START in race.rungs[0].values else ""
+    start_note = _START_NOTE if START in race.rungs[0].values else ""
     chart = _picture(report.figures["race"], "Mean reward against the worlds driven, one line per candidate")
     return (
-        f"{chart}<p>{_RACE_NOTE}{stays}</p>{rung_table(race, report.start)}"
+        f"{chart}<p>{_RACE_NOTE}{start_note}</p>{rung_table(race, report.start)}"
         f"<details><summary>{counted(raced, 'candidate')} that raced, rung by rung</summary>"
         f"{candidate_table(race, report.start)}</details>"
     )
@@ -172,12 +174,14 @@ def _parameters(report: TrainingReport) -> str:
     name = f"Trial {report.best}"
     table = parameter_table(report.space, report.start_values, values, name, report.importances)
     panels = _picture(report.figures["parameters"], "Reward of every trial against each of its values")
-    about = _SCATTER_NOTE if report.race is not None else _PLAIN_SCATTER_NOTE
-    return f"{table}{note}<h3>Parameters against the reward</h3>{panels}<p>{about}</p>"
+    note_text = _SCATTER_NOTE if report.race is not None else _PLAIN_SCATTER_NOTE
+    return f"{table}{note}<h3>Parameters against the reward</h3>{panels}<p>{note_text}</p>"
 
 
-def _worst(report: TrainingReport, place: Path) -> str:
+def _worst(report: TrainingReport, directory: Path) -> str:
     episodes = sum(row.worlds * row.runs for row in report.held_out[:-1])
-    worse = f", {report.regressions} of them where the start succeeded" if report.winner != START else ""
-    said = f"{report.failures} of {counted(episodes, 'episode')} failed{worse if report.failures else ''}."
-    return f"<p>{said}</p>{worst_table(report.worst, place)}"
+    regressed = f", {report.regressions} of them where the start succeeded" if report.winner != START else ""
+    sentence = (
+        f"{report.failures} of {counted(episodes, 'episode')} failed{regressed if report.failures else ''}."
+    )
+    return f"<p>{sentence}</p>{worst_table(report.worst, directory)}"

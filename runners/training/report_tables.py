@@ -72,10 +72,10 @@ def held_out_table(rows: Sequence[HeldOut], is_start: bool) -> str:
 
 def rung_table(race: Race, start: str) -> str:
     """Write one line per rung: worlds driven, candidates dropped after it, and the best and the start so far."""
-    found, started = racers(race), START in race.rungs[0].values
+    field, has_start = racers(race), START in race.rungs[0].values
     lines = []
     for index, rung in enumerate(race.rungs):
-        ends = [racer.end for racer in found if len(racer.values) == index + 1]
+        ends = [racer.end for racer in field if len(racer.values) == index + 1]
         best = next(iter(rung.values))
         families = ", ".join(f"{html_text(name)} {count}" for name, count in worlds_by_family(rung).items())
         lines.append([
@@ -85,7 +85,7 @@ def rung_table(race: Race, start: str) -> str:
             _count(ends.count(End.worse)),
             _count(ends.count(End.outranked)),
             f"{html_text(name_of(best, start))} <b>{rounded(rung.values[best])}</b>",
-            *([rounded(rung.values[START])] if started else []),
+            *([rounded(rung.values[START])] if has_start else []),
         ])  # fmt: skip
     heads = [
         "",
@@ -94,7 +94,7 @@ def rung_table(race: Race, start: str) -> str:
         "Worse",
         "Outranked",
         "Best so far",
-        *["Start"] * started,
+        *["Start"] * has_start,
     ]
     return _table(heads, lines, "rungs")
 
@@ -140,14 +140,14 @@ def parameter_table(
     return _table(heads, lines, "parameters")
 
 
-def worst_table(worlds: Sequence[WorstWorld], place: Path) -> str:
-    """Write one line per world, with a link to its page if it has one. place: folder that links start from."""
+def worst_table(worlds: Sequence[WorstWorld], directory: Path) -> str:
+    """Write one line per world, with a link to its page if it has one. directory: folder that links start from."""
     compared = any(world.start_failed is not None for world in worlds)
     lines = []
     for world in worlds:
         flag = ' <span class="flag">start was better</span>' if world.lost else ""
         lines.append([
-            f'<th scope="row">{html_text(world.run_dir.name)} {world.key.world}{_page(world, place)}</th>',
+            f'<th scope="row">{html_text(world.run_dir.name)} {world.key.world}{_page(world, directory)}</th>',
             f'<span class="outcome {html_text(world.outcome)}">{html_text(world.outcome)}</span>',
             rounded(world.reward),
             f"{world.time_s:.1f}",
@@ -173,14 +173,14 @@ def breakable(text: str) -> str:
     return "<wbr>".join(map(html_text, re.split(r"(?<=[._/=:,])(?=\w)", text)))
 
 
-def _table(heads: Sequence[str], lines: Iterable[Sequence[str]], kind: str, above: str = "") -> str:
+def _table(heads: Sequence[str], lines: Iterable[Sequence[str]], kind: str, head_row: str = "") -> str:
     """Return lines of cells as HTML; a cell may already be a <th>. Numbers are aligned right, other columns left."""
     sides = [' class="left"' if head in _LEFT else "" for head in heads]
     head = "".join(f'<th scope="col"{side}>{head}</th>' for head, side in zip(heads, sides, strict=True))
     body = "\n".join(f"<tr>{''.join(map(_cell, line, sides))}</tr>" for line in lines)
     return (
         f'<div class="wide" tabindex="0" role="region" aria-label="{kind}"><table class="{kind}">\n'
-        f"<thead>{above}<tr>{head}</tr></thead>\n<tbody>{body}</tbody>\n</table></div>"
+        f"<thead>{head_row}<tr>{head}</tr></thead>\n<tbody>{body}</tbody>\n</table></div>"
     )
 
 
@@ -198,8 +198,8 @@ def _episodes(row: HeldOut) -> str:
 
 def _change(change: Difference) -> str:
     bounds = interval(change)
-    below = f"<small>{bounds}</small>" if bounds else ""
-    return f"{signed(change.mean)}{below}"
+    interval_html = f"<small>{bounds}</small>" if bounds else ""
+    return f"{signed(change.mean)}{interval_html}"
 
 
 def _count(number: int) -> str:
@@ -220,8 +220,8 @@ def _start_value(bounds: Range, value: float | None) -> str:
     )
 
 
-def _page(world: WorstWorld, place: Path) -> str:
+def _page(world: WorstWorld, directory: Path) -> str:
     path = page_path(world.run_dir, world.key)
     if not path.is_file():
         return ""
-    return f' <a href="{quote(os.path.relpath(path, place))}">why</a>'
+    return f' <a href="{quote(os.path.relpath(path, directory))}">why</a>'

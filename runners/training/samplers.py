@@ -153,14 +153,14 @@ class Random:
 
 
 def per_trial(
-    make: Callable[[int], BaseSampler],
+    make_sampler: Callable[[int], BaseSampler],
     seed: int,
-    first: Mapping[str, float] | None = None,
+    start_values: Mapping[str, float] | None = None,
     restarts: int = 1,
 ) -> BaseSampler:
-    """Return a sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would.
+    """Return a sampler that proposes trial n as a new sampler `make_sampler(trial_seed(seed, n))` would.
 
-    first: values of trial 0; the search chooses the others. restarts: number of searches, among which the trials
+    start_values: values of trial 0; the search chooses the others. restarts: number of searches, among which the trials
     alternate (`restart_of`); each search knows only its own trials.
     """
     from optuna.samplers import BaseSampler as Base
@@ -173,36 +173,40 @@ def per_trial(
             # A trial asks for its parameters one by one: keep its sampler until the next trial.
             number = _origin(trial)
             if number != self._number:
-                self._number, self._sampler = number, _make_quietly(make, trial_seed(seed, number))
+                self._number, self._sampler = number, _make_quietly(make_sampler, trial_seed(seed, number))
             return self._sampler
 
-        def _known(self, study: Study, trial: FrozenTrial) -> Any:
+        def _own_study(self, study: Study, trial: FrozenTrial) -> Any:
             """Return the study with only the trials that this trial's search knows."""
-            mine = restart_of(_origin(trial), restarts)
+            own_restart = restart_of(_origin(trial), restarts)
             return (
-                Part(study, lambda other: restart_of(_origin(other), restarts) == mine)
+                Part(study, lambda other_trial: restart_of(_origin(other_trial), restarts) == own_restart)
                 if restarts > 1
                 else study
             )
 
         def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
             # Without relative parameters Optuna samples each independently, which gives trial 0 its fixed values.
-            if first and _origin(trial) == 0:
+            if start_values and _origin(trial) == 0:
                 return {}
-            return self._sampler_for(trial).infer_relative_search_space(self._known(study, trial), trial)
+            return self._sampler_for(trial).infer_relative_search_space(self._own_study(study, trial), trial)
 
         def sample_relative(
             self, study: Study, trial: FrozenTrial, search_space: Distributions
         ) -> dict[str, Any]:
-            return self._sampler_for(trial).sample_relative(self._known(study, trial), trial, search_space)
+            return self._sampler_for(trial).sample_relative(
+                self._own_study(study, trial), trial, search_space
+            )
 
         def sample_independent(
             self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
         ) -> Any:
-            if first and param_name in first and _origin(trial) == 0:
-                return first[param_name]
-            known = self._known(study, trial)
-            return self._sampler_for(trial).sample_independent(known, trial, param_name, param_distribution)
+            if start_values and param_name in start_values and _origin(trial) == 0:
+                return start_values[param_name]
+            own_study = self._own_study(study, trial)
+            return self._sampler_for(trial).sample_independent(
+                own_study, trial, param_name, param_distribution
+            )
 
     return PerTrial()
 
@@ -223,11 +227,11 @@ def trial_seed(seed: int, number: int) -> int:
     return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
 
 
-def _make_quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
+def _make_quietly(make_sampler: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
     """Make a sampler without Optuna's warning that it is experimental."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return make(seed)
+        return make_sampler(seed)
 
 
 def _require_package(package: str, search: str) -> None:

@@ -39,12 +39,12 @@ def open_study(
     identity: Mapping[str, Any],
     space: Space,
     search: Search,
-    first: Mapping[str, float],
+    start_values: Mapping[str, float],
     restarts: int = 1,
 ) -> Study:
     """Open the study of a run, or create it.
 
-    storage, name: as in the config. identity: that of the config. first: values of the first trial; the search
+    storage, name: as in the config. identity: that of the config. start_values: values of the first trial; the search
     chooses the others. restarts: number of searches, among which the trials alternate. Raises InputError if the
     storage cannot be used, or has a study of this name with another robot, map, search space or seed.
     """
@@ -54,17 +54,17 @@ def open_study(
     searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
     name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
     # Open the study; the first process stores the identity of its search.
-    sampler = per_trial(search.sampler, identity["seed"], first, restarts)
+    sampler = per_trial(search.sampler, identity["seed"], start_values, restarts)
     with storage_errors(storage, "start again when it does"):
         study = _open(storage, name, run_dir, space, sampler)
         stored = study.get_or_set(_IDENTITY, searched)
     # A study of another search must not be continued.
     damaged = [] if isinstance(stored, Mapping) else [f"{_IDENTITY} is {stored!r:.40}: must be a mapping"]
-    found = damaged or list(launch_record.differences(stored, searched))
-    if found:
-        place = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
+    conflicts = damaged or list(launch_record.differences(stored, searched))
+    if conflicts:
+        study_name = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
         raise InputError(
-            f"{place}: belongs to another search ({launch_record.shortened(found)}): "
+            f"{study_name}: belongs to another search ({launch_record.shortened(conflicts)}): "
             "choose another study=NAME or directory"
         )
     return study
@@ -125,21 +125,21 @@ def run_trials(
     study: Study,
     total: int,
     batch: int,
-    places: Sequence[Place],
+    configurations: Sequence[Place],
     run_all: Map,
     note: Callable[[int, float | None], None],
 ) -> None:
     """Run trials until the study has `total`, starting with the unfinished ones of a killed run.
 
     If other processes run the last trials, wait for them, and take over those of a process that dies.
-    places: families and worlds that every trial drives. run_all: maps attempts to scores, in any order. note: called
-    with the number of finished trials and the best reward so far.
+    configurations: families and worlds that every trial drives. run_all: maps attempts to scores, in any order. note:
+    called with the number of finished trials and the best reward so far.
     """
     with study.keep_alive():
         while study.num_told < total:
             # Claim and run a batch, and report it in the order of the numbers, which the sampler depends on.
             if proposals := study.claim(total, batch):
-                _run_batch(study, proposals, places, run_all)
+                _run_batch(study, proposals, configurations, run_all)
                 for proposal in proposals:
                     study.tell(proposal.number)
                     note(study.num_told, study.best)
@@ -151,17 +151,17 @@ def run_trials(
                 break
 
 
-def _run_batch(study: Study, batch: list[Proposal], places: Sequence[Place], run_all: Map) -> None:
+def _run_batch(study: Study, batch: list[Proposal], configurations: Sequence[Place], run_all: Map) -> None:
     """Run all episodes of a batch. The scores of a trial are stored when its last episode ends."""
-    todo = [proposal for proposal in batch if not study.scored(proposal.number)]
+    unscored = [proposal for proposal in batch if not study.scored(proposal.number)]
     attempts = [
-        Attempt(proposal.number, *place, tuple(proposal.values.items()))
-        for proposal in todo
-        for place in places
+        Attempt(proposal.number, *configuration, tuple(proposal.values.items()))
+        for proposal in unscored
+        for configuration in configurations
     ]
-    scores: dict[int, dict[Place, Score]] = {proposal.number: {} for proposal in todo}
+    scores: dict[int, dict[Place, Score]] = {proposal.number: {} for proposal in unscored}
     for score in run_all(attempts):
         of_trial = scores[score.trial]
         of_trial[score.place] = score
-        if len(of_trial) == len(places):
-            study.store_scores(score.trial, [of_trial[place] for place in places])
+        if len(of_trial) == len(configurations):
+            study.store_scores(score.trial, [of_trial[configuration] for configuration in configurations])

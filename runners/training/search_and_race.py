@@ -55,12 +55,12 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
     search = instantiate.build(config.search, "search")
     space = search_space(job)
     start = own_values(config, space) if config.start_from_config else None
-    where = config.storage, config.study, run_dir
+    study_location = config.storage, config.study, run_dir
     # Open the study, and draw the worlds of the search and of each rung.
-    study = open_study(*where, identity(config), space, search, start or {}, config.restarts)
+    study = open_study(*study_location, identity(config), space, search, start or {}, config.restarts)
     rungs = world_numbers(job, trained)
     check_configurations(study, trained, rungs[0], run_dir)
-    places = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
+    stages = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
     training = with_worlds(trained, [world for worlds in rungs for world in worlds])
     # Search and race with the same workers.
     with ExitStack() as workers:
@@ -68,20 +68,20 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
         with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
             progress.skip(len(study.told), study.best)
             if study.num_told < config.trials:
-                run_trials(study, config.trials, search.batch, places[0], run_all, progress.set_done)
-        race = _race(job, study, places, start, run_all) if config.race else None
-    return _found(study, space, race, rungs, own_values(config, space))
+                run_trials(study, config.trials, search.batch, stages[0], run_all, progress.set_done)
+        race = _race(job, study, stages, start, run_all) if config.race else None
+    return _result(study, space, race, rungs, own_values(config, space))
 
 
 def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:
     """Return a `map` that starts the workers when it is first called."""
     opened: list[Map] = []
 
-    def run_all(items: Any) -> Iterator[Item]:
+    def run_all(batch: Any) -> Iterator[Item]:
         if not opened:
             executor = instantiate.build(config.executor, "executor")
             opened.append(workers.enter_context(executor.open(trials.initialise, training)))
-        return opened[0](items)
+        return opened[0](batch)
 
     return run_all
 
@@ -89,63 +89,72 @@ def _started_when_needed(config: TrainConfig, training: Families, workers: ExitS
 def _race(
     job: Job[TrainConfig],
     study: Study,
-    places: Sequence[Sequence[Place]],
+    stages: Sequence[Sequence[Place]],
     start: Mapping[str, float] | None,
     run_all: Map,
 ) -> Race:
     """Race the trials of the study and, if the search began from the config's own values, these: `start`."""
     config = job.config
     assert config.race is not None
-    told = [trial for trial in study.told if trial.values != start]
-    candidates = [Candidate(trial.number, trial.values) for trial in told]
+    finished = [trial for trial in study.told if trial.values != start]
+    candidates = [Candidate(trial.number, trial.values) for trial in finished]
     candidates += [Candidate(START, {})] if start is not None else []
-    scores = [score for trial in told for score in trial.scores]
+    scores = [score for trial in finished for score in trial.scores]
     with RaceLog(job.run_dir / RACE_LOG) as log, RaceProgress() as progress:
 
         def drive(attempts: Sequence[Attempt]) -> Iterator[Score]:
             # Scores of an earlier run come from the log; only the others are driven.
-            known = {attempt: log.get(attempt) for attempt in attempts}
+            logged = {attempt: log.get(attempt) for attempt in attempts}
             progress.begin(len(attempts), len({attempt.trial for attempt in attempts}))
-            for score in filter(None, known.values()):
+            for score in filter(None, logged.values()):
                 progress.add()
                 yield score
-            for score in run_all([attempt for attempt, score in known.items() if score is None]):
+            for score in run_all([attempt for attempt, score in logged.items() if score is None]):
                 log.add(score)
                 progress.add()
                 yield score
 
-        return run_race(candidates, scores, places, config.race, drive, config.restarts)
+        return run_race(candidates, scores, stages, config.race, drive, config.restarts)
 
 
-def _found(
+def _result(
     study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]], start: Mapping[str, float]
 ) -> Found:
-    told = study.told
-    best = max(told, key=lambda trial: (trial.reward, -trial.number))
-    number, reward = best.number, best.reward
+    finished = study.told
+    best_trial = max(finished, key=lambda trial: (trial.reward, -trial.number))
+    number, reward = best_trial.number, best_trial.reward
     # The winner of the race replaces the best trial of the search.
     if race is not None:
         number, reward = race.winner, race.rungs[-1].values[race.winner]
-    values = {trial.number: trial.values for trial in told}.get(number, {})
+    values = {trial.number: trial.values for trial in finished}.get(number, {})
     if values == start:  # the first trial, which has the values of the start
         number, values = START, {}
-    driven = sum(map(len, rungs))
+    num_worlds = sum(map(len, rungs))
     elsewhere = study.num_elsewhere
-    return Found(space, rungs[0], told, study.importances(), elsewhere, race, number, values, reward, driven)
+    return Found(
+        space, rungs[0], finished, study.importances(), elsewhere, race, number, values, reward, num_worlds
+    )
 
 
 def check_configurations(study: Study, trained: Families, worlds: list[int], run_dir: Path) -> None:
     """Store the worlds of the search in the study. Raises InputError if a map has changed since they were drawn."""
-    drawn = []
+    configurations = []
     for name, family in trained.items():
         maps = build.map_set(family, worlds)
         for task in map(maps.task, worlds):
-            place = {"world": task.number, "start": list(task.start), "goal": task.goal.tolist()}
-            drawn.append(place if len(trained) == 1 else {"family": name, **place})
-    kept = study.get_or_set(CONFIGURATIONS, drawn)
-    if kept != drawn:
-        changed = next((new for old, new in zip(kept, drawn, strict=False) if old != new), drawn[0])
-        name = changed.get("family", next(iter(trained)))
+            configuration = {"world": task.number, "start": list(task.start), "goal": task.goal.tolist()}
+            configurations.append(configuration if len(trained) == 1 else {"family": name, **configuration})
+    stored = study.get_or_set(CONFIGURATIONS, configurations)
+    if stored != configurations:
+        first_changed = next(
+            (
+                drawn_configuration
+                for stored_configuration, drawn_configuration in zip(stored, configurations, strict=False)
+                if stored_configuration != drawn_configuration
+            ),
+            configurations[0],
+        )
+        name = first_changed.get("family", next(iter(trained)))
         raise InputError(
             f"{run_dir}: its study was trained on other configurations of map {name}, which has changed "
             "since: start another study"
@@ -174,4 +183,4 @@ def world_numbers(job: Job[TrainConfig], trained: Families) -> list[list[int]]:
     counts = [config.configurations, *(config.race.worlds if config.race else [])]
     numbers = training_worlds(config, evaluation_places(job, trained).values(), sum(counts))
     with_worlds(trained, numbers)
-    return [numbers[first:last] for first, last in pairwise([0, *accumulate(counts)])]
+    return [numbers[start:stop] for start, stop in pairwise([0, *accumulate(counts)])]

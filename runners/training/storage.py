@@ -63,11 +63,11 @@ def _database(url: str) -> RDBStorage:
     from sqlalchemy.exc import IntegrityError, OperationalError, ProgrammingError
 
     # Name the driver, because SQLAlchemy 2.0 and 2.1 choose different ones.
-    named = url.replace("postgresql://", "postgresql+psycopg://", 1)
+    driver_url = url.replace("postgresql://", "postgresql+psycopg://", 1)
     for attempt in range(1, _CREATIONS + 1):
         try:
             return RDBStorage(
-                named,
+                driver_url,
                 engine_kwargs=_engine_options(url),
                 heartbeat_interval=HEARTBEAT_S,
                 grace_period=GRACE_S,
@@ -94,14 +94,14 @@ def _engine_options(url: str) -> dict[str, Any]:
 
 
 @contextmanager
-def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
+def _as_input_error(url: str, problem: str, advice: str) -> Iterator[None]:
     """Turn any error of the block into an InputError of one line."""
     try:
         yield
     except Exception as error:
         *_, cause = _causes(error)
         if isinstance(cause, ImportError) and cause.name is not None:
-            trouble, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
+            problem, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
         reason = " ".join(str(cause).split()) or type(cause).__name__
         if reveals_password(reason, url):
             reason = fault_of_password(url) or type(cause).__name__
@@ -109,7 +109,7 @@ def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
             advice = (
                 "its password is not kept with the run: give storage=URL again, or let the driver read it"
             )
-        raise InputError(f"storage is {masked(url)}: {trouble} ({reason[:200]}); {advice}") from None
+        raise InputError(f"storage is {masked(url)}: {problem} ({reason[:200]}); {advice}") from None
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:
@@ -128,8 +128,8 @@ class Heartbeat:
 
     def __init__(self, storage: RDBStorage | None) -> None:
         self._storage = storage
-        self._running: set[int] = set()
-        self._seen: set[int] = set()
+        self._running_trials: set[int] = set()
+        self._trials_with_heartbeat: set[int] = set()
 
     @property
     def finds_killed(self) -> bool:
@@ -140,12 +140,12 @@ class Heartbeat:
         """Start the heartbeat of a trial that this process runs."""
         if self._storage is not None:
             self._storage.record_heartbeat(trial_id)
-            self._seen.add(trial_id)
-            self._running.add(trial_id)
+            self._trials_with_heartbeat.add(trial_id)
+            self._running_trials.add(trial_id)
 
     def end(self, trial_id: int) -> None:
         """Stop the heartbeat of a trial."""
-        self._running.discard(trial_id)
+        self._running_trials.discard(trial_id)
 
     @contextmanager
     def send_heartbeats(self) -> Iterator[None]:
@@ -167,9 +167,9 @@ class Heartbeat:
             return
         for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             # A process may be killed before the first heartbeat, and Optuna only notices trials that had one.
-            if id_of(trial) not in self._seen:
+            if id_of(trial) not in self._trials_with_heartbeat:
                 self._storage.record_heartbeat(id_of(trial))
-                self._seen.add(id_of(trial))
+                self._trials_with_heartbeat.add(id_of(trial))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Optuna's warning that it is experimental
             fail_stale_trials(study)
@@ -177,6 +177,6 @@ class Heartbeat:
     def _beat(self, storage: RDBStorage, stop: Event) -> None:
         interval = storage.get_heartbeat_interval()
         while not stop.wait(interval):
-            for trial_id in tuple(self._running):
+            for trial_id in tuple(self._running_trials):
                 with suppress(Exception):  # if the storage does not answer, the search itself reports it
                     storage.record_heartbeat(trial_id)

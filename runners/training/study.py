@@ -102,12 +102,16 @@ class Study:
         count = min(batch, total - self.num_told - self.num_elsewhere)
         proposals = self._unfinished() or [self._ask() for _ in range(count)]
         self._flush()
-        return [each for each in proposals if each is not None and self._is_within_total(each.number, total)]
+        return [
+            proposal
+            for proposal in proposals
+            if proposal is not None and self._is_within_total(proposal.number, total)
+        ]
 
     def _unfinished(self) -> list[Proposal | None]:
         """Return the trials that a killed run in this directory proposed but did not finish."""
-        mine = [t for t in self._trials_in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
-        return [self._proposal(resume_trial(self._study, trial)) for trial in mine]
+        own_trials = [t for t in self._trials_in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
+        return [self._proposal(resume_trial(self._study, trial)) for trial in own_trials]
 
     def _ask(self) -> Proposal | None:
         with warnings.catch_warnings():
@@ -121,8 +125,8 @@ class Study:
         Processes that propose at the same time may propose too many. The storage numbers trials one after the other,
         and later ones never precede this one, so all processes see the same first `total`.
         """
-        before = [trial for trial in self._study.get_trials(deepcopy=False) if trial.number < number]
-        if sum(trial.state.name != "FAIL" for trial in before) < total:
+        earlier = [trial for trial in self._study.get_trials(deepcopy=False) if trial.number < number]
+        if sum(trial.state.name != "FAIL" for trial in earlier) < total:
             return True
         self._finish(number, None)
         return False
@@ -164,8 +168,8 @@ class Study:
         rewards = self._rewards()
         if len(rewards) < 20 or len(set(rewards)) < 3:
             return {}
-        found = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
-        return {name: float(share) for name, share in found.items()}
+        shares = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
+        return {name: float(share) for name, share in shares.items()}
 
     def _finish(self, number: int, reward: float | None) -> None:
         """Finish a trial, unless another process has taken it. reward: None if it failed and does not count."""
@@ -190,8 +194,8 @@ class Study:
     def _with_values(self, trial: optuna.Trial) -> Proposal:
         # The parameters have a fixed order, because the sampler's random numbers depend on it.
         values = {
-            key: trial.suggest_float(key, found.low, found.high, log=found.log)
-            for key, found in self._space.items()
+            key: trial.suggest_float(key, bounds.low, bounds.high, log=bounds.log)
+            for key, bounds in self._space.items()
         }
         if trial.user_attrs.get(OWNER) != self._owner:
             trial.set_user_attr(OWNER, self._owner)
@@ -215,9 +219,9 @@ class Study:
 
 
 def _trial(trial: FrozenTrial) -> Trial:
-    kept = [Score(*score) for score in trial.user_attrs.get(SCORES, [])]
+    scores_stored = [Score(*score) for score in trial.user_attrs.get(SCORES, [])]
     scores = [
-        score._replace(trial=trial.number) for score in kept
+        score._replace(trial=trial.number) for score in scores_stored
     ]  # a repeated trial has the scores of the original
     assert trial.value is not None
     return Trial(trial.number, trial.value, dict(trial.params), scores)

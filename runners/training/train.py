@@ -26,7 +26,7 @@ from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.tracking.mlflow import closed_by
-from runners.tracking.parameters import parameters
+from runners.tracking.names import parameters
 from runners.training.families import Families, families, too_narrow
 from runners.training.held_out import Places, evaluate_held_out, report_held_out
 from runners.training.race import START, check_race
@@ -89,98 +89,102 @@ def train(job: Job[TrainConfig]) -> None:
             with storage_errors(
                 config.storage, f"finished trials are kept, continue with: {resume_command('train', run_dir)}"
             ):
-                found = search_and_race(job, trained)
-                weights = _write_weights(job, trained, found)
-                pictures = _pictures(found, run_dir)
+                search_result = search_and_race(job, trained)
+                weights = _write_weights(job, trained, search_result)
+                pictures = _pictures(search_result, run_dir)
             # Compare start and result on held-out worlds; the weight file then holds the verdict.
-            places = evaluation_places(job, trained)
-            start, frame = _evaluate(job, places, found)
-            verdict = judge(places, start, frame, found.reward)
-            _write_weights(job, trained, found, verdict)
-            _advise(job, found, verdict)
-            use = _usage(job, found)
+            held_out = evaluation_places(job, trained)
+            start, frame = _evaluate(job, held_out, search_result)
+            verdict = judge(held_out, start, frame, search_result.reward)
+            _write_weights(job, trained, search_result, verdict)
+            _advise(job, search_result, verdict)
+            usage = _usage(job, search_result)
             pictures += write_training_report(
-                job, places, found, start, frame, verdict, use, run_dir / _START
+                job, held_out, search_result, start, frame, verdict, usage, run_dir / _START
             )
-        pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
-        _track(tracking, found, frame, [weights, *pictures, *pages])
+        pages = [page for run_path in frame["run_dir"].unique() for page in failures.folder(Path(run_path))]
+        _track(tracking, search_result, frame, [weights, *pictures, *pages])
 
 
 def _announce(job: Job[TrainConfig], trained: Families) -> None:
-    narrow = too_narrow(job.config)
+    excluded = too_narrow(job.config)
     print(f"Training on {', '.join(f'{name} ({family.robot.name})' for name, family in trained.items())}")
-    if narrow:
+    if excluded:
         print(
-            f"Not on {', '.join(narrow)}: too narrow for {job.config.robot.name}. "
+            f"Not on {', '.join(excluded)}: too narrow for {job.config.robot.name}. "
             "To train on one map alone: map=NAME, or map=file map.path=FILE for your own"
         )
 
 
-def _evaluate(job: Job[TrainConfig], places: Places, found: Found) -> tuple[pd.DataFrame, pd.DataFrame]:
+def _evaluate(
+    job: Job[TrainConfig], held_out: Places, search_result: Found
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Evaluate start and result on held-out worlds, and print the table; return the records with rewards.
 
     If the start is the result, it is evaluated only once, as the result, and both are the same object.
     """
     import pandas as pd
 
-    if found.number == START:
-        only = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, "the start"))
+    if search_result.number == START:
+        only = with_rewards(held_out, evaluate_held_out(job, held_out, {}, job.weights, "the start"))
         report_held_out(job, only)
         return only, only
-    start = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, "the start", _START))
-    driven = evaluate_held_out(job, places, found.values, weights_name(job), "the result")
-    frame = with_rewards(places, driven)
+    start = with_rewards(held_out, evaluate_held_out(job, held_out, {}, job.weights, "the start", _START))
+    result_frame = evaluate_held_out(job, held_out, search_result.values, weights_name(job), "the result")
+    frame = with_rewards(held_out, result_frame)
     report_held_out(job, pd.concat([start, frame], ignore_index=True))
     return start, frame
 
 
 def _write_weights(
-    job: Job[TrainConfig], trained: Families, found: Found, verdict: Verdict | None = None
+    job: Job[TrainConfig], trained: Families, search_result: Found, verdict: Verdict | None = None
 ) -> Path:
     config, name = job.config, weights_name(job)
-    about: dict[str, Any] = {
+    metadata: dict[str, Any] = {
         "map": "+".join(trained),
-        "configurations": found.configurations,
+        "configurations": search_result.configurations,
         "search": job.choices["search"],
-        "trials": len(found.told),
-        "trial": _START if found.number == START else found.number,
-        "reward": found.reward,
-        "worlds": found.worlds,
+        "trials": len(search_result.told),
+        "trial": _START if search_result.number == START else search_result.number,
+        "reward": search_result.reward,
+        "worlds": search_result.worlds,
         "study": _fingerprint(config),
     }
     if verdict is not None:
-        about["held_out"] = verdict.content()
-    whose = f": no trial beat the start, {start_name(job)}" if found.number == START else ""
-    note = f"{whose}; use with: {_usage(job, found)}"
-    return weight_file.write_weights(config, found.values, about, job.run_dir, name, note)
+        metadata["held_out"] = verdict.content()
+    whose = f": no trial beat the start, {start_name(job)}" if search_result.number == START else ""
+    note = f"{whose}; use with: {_usage(job, search_result)}"
+    return weight_file.write_weights(config, search_result.values, metadata, job.run_dir, name, note)
 
 
-def _usage(job: Job[TrainConfig], found: Found) -> str:
+def _usage(job: Job[TrainConfig], search_result: Found) -> str:
     """Return the command that drives with the values found."""
-    words = driven(job, "train", found.values)
-    if weight_file.best_parameters(job.config, found.values):
+    words = driven(job, "train", search_result.values)
+    if weight_file.best_parameters(job.config, search_result.values):
         words.append(override("weights", weights_name(job)))
-    return lme_command("eval", *words, *weight_file.settings(found.values), folders=job.folders)
+    return lme_command("eval", *words, *weight_file.settings(search_result.values), folders=job.folders)
 
 
-def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
+def _advise(job: Job[TrainConfig], search_result: Found, verdict: Verdict) -> None:
     """Print the result and what to do with it."""
-    whose = "the start" if found.number == START else f"trial {found.number}"
-    worlds = f"{found.worlds} worlds" + ("" if job.config.map else " of each family")
-    print(f"Best of {len(found.told)} trials: reward {found.reward:.3f} ({whose}), {worlds}")
-    for key, value in found.values.items():
+    whose = "the start" if search_result.number == START else f"trial {search_result.number}"
+    worlds = f"{search_result.worlds} worlds" + ("" if job.config.map else " of each family")
+    print(f"Best of {len(search_result.told)} trials: reward {search_result.reward:.3f} ({whose}), {worlds}")
+    for key, value in search_result.values.items():
         print(f"  {key.removeprefix(PARAMETERS)} = {value:.4g}")
-    if found.num_elsewhere:
-        print(f"{found.num_elsewhere} trials are still running on other machines and do not count")
+    if search_result.num_elsewhere:
+        print(f"{search_result.num_elsewhere} trials are still running on other machines and do not count")
     for line in verdict.lines(start_name(job)):
         print(line)
-    use = f"{'not recommended' if verdict.is_worse else 'use them with'}: {_usage(job, found)}"
-    print(f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if found.number == START else use}")
-    if found.number != START and (elsewhere := _elsewhere(job, found)):
+    usage = f"{'not recommended' if verdict.is_worse else 'use them with'}: {_usage(job, search_result)}"
+    print(
+        f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if search_result.number == START else usage}"
+    )
+    if search_result.number != START and (elsewhere := _elsewhere(job, search_result)):
         print(f"Trained on {job.choices['map']} alone, they may be worse elsewhere: {elsewhere}")
 
 
-def _elsewhere(job: Job[TrainConfig], found: Found) -> str:
+def _elsewhere(job: Job[TrainConfig], search_result: Found) -> str:
     """Return the command that drives weights trained on one map on the families that any robot can drive.
 
     It compares them with the starting weights, unless values were also found for other keys.
@@ -194,37 +198,42 @@ def _elsewhere(job: Job[TrainConfig], found: Found) -> str:
         for name, node in config.training.items()
         if node is not None and name not in config.training_robots
     ]
-    others = [name for name in maps if name not in ("", job.choices["map"])]
-    if not others:
+    other_maps = [name for name in maps if name not in ("", job.choices["map"])]
+    if not other_maps:
         return ""
     # A sweep over these maps.
     words = [
-        word for word in driven(job, "train", found.values) if word.lstrip("+").partition("=")[0] != "robot"
+        word
+        for word in driven(job, "train", search_result.values)
+        if word.lstrip("+").partition("=")[0] != "robot"
     ]
-    settings = weight_file.settings(found.values)
+    settings = weight_file.settings(search_result.values)
     compared = [*([] if settings else [job.weights]), weights_name(job)]
-    words = [f"robot={job.choices['robot']}", *words, f"map={','.join(others)}"]
+    words = [f"robot={job.choices['robot']}", *words, f"map={','.join(other_maps)}"]
     words += [f"weights={','.join(map(element, compared))}", *settings]
     return lme_command("eval", "-m", *words, folders=job.folders)
 
 
-def _pictures(found: Found, run_dir: Path) -> list[Path]:
+def _pictures(search_result: Found, run_dir: Path) -> list[Path]:
     from runners.training.pictures import training_figures, write_race, write_trials
 
-    told = found.told
-    tables = [write_trials(told, run_dir), *([write_race(found.race, run_dir)] if found.race else [])]
-    return [*tables, *training_figures(told, found.importances, run_dir)]
+    trials = search_result.told
+    tables = [
+        write_trials(trials, run_dir),
+        *([write_race(search_result.race, run_dir)] if search_result.race else []),
+    ]
+    return [*tables, *training_figures(trials, search_result.importances, run_dir)]
 
 
-def _track(tracking: Any, found: Found, frame: pd.DataFrame, files: list[Path]) -> None:
+def _track(tracking: Any, search_result: Found, frame: pd.DataFrame, files: list[Path]) -> None:
     """Track one run with a series of rewards. A tracked run for each trial would take longer than the trial."""
     from runners.reports.analysis.summary import metrics_by_map
 
-    rewards = [trial.reward for trial in found.told]
+    rewards = [trial.reward for trial in search_result.told]
     series = {"reward": rewards, "best_reward": np.maximum.accumulate(rewards).tolist()}
-    numbers = {"train_reward": found.reward, "trials": float(len(rewards))}
+    numbers = {"train_reward": search_result.reward, "trials": float(len(rewards))}
     numbers |= metrics_by_map(frame)
-    numbers |= {f"best_{key.rpartition('.')[2]}": value for key, value in found.values.items()}
+    numbers |= {f"best_{key.rpartition('.')[2]}": value for key, value in search_result.values.items()}
     tracking.finish(numbers, files, series)
 
 
@@ -237,14 +246,14 @@ def weights_name(job: Job[TrainConfig]) -> str:
     config = job.config
     if config.name is not None:
         return config.name
-    place = config.map.get("name") or _class_name(config.map) if config.map else "families"
-    parts = (config.robot.name, place, _class_name(config.search), config.seed, _fingerprint(config)[:8])
-    return "-".join(map(str, parts))
+    map_name = config.map.get("name") or _class_name(config.map) if config.map else "families"
+    words = (config.robot.name, map_name, _class_name(config.search), config.seed, _fingerprint(config)[:8])
+    return "-".join(map(str, words))
 
 
 def _labels(job: Job[TrainConfig], trained: Families) -> RunLabels:
-    first = next(iter(trained.values()))
-    labels = run_labels(replace(job, config=first), build.map_set(first))
+    family_config = next(iter(trained.values()))
+    labels = run_labels(replace(job, config=family_config), build.map_set(family_config))
     if not job.config.map:
         labels = replace(labels, map="+".join(trained), robot=job.config.robot.name, subset="")
     return replace(labels, weights=weights_name(job))

@@ -47,7 +47,9 @@ class Verdict:
         """−1 if a map's success or the overall reward is worse beyond the noise, 1 if the reward is better, or 0."""
         if self.overall.success_difference.worlds < _FEWEST:
             return 0
-        if any(each.success_difference.high < 0.0 for each in (*self.by_place.values(), self.overall)):
+        if any(
+            comparison.success_difference.high < 0.0 for comparison in (*self.by_place.values(), self.overall)
+        ):
             return -1
         change = self.overall.reward_difference
         return -1 if change.high < 0.0 else 1 if change.low > 0.0 else 0
@@ -55,7 +57,7 @@ class Verdict:
     @property
     def mean_reward(self) -> float:
         """Mean of the maps' mean rewards, since families have equal weight in training, too."""
-        return fmean(each.reward for each in self.by_place.values())
+        return fmean(comparison.reward for comparison in self.by_place.values())
 
     @property
     def gap(self) -> float:
@@ -73,9 +75,11 @@ class Verdict:
         if self.is_start:
             return [gap, f"Level: no trial was better than the weights started from ({start}); keep them"]
         lines = [f"Against {start}, paired:"]
-        for place, each in {**self.by_place, "all": self.overall}.items():
-            success, reward = (_text(part) for part in (each.success_difference, each.reward_difference))
-            lines.append(f"  {place}: success {success}, reward {reward}")
+        for map_name, comparison in {**self.by_place, "all": self.overall}.items():
+            success, reward = (
+                _text(change) for change in (comparison.success_difference, comparison.reward_difference)
+            )
+            lines.append(f"  {map_name}: success {success}, reward {reward}")
         return [*lines, gap, self._sentence(start)]
 
     def _sentence(self, start: str) -> str:
@@ -87,66 +91,70 @@ class Verdict:
 
     def content(self) -> dict[str, Any]:
         """Return the comparison as entries of the weight file."""
-        places = {
-            place: {
-                "worlds": each.success_difference.worlds,
-                "success": _rounded(each.success),
-                "success_difference": _numbers(each.success_difference),
-                "reward": _rounded(each.reward),
-                "reward_difference": _numbers(each.reward_difference),
+        by_map = {
+            map_name: {
+                "worlds": comparison.success_difference.worlds,
+                "success": _rounded(comparison.success),
+                "success_difference": _numbers(comparison.success_difference),
+                "reward": _rounded(comparison.reward),
+                "reward_difference": _numbers(comparison.reward_difference),
             }
-            for place, each in {**self.by_place, "all": self.overall}.items()
+            for map_name, comparison in {**self.by_place, "all": self.overall}.items()
         }
-        return {"verdict": _WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": places}
+        return {"verdict": _WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": by_map}
 
 
-def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_reward: float) -> Verdict:
+def judge(held_out: Places, start: pd.DataFrame, result: pd.DataFrame, training_reward: float) -> Verdict:
     """Compare the records of the result with those of the start, both with rewards.
 
-    places: configs by held-out map. training_reward: that of the result on the training worlds.
+    held_out: configs by held-out map. training_reward: that of the result on the training worlds.
     """
     import pandas as pd
 
-    one, other = (_by_place(places, frame) for frame in (start, found))
-    by_place = {place: _comparison(one[place], other[place]) for place in places}
-    overall = _comparison(*(pd.concat(frames.values(), ignore_index=True) for frames in (one, other)))
-    return Verdict(by_place, overall, training_reward, start is found)
+    start_frames, result_frames = (_by_place(held_out, frame) for frame in (start, result))
+    by_place = {
+        map_name: _comparison(start_frames[map_name], result_frames[map_name]) for map_name in held_out
+    }
+    overall = _comparison(
+        *(pd.concat(frames.values(), ignore_index=True) for frames in (start_frames, result_frames))
+    )
+    return Verdict(by_place, overall, training_reward, start is result)
 
 
-def with_rewards(places: Places, frame: pd.DataFrame) -> pd.DataFrame:
+def with_rewards(held_out: Places, frame: pd.DataFrame) -> pd.DataFrame:
     """Return the held-out records with a column `reward`."""
     names = [Path(folder).name for folder in frame["run_dir"]]
-    limits = {name: _limits(places[name]) for name in set(names)}
-    ends = zip(names, frame["world"], frame["outcome"], frame["steps"], strict=True)
+    limits = {name: _limits(held_out[name]) for name in set(names)}
+    episodes = zip(names, frame["world"], frame["outcome"], frame["steps"], strict=True)
     rewards = [
-        episode_reward(cast(TrainConfig, places[name]), limits[name](int(world)), outcome, steps)
-        for name, world, outcome, steps in ends
+        episode_reward(cast(TrainConfig, held_out[name]), limits[name](int(world)), outcome, steps)
+        for name, world, outcome, steps in episodes
     ]
     return frame.assign(**{_REWARD: rewards})
 
 
 def _limits(config: DriveConfig) -> Callable[[int], float]:
     """Return a function that gives the time limit [s] of a world by its number."""
-    given = config.map.get("time_limit")
-    if given is not None:
-        return lambda world: float(given)
+    fixed_limit = config.map.get("time_limit")
+    if fixed_limit is not None:
+        return lambda world: float(fixed_limit)
     maps = build.map_set(config)
     return cache(lambda world: maps.task(world).time_limit)
 
 
-def _by_place(places: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+def _by_place(held_out: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the records of each map, with its name in `world`, since maps share world numbers."""
     names = frame["run_dir"].map(lambda folder: Path(folder).name)
-    named = frame.assign(world=names + " " + frame["world"].astype(str))
-    return {place: named[names == place] for place in places}
+    with_world_names = frame.assign(world=names + " " + frame["world"].astype(str))
+    return {map_name: with_world_names[names == map_name] for map_name in held_out}
 
 
-def _comparison(start: pd.DataFrame, found: pd.DataFrame) -> HeldOutComparison:
-    success, reward = (difference(start, found, quantity) for quantity in (SUCCESS, _REWARD))
+def _comparison(start: pd.DataFrame, result: pd.DataFrame) -> HeldOutComparison:
+    success, reward = (difference(start, result, quantity) for quantity in (SUCCESS, _REWARD))
     assert success is not None
     assert reward is not None  # both drove the same worlds
     return HeldOutComparison(
-        float((found["outcome"] == SUCCESS).mean()), float(found[_REWARD].mean()), success, reward
+        float((result["outcome"] == SUCCESS).mean()), float(result[_REWARD].mean()), success, reward
     )
 
 

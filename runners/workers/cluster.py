@@ -27,8 +27,7 @@ from runners.workers.executor import (
     map_once,
     serial_in_launcher,
 )
-from runners.workers.server import ONE_THREAD
-from runners.workers.signals import sigint_ignored
+from runners.workers.forkserver import ONE_THREAD, sigint_ignored
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
@@ -202,10 +201,10 @@ def _submit_batches(client: Client, token: str, items: Sequence[Item], batch: in
     size = _batch_size(len(items), sum(client.nthreads().values()), batch)
     batches = [items[start : start + size] for start in range(0, len(items), size)]
     futures = client.map(run_batch, batches, token=token, pure=False)
-    given = {future.key: batch for future, batch in zip(futures, batches, strict=True)}
+    batches_by_key = {future.key: batch for future, batch in zip(futures, batches, strict=True)}
     try:
         for future in as_completed(futures, loop=client.loop):
-            results, error = _receive(future, given[future.key])
+            results, error = _receive(future, batches_by_key[future.key])
             future.release()
             yield from results
             if error is not None:
@@ -215,9 +214,9 @@ def _submit_batches(client: Client, token: str, items: Sequence[Item], batch: in
             client.cancel(futures)
 
 
-def _batch_size(items: int, workers: int, most: int) -> int:
-    """Return the number of items in a batch: `most`, or fewer if each worker would get only a few batches."""
-    return min(most, max(1, math.ceil(items / (_BATCHES_PER_WORKER * max(workers, 1)))))
+def _batch_size(items: int, workers: int, max_size: int) -> int:
+    """Return the number of items in a batch: `max_size`, or fewer if each worker would get only a few batches."""
+    return min(max_size, max(1, math.ceil(items / (_BATCHES_PER_WORKER * max(workers, 1)))))
 
 
 def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
@@ -226,8 +225,8 @@ def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exc
     from distributed.scheduler import NoWorkerError
 
     try:
-        received: tuple[list[Any], Exception | None] = future.result()
-        return received
+        result: tuple[list[Any], Exception | None] = future.result()
+        return result
     except KilledWorker as error:
         raise WorkerDiedError(
             f"{error.allowed_failures + 1} workers died with {'; '.join(map(str, items))} to run: "

@@ -20,9 +20,9 @@ class WorkerSetup(WorkerPlugin):
     pickled: `initialise` and its payload. wanted: the versions of the process that hands out the items.
     """
 
-    def __init__(self, token: str, pickled: bytes, wanted: Mapping[str, str]) -> None:
+    def __init__(self, token: str, pickled: bytes, required_versions: Mapping[str, str]) -> None:
         self.name = token
-        self._pickled, self._wanted = pickled, wanted
+        self._pickled, self._required_versions = pickled, required_versions
         self._run: Run | None = None
 
     def run(self, items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
@@ -42,7 +42,7 @@ class WorkerSetup(WorkerPlugin):
     def _build_once(self, worker: Worker) -> Run:
         """Return the function that runs one item; it is built when the first item comes."""
         if self._run is None:
-            _check(worker, self._wanted)
+            _check(worker, self._required_versions)
             initialise, payload = pickle.loads(self._pickled)
             self._run = initialise(payload)
         assert self._run is not None
@@ -56,18 +56,18 @@ def run_batch(items: Sequence[Item], token: str) -> tuple[list[Any], Exception |
     return job.run(items)
 
 
-def _check(worker: Worker, wanted: Mapping[str, str]) -> None:
+def _check(worker: Worker, required: Mapping[str, str]) -> None:
     """Raise InputError unless the worker gives the same results and runs one item at a time."""
     if worker.state.nthreads != 1:
         raise InputError(
             f"executor.address: the worker {worker.address} has {worker.state.nthreads} threads: "
             "must have one; start it with --nthreads 1"
         )
-    here = versions(*wanted)
-    other = [name for name in wanted if here.get(name) != wanted[name]]
-    if other:
-        has = ", ".join(f"{name} {here.get(name, 'is missing')}" for name in other)
-        must = ", ".join(f"{name} {wanted[name]}" for name in other)
+    installed = versions(*required)
+    differing = [name for name in required if installed.get(name) != required[name]]
+    if differing:
+        has = ", ".join(f"{name} {installed.get(name, 'is missing')}" for name in differing)
+        must = ", ".join(f"{name} {required[name]}" for name in differing)
         raise InputError(
             f"executor.address: the worker {worker.address} has {has}: must have {must}, as here"
         )

@@ -15,12 +15,12 @@ SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 @contextlib.contextmanager
 def environment(variables: Mapping[str, str]) -> Iterator[None]:
     """Set environment variables, which processes started in the block inherit."""
-    before = {name: os.environ.get(name) for name in variables}
+    previous_values = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in previous_values.items():
             if value is None:
                 os.environ.pop(name, None)
             else:
@@ -29,6 +29,6 @@ def environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 def search_working_folder_last() -> None:
     """Find modules of the working folder, such as a user's own planner, after all installed ones."""
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
+    working_folder = str(Path.cwd())
+    if working_folder not in sys.path:
+        sys.path.append(working_folder)

@@ -28,7 +28,7 @@ from runners.config.schema import DriveConfig
 from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
 from runners.workers.recorder import Recorder, recording_path
 
-_Parts = Callable[[DriveConfig], tuple[Navigator, Simulator]]
+_Systems = Callable[[DriveConfig], tuple[Navigator, Simulator]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +53,16 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
     seed = payload.config.seed
     _check_run_dir(payload.recordings)
     maps = build.map_set(payload.config)
-    parts = _parts(payload.config, maps)
-    _warm_up(build.setting(payload.config, maps, maps.numbers[0]), parts)
+    systems = _systems(payload.config, maps)
+    _warm_up(build.setting(payload.config, maps, maps.numbers[0]), systems)
 
     def run(key: EpisodeKey) -> EpisodeResult:
         # The task, and navigator and simulator: those of this process, unless the map set draws a robot.
-        began = perf_counter()
-        config, task, drawn = build.setting(payload.config, maps, key.world)
+        start_s = perf_counter()
+        config, task, disturbances = build.setting(payload.config, maps, key.world)
         robot = config.robot
         check_task(task, robot)
-        navigator, simulator = parts(config)
+        navigator, simulator = systems(config)
         # Drive, with observers for the recording and for the social measures, if wanted.
         company = Company(robot, simulator) if task.world.people else None
         with _recorder(payload.recordings, seed, key, robot) as recorder:
@@ -70,14 +70,14 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
             rng = episode_rng(seed, key.world, key.run)
             observer = _Observers(observers) if observers else None  # telling one the state takes time
             episode = run_episode(task, navigator, simulator, rng, observer)
-        record = record_of(payload.labels, key, seed, task, episode, perf_counter() - began)
+        record = record_of(payload.labels, key, seed, task, episode, perf_counter() - start_s)
         # Social measures compare with a second drive, from the same random numbers but without people.
         if company is not None:
             rng = episode_rng(seed, key.world, key.run)
-            alone = partial(run_episode, without_people(task), navigator, simulator, rng)
-            record = replace(record, social=_social(company, episode, alone))
-        if drawn:
-            record = replace(record, world_measures={**record.world_measures, **drawn})
+            drive_alone = partial(run_episode, without_people(task), navigator, simulator, rng)
+            record = replace(record, social=_social(company, episode, drive_alone))
+        if disturbances:
+            record = replace(record, world_measures={**record.world_measures, **disturbances})
         return EpisodeResult(record, episode.trajectory)
 
     return run
@@ -118,31 +118,31 @@ def _recorder(
     """Return the recorder of the episode; a null context if no recordings are written."""
     if recordings is None:
         return nullcontext()
-    about = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
-    return Recorder(recording_path(recordings.folder, key), about, robot)
+    metadata = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
+    return Recorder(recording_path(recordings.folder, key), metadata, robot)
 
 
-def _parts(config: DriveConfig, maps: MapSet) -> _Parts:
+def _systems(config: DriveConfig, maps: MapSet) -> _Systems:
     """Return a function that gives navigator and simulator; they are built once unless robots are drawn."""
     if isinstance(maps, DrawsRobots):
-        return lambda drawn: (build.navigator(drawn), build.simulator(drawn))
-    once = build.navigator(config), build.simulator(config)
-    return lambda _: once
+        return lambda setting_config: (build.navigator(setting_config), build.simulator(setting_config))
+    shared_pair = build.navigator(config), build.simulator(config)
+    return lambda _: shared_pair
 
 
-def _warm_up(here: build.EpisodeSetting, parts: _Parts) -> None:
+def _warm_up(setting: build.EpisodeSetting, systems: _Systems) -> None:
     """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
-    task = replace(here.task, time_limit=2 * here.config.robot.dt)
-    run_episode(task, *parts(here.config), np.random.default_rng(0))
+    task = replace(setting.task, time_limit=2 * setting.config.robot.dt)
+    run_episode(task, *systems(setting.config), np.random.default_rng(0))
 
 
 def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episode]) -> dict[str, float]:
     """Return the social measures by name. A successful episode is driven again without people, for its time alone."""
     measures: dict[str, float] = asdict(company.measures())
     if episode.outcome is Outcome.SUCCESS:
-        alone = drive_alone()
-        if alone.outcome is Outcome.SUCCESS and alone.time > 0.0:
-            measures["time_against_alone"] = episode.time / alone.time
+        solo_episode = drive_alone()
+        if solo_episode.outcome is Outcome.SUCCESS and solo_episode.time > 0.0:
+            measures["time_against_alone"] = episode.time / solo_episode.time
     return measures
 
 

@@ -30,8 +30,8 @@ from typing import Any
 
 from lme.errors import InputError, require
 from lme.inputs.user_code import explained
-from runners.workers import server
-from runners.workers.signals import end_with_parent
+from runners.workers import forkserver
+from runners.workers.forkserver import end_with_parent
 
 Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
@@ -150,20 +150,20 @@ class ProcessExecutor:
 
 def map_once(
     open_workers: Callable[[Initialise, Any, int], contextlib.AbstractContextManager[Map]],
-    most: int,
+    max_workers: int,
     initialise: Initialise,
     payload: Any,
     items: Iterable[Item],
 ) -> Iterator[Any]:
     """Yield the result of every item, as they finish, from workers that live as long as the iteration.
 
-    most: number of workers; no more are started than there are items.
+    max_workers: number of workers; no more are started than there are items.
     """
-    waiting = iter(items)
-    first = list(itertools.islice(waiting, most))
-    if first:
-        with open_workers(initialise, payload, len(first)) as run_all:
-            yield from run_all(itertools.chain(first, waiting))
+    remaining = iter(items)
+    first_items = list(itertools.islice(remaining, max_workers))
+    if first_items:
+        with open_workers(initialise, payload, len(first_items)) as run_all:
+            yield from run_all(itertools.chain(first_items, remaining))
 
 
 def available_cores() -> int:
@@ -190,11 +190,11 @@ def _announce_serial(executor: str) -> None:
 
 def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> Iterator[Any]:
     """Give each worker one item at a time: an episode takes far longer than sending an item."""
-    waiting = iter(items)
+    remaining = iter(items)
     busy: dict[Connection, Item] = {}
 
     def hand_next(worker: Connection) -> None:
-        item = next(waiting, None)
+        item = next(remaining, None)
         if item is not None:
             busy[worker] = item
             # If the worker has died, `_receive` raises the error.
@@ -229,13 +229,13 @@ def _start_workers(
     workers: dict[Connection, BaseProcess], count: int, initialise: Initialise, payload: Any
 ) -> None:
     """Add each worker's connection and process to `workers`."""
-    with server.context() as context:
+    with forkserver.context() as context:
         for _ in range(count):
-            ours, theirs = context.Pipe()
-            process = context.Process(target=_work, args=(theirs, initialise, payload), daemon=True)
+            parent_end, child_end = context.Pipe()
+            process = context.Process(target=_work, args=(child_end, initialise, payload), daemon=True)
             process.start()
-            theirs.close()
-            workers[ours] = process
+            child_end.close()
+            workers[parent_end] = process
 
 
 def _stop(workers: dict[Connection, BaseProcess]) -> None:
@@ -278,13 +278,13 @@ def to_portable_error(error: BaseException, item: Item | None) -> Exception:
 
     An InputError remains one. An error of a user's own code is explained in a line, any other carries its traceback.
     """
-    where = "" if item is None else f"{item}: "
+    prefix = "" if item is None else f"{item}: "
     if isinstance(error, InputError):
-        return InputError(f"{where}{error}")
-    said = explained(error)
-    if not said:
-        return EpisodeError(f"{where}{type(error).__name__}: {error}\n{traceback.format_exc()}")
-    portable = EpisodeError(f"{where}{said}")
+        return InputError(f"{prefix}{error}")
+    explanation = explained(error)
+    if not explanation:
+        return EpisodeError(f"{prefix}{type(error).__name__}: {error}\n{traceback.format_exc()}")
+    portable = EpisodeError(f"{prefix}{explanation}")
     portable.trace = traceback.format_exc()
     return portable
 

@@ -146,12 +146,12 @@ class TeachingNavigator(Navigator):
         self._student = cast(NetworkPlanner, student)
         with _without_warnings():
             self._expert: Planner = instantiate.build(with_network(expert.planner), "learner.expert", robot)
-        own = expert.guide if lesson.guide == "target" else None
+        expert_guide = expert.guide if lesson.guide == "target" else None
         self._guide: Guide | None = (
-            None if own is None else instantiate.build(own, "learner.expert.guide", robot)
+            None if expert_guide is None else instantiate.build(expert_guide, "learner.expert.guide", robot)
         )
         self._beta = lesson.beta or 0.0
-        self._expert_drives, self._left = False, 0
+        self._expert_drives, self._remaining_steps = False, 0
         self._driver = _rng(payload.config.seed, lesson.world, _DRIVER)
         self._features: list[tuple[Floats, ...]] = []
         self._actions: list[Floats] = []
@@ -172,10 +172,10 @@ class TeachingNavigator(Navigator):
         command = super().act(observation, time)
         # The expert labels every step, whoever drives; it has its own guide only under the target.
         assert self.guidance is not None
-        told = self.guidance
+        guidance = self.guidance
         if self._guide is not None:
-            told = checked_guidance(self._guide.guide(observation), self._guide)
-        advice = checked_command(self._expert.plan(observation, told), self._expert)
+            guidance = checked_guidance(self._guide.guide(observation), self._guide)
+        advice = checked_command(self._expert.plan(observation, guidance), self._expert)
         assert self._student.seen is not None
         self._features.append(self._student.seen)
         self._actions.append(self._student.interface.action(advice, observation))
@@ -186,25 +186,25 @@ class TeachingNavigator(Navigator):
 
         The driver may change only after some steps, so that the network's mistakes show.
         """
-        if self._left == 0:
+        if self._remaining_steps == 0:
             self._expert_drives = bool(self._driver.random() < self._beta)
-            self._left = int(self._driver.integers(*_TURN))
-        self._left -= 1
+            self._remaining_steps = int(self._driver.integers(*_TURN))
+        self._remaining_steps -= 1
         return self._expert_drives
 
     def labels(self) -> tuple[Arrays, NDArray[np.float32]]:
         """Return the features (T, …) and the expert's actions (T, A) so far."""
-        features = tuple(np.array(each, np.float32) for each in zip(*self._features, strict=True))
+        features = tuple(np.array(arrays, np.float32) for arrays in zip(*self._features, strict=True))
         return features, np.array(self._actions, np.float32)
 
 
 def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, Planner]:
     """Build guide and planner, one of which uses the lesson's network."""
-    parts = {"guide": payload.guides[lesson.guide], "planner": payload.config.planner}
-    parts[payload.learned] = {**parts[payload.learned], "weights": lesson.network}
+    nodes = {"guide": payload.guides[lesson.guide], "planner": payload.config.planner}
+    nodes[payload.learned] = {**nodes[payload.learned], "weights": lesson.network}
     with _without_warnings():
         guide, planner = (
-            instantiate.build(with_network(node, part), part, robot) for part, node in parts.items()
+            instantiate.build(with_network(node, group), group, robot) for group, node in nodes.items()
         )
     return guide, planner
 

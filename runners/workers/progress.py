@@ -118,7 +118,7 @@ class TrialProgress(_Bar):
     def __init__(self, label: str, total: int) -> None:
         best, rate = "best reward {task.fields[best]}", "{task.fields[rate]}"
         super().__init__(label, total, best, rate, best="–", rate="")
-        self._before = 0  # trials that were finished when this process began
+        self._finished_before = 0  # trials that were finished when this process began
 
     def __enter__(self) -> Self:
         self._began = perf_counter()
@@ -126,12 +126,12 @@ class TrialProgress(_Bar):
 
     def skip(self, done: int, best: float | None) -> None:
         """Count the trials that an earlier run or another machine finished."""
-        self._before = done
+        self._finished_before = done
         self._bar.update(self._task, completed=done, best=_reward_text(best))
 
     def set_done(self, done: int, best: float | None) -> None:
         """Set the number of finished trials on all machines, and the best reward."""
-        rate = (done - self._before) / max(perf_counter() - self._began, 1e-9)
+        rate = (done - self._finished_before) / max(perf_counter() - self._began, 1e-9)
         self._bar.update(self._task, completed=done, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
 
 

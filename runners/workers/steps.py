@@ -37,16 +37,18 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
     keys = sorted(rows)
     with log_of(run_dir) as log, contextlib.ExitStack() as workers:
         drive: Map | None = None
-        for first in range(0, len(keys), _BLOCK):
-            block = keys[first : first + _BLOCK]
+        for start in range(0, len(keys), _BLOCK):
+            block = keys[start : start + _BLOCK]
             table = trajectory_table(run_dir, log, block)
-            kept = set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
-            missing = [key for key in block if key not in kept]
+            stored_keys = set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
+            missing_keys = [key for key in block if key not in stored_keys]
             # Drive only the episodes whose steps were not kept; workers start when the first is needed.
-            if missing:
+            if missing_keys:
                 drive = drive or workers.enter_context(_driver(run_dir, rows))
-                again = [_table(_checked(result, rows, run_dir)) for result in drive(missing)]
-                joined = pa.concat_tables([table, *again], promote_options="permissive")
+                rerun_tables = [
+                    _table(_check_repeated(result, rows, run_dir)) for result in drive(missing_keys)
+                ]
+                joined = pa.concat_tables([table, *rerun_tables], promote_options="permissive")
                 table = joined.sort_by([(name, "ascending") for name in ("world", "run", "step")])
             yield table
 
@@ -70,13 +72,15 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
         yield run_all
 
 
-def _checked(
+def _check_repeated(
     result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
 ) -> EpisodeResult:
     """Return the result. Raises InputError unless the drive equals its record."""
-    new = result.record
-    if not ends_alike(rows[new.key], new.outcome, new.steps, new.path_length_m, new.final_distance_m):
-        raise another_path(run_dir, new.key)
+    record = result.record
+    if not ends_alike(
+        rows[record.key], record.outcome, record.steps, record.path_length_m, record.final_distance_m
+    ):
+        raise another_path(run_dir, record.key)
     return result
 
 

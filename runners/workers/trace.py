@@ -130,14 +130,14 @@ def check_repeatable(launch: launch_record.Launch, run_dir: Path, key: EpisodeKe
         )
 
 
-def is_same_drive(driven: Episode | Drive, steps: pd.DataFrame, record: Mapping[str, Any]) -> bool:
+def is_same_drive(drive: Episode | Drive, steps: pd.DataFrame, record: Mapping[str, Any]) -> bool:
     """Return whether an episode took its recorded path or, without recorded steps, ends as its record says."""
     if steps.empty:
-        return isinstance(driven, Episode) and ends_alike(
-            record, str(driven.outcome), driven.steps, driven.path_length, driven.final_distance
+        return isinstance(drive, Episode) and ends_alike(
+            record, str(drive.outcome), drive.steps, drive.path_length, drive.final_distance
         )
-    recorded, path = steps[["x_m", "y_m"]].to_numpy(float), driven.trajectory[:, 1:3]
-    return recorded.shape == path.shape and np.allclose(recorded, path, rtol=0.0, atol=SAME_M)
+    recorded_path, path = steps[["x_m", "y_m"]].to_numpy(float), drive.trajectory[:, 1:3]
+    return recorded_path.shape == path.shape and np.allclose(recorded_path, path, rtol=0.0, atol=SAME_M)
 
 
 def ends_alike(
@@ -169,10 +169,12 @@ class _Tracer:
         self.steps: list[TracedStep] = []
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        why = self._explanations.new()
+        explanation = self._explanations.new()
         subgoal, obstacles = to_world(guidance.subgoal, state.pose), self._simulator.obstacles
         self.steps.append(
-            TracedStep(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
+            TracedStep(
+                state.time, state.pose, observation, subgoal, guidance, command, obstacles, explanation
+            )
         )
 
     def ended(self, observation: Observation, state: State) -> None:

@@ -35,10 +35,10 @@ _SIDES = ("length", "width")
 def disturbed(config: TrainConfig, world: int) -> TrainConfig:
     """Return the config with the disturbances drawn for a world; they are the same for every candidate."""
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, _DISTURBANCES]))
-    drawn = {
+    values_drawn = {
         key: float(rng.uniform(*bounds)) for key, bounds in asdict(config.disturbances).items() if bounds
     }
-    return with_disturbances(config, drawn)
+    return with_disturbances(config, values_drawn)
 
 
 def check_disturbances(config: TrainConfig) -> None:
@@ -97,9 +97,9 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
 
     @cache  # a training drives each world many times
     def task(family: str, world: int) -> Task:
-        found = maps(family).task(world)
-        check_task(found, families[family].robot)
-        return found
+        new_task = maps(family).task(world)
+        check_task(new_task, families[family].robot)
+        return new_task
 
     @lru_cache(maxsize=64)
     def simulator(family: str, world: int | None) -> Simulator:
@@ -114,14 +114,19 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
 
     def run(attempt: Attempt) -> Score:
         family, world = attempt.family, attempt.world
-        config, here = families[family], task(family, world)
+        config, task_driven = families[family], task(family, world)
         # Every candidate gets the same random numbers, so two rewards differ by the parameters alone.
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, 0]))
-        drawn = world if config.disturbances.any else None
-        told = drawn if config.disturbances.latency else None  # a planner may know the delay of its world
-        pilot, drive = navigator(family, attempt.values, told), simulator(family, drawn)
-        episode = run_episode(here, pilot, drive, rng)
-        reward = episode_reward(config, here.time_limit, str(episode.outcome), episode.steps)
+        disturbance_seed = world if config.disturbances.any else None
+        known_latency_seed = (
+            disturbance_seed if config.disturbances.latency else None
+        )  # a planner may know the delay of its world
+        pilot, drive = (
+            navigator(family, attempt.values, known_latency_seed),
+            simulator(family, disturbance_seed),
+        )
+        episode = run_episode(task_driven, pilot, drive, rng)
+        reward = episode_reward(config, task_driven.time_limit, str(episode.outcome), episode.steps)
         return Score(attempt.trial, world, str(episode.outcome), episode.steps, reward, family)
 
     return run
@@ -137,10 +142,10 @@ def episode_reward(config: TrainConfig, time_limit: float, outcome: str, steps: 
 def check_ranges(ranges: RobotRanges) -> None:
     """Raise InputError for an invalid range, and for one side of a footprint without the other."""
     for key in ranged_keys(ranges):
-        found = getattr(ranges, key)
-        if len(found) != 2 or found[0] > found[1]:
-            raise InputError(f"robots.{key} is {found}: must be [lowest, highest]")
-        require(f"robots.{key}", found[0], above=0.0)
+        interval = getattr(ranges, key)
+        if len(interval) != 2 or interval[0] > interval[1]:
+            raise InputError(f"robots.{key} is {interval}: must be [lowest, highest]")
+        require(f"robots.{key}", interval[0], above=0.0)
     if (ranges.length is None) != (ranges.width is None):
         raise InputError("robots.length and robots.width: must both be ranges, or both null")
 
@@ -155,7 +160,7 @@ def draw_robot(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> R
 
 def extremes(robot: Robot, ranges: RobotRanges) -> tuple[Robot, Robot]:
     """Return the robots with the lowest and with the highest values of the ranges."""
-    lowest, highest = ({key: getattr(ranges, key)[end] for key in ranged_keys(ranges)} for end in (0, 1))
+    lowest, highest = ({key: getattr(ranges, key)[index] for key in ranged_keys(ranges)} for index in (0, 1))
     return robot_with(robot, lowest), robot_with(robot, highest)
 
 

@@ -30,13 +30,17 @@ def main(argv: list[str]) -> int:
 
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
-    found = compare_runs(read_episodes(runs))
-    shown = compare_report.to_markdown(found) if arguments.format == "md" else compare_report.to_text(found)
-    print(shown, end="")
-    place = arguments.into or _default_folder(arguments.runs, runs)
-    files = _write(found, place)
-    said = f"Tables and pictures: {', '.join(path.name for path in files)} in {place}"
-    print(said, file=sys.stderr if arguments.format == "md" else sys.stdout)
+    comparisons = compare_runs(read_episodes(runs))
+    text = (
+        compare_report.to_markdown(comparisons)
+        if arguments.format == "md"
+        else compare_report.to_text(comparisons)
+    )
+    print(text, end="")
+    directory = arguments.into or _default_folder(arguments.runs, runs)
+    files = _write(comparisons, directory)
+    message = f"Tables and pictures: {', '.join(path.name for path in files)} in {directory}"
+    print(message, file=sys.stderr if arguments.format == "md" else sys.stdout)
     return 0
 
 
@@ -65,26 +69,26 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _default_folder(given: Sequence[Path], runs: Sequence[Path]) -> Path:
+def _default_folder(paths: Sequence[Path], runs: Sequence[Path]) -> Path:
     """Return the directory of a sweep that was given alone, else a new directory."""
     from runners.records.run_directories import ROOT
 
-    if len(given) == 1 and list(given) != list(runs):
-        return given[0]
+    if len(paths) == 1 and list(paths) != list(runs):
+        return paths[0]
     return ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
 
 
-def _write(found: Sequence[RunComparison], place: Path) -> list[Path]:
+def _write(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
     """Write the files and return their paths. Raises InputError if that cannot be done."""
     from lme.errors import InputError
     from runners.reports.analysis import compare_report
     from runners.reports.plots.compare_runs import compare_figures
 
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        pictures = compare_figures(found, place)
-        return [*compare_report.write(found, pictures, place), *pictures]
+        directory.mkdir(parents=True, exist_ok=True)
+        pictures = compare_figures(comparisons, directory)
+        return [*compare_report.write(comparisons, pictures, directory), *pictures]
     except OSError as error:
         raise InputError(
-            f"cannot write to {place} ({error.strerror}): what is printed above is all"
+            f"cannot write to {directory} ({error.strerror}): what is printed above is all"
         ) from None

@@ -17,12 +17,12 @@ def main(argv: list[str]) -> int:
     from runners.cli import completion
     from runners.cli.main import command_files
 
-    given = _parser().parse_intermixed_args(argv)
-    if given.what in completion.SCRIPTS:
-        print(completion.SCRIPTS[given.what], end="")
+    arguments = _parser().parse_intermixed_args(argv)
+    if arguments.what in completion.SCRIPTS:
+        print(completion.SCRIPTS[arguments.what], end="")
         return 0
-    found = completion.candidates(given.line, command_files())
-    print("\n".join(completion.drop_broken_part(found, given.line, given.breaks)))
+    candidates = completion.candidates(arguments.line, command_files())
+    print("\n".join(completion.drop_broken_part(candidates, arguments.line, arguments.breaks)))
     return 0
 
 

@@ -29,7 +29,7 @@ def main(argv: list[str]) -> int:
 
     _parser().parse_args(argv)
     lines = doctor.report()
-    print("\n".join(_printed(lines)))
+    print("\n".join(_format(lines)))
     return int(any(line.advice for line in lines))
 
 
@@ -37,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     return argparse.ArgumentParser(prog="lme doctor", **texts(__doc__, EXAMPLES, _NOTES))
 
 
-def _printed(lines: Sequence[Line]) -> list[str]:
+def _format(lines: Sequence[Line]) -> list[str]:
     """Return the report as two columns, with advice below each problem and the number of problems at the end."""
     width = max(len(line.name) for line in lines)
     texts = []

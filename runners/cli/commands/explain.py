@@ -45,22 +45,24 @@ def main(argv: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     notes = "Episodes are driven once more, and must repeat what was recorded."
     parser = argparse.ArgumentParser(prog="lme explain", **texts(__doc__, EXAMPLES, notes))
-    what = "a run's directory, that of a sweep's job, or a recording"
-    parser.add_argument("run", type=Path, metavar="RUN", help=what)
+    run_help = "a run's directory, that of a sweep's job, or a recording"
+    parser.add_argument("run", type=Path, metavar="RUN", help=run_help)
     parser.add_argument(
         "episodes",
         nargs="*",
         metavar="EPISODE",
         help="WORLD (its run 0), WORLD/RUN or failures; none: list the failed episodes of the run",
     )
-    either = parser.add_mutually_exclusive_group()
-    either.add_argument(
+    output_choice = parser.add_mutually_exclusive_group()
+    output_choice.add_argument(
         "--output",
         type=Path,
         metavar="PATH",
         help="an .html file for one episode, or a folder; default: RUN/explain/, or next to the recording",
     )
-    either.add_argument("--text", action="store_true", help="print the sentences instead of making a page")
+    output_choice.add_argument(
+        "--text", action="store_true", help="print the sentences instead of making a page"
+    )
     add_trust(parser)
     return parser
 
@@ -82,13 +84,13 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     if text:
         print("\n".join(_episode_lines(title(trace).capitalize(), trace)))
         return
-    place = path.with_suffix(".html")
+    page_path = path.with_suffix(".html")
     if output is not None:
-        named = output if output.suffix == ".html" else output / place.name
-        place = output_path(named, "--output")
-    make_folder(place.parent)
-    write_page(trace, place, play="" if isinstance(trace.episode, Drive) else path.name)
-    print(place)
+        html_path = output if output.suffix == ".html" else output / page_path.name
+        page_path = output_path(html_path, "--output")
+    make_folder(page_path.parent)
+    write_page(trace, page_path, play="" if isinstance(trace.episode, Drive) else path.name)
+    print(page_path)
 
 
 def _one_run(path: Path) -> Path:
@@ -119,11 +121,11 @@ def _list(run_dir: Path) -> None:
         print(line)
     successes = len(episodes) - len(failed)
     if successes:
-        many = f"{successes} episodes" if successes > 1 else "1 episode"
-        print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
+        num_successes = f"{successes} episodes" if successes > 1 else "1 episode"
+        print(f"{num_successes} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
     # Print commands for an example, which is a failed episode if there is one.
-    first = (failed if len(failed) else episodes).iloc[0]
-    episode = f"{first['world']}/{first['run']}"
+    example = (failed if len(failed) else episodes).iloc[0]
+    episode = f"{example['world']}/{example['run']}"
     trust = trust_flags(run_dir)
     print(f"\nOne of them:        {lme_command('explain', run_dir, episode, *trust)}")
     print(f"In words:           {lme_command('explain', run_dir, episode, '--text', *trust)}")
@@ -133,7 +135,7 @@ def _list(run_dir: Path) -> None:
 
 def _lines(episodes: pd.DataFrame) -> list[str]:
     """Return the episodes as an aligned table."""
-    from runners.reports.analysis.columns import aligned
+    from runners.reports.analysis.tables import aligned
 
     rows = [("episode", "outcome", "time [s]", "switches")]
     for episode in episodes.to_dict("records"):
@@ -154,24 +156,24 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
 
     # Make the page of each episode, several of them in worker processes.
     episodes = pages.select_episodes(read_episodes([run_dir]), words)
-    places = _places(run_dir, pages.keys_of(episodes), output)
+    page_paths = _page_paths(run_dir, pages.keys_of(episodes), output)
     executor = ProcessExecutor(ProcessConfig(workers=None))
     try:
-        results = sorted(pages.make_pages(run_dir, episodes, places, executor))
+        results = sorted(pages.make_pages(run_dir, episodes, page_paths, executor))
     except WorkerDiedError as error:
         raise InputError(f"{str(error).partition(':')[0]}: explain fewer episodes at once") from None
     # Say where the pages are, also if some could not be made.
-    made = [page.path for page in results if not page.problem]
-    for path in made:
+    made_paths = [page.path for page in results if not page.problem]
+    for path in made_paths:
         print(path)
-    if output is None and made:
-        add_files(run_dir, [*made, pages.index(run_dir)], FOLDER)
+    if output is None and made_paths:
+        add_files(run_dir, [*made_paths, pages.index(run_dir)], FOLDER)
     problems = [page.problem for page in results if page.problem]
     if problems:
         raise InputError(problems[0])
 
 
-def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
+def _page_paths(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
     """Return the path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
     from runners.records.whole_file import output_path
@@ -201,8 +203,8 @@ def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:
 
 def _episode_lines(name: str, trace: Trace) -> list[str]:
     """Return lines that say how a drive ended and why each decision was made."""
-    end = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
-    return [f"{name}: {end}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
+    outcome = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
+    return [f"{name}: {outcome}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
 
 
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
@@ -210,14 +212,14 @@ def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     from lme.errors import InputError
     from lme.guides.lme.reasons import reasons
 
-    why = [step.explanation for step in steps if step.explanation is not None]
-    if not why:
+    explanations = [step.explanation for step in steps if step.explanation is not None]
+    if not explanations:
         raise InputError(
             "--text: only guide=lme and guide=lme_plus give reasons; without --text the page shows the drive"
         )
     yield f"{'step':>11}  {'time [s]':>13}  why"
-    for first, last, text in reasons(why):
-        numbers, times = f"{first}", f"{steps[first].time:.1f}"
-        if last > first:
-            numbers, times = f"{numbers}–{last}", f"{times}–{steps[last].time:.1f}"
+    for start, end, text in reasons(explanations):
+        numbers, times = f"{start}", f"{steps[start].time:.1f}"
+        if end > start:
+            numbers, times = f"{numbers}–{end}", f"{times}–{steps[end].time:.1f}"
         yield f"{numbers:>11}  {times:>13}  {text}"

@@ -39,14 +39,14 @@ def main(argv: list[str]) -> int:
     style = _format(arguments.format, arguments.output)
     runs = find_runs(arguments.runs)
     tables = export.episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
-    chosen = [name for name in (arguments.columns or "").split(",") if name]
-    rows = export.select(tables, chosen)
+    column_names = [name for name in (arguments.columns or "").split(",") if name]
+    rows = export.select(tables, column_names)
     if arguments.output is None or str(arguments.output) == "-":
         export.FORMATS[style](rows, sys.stdout)
     else:
         count = _to_file(rows, arguments.output, style)
-        place = sys.stderr if is_standard_output(arguments.output) else sys.stdout
-        print(f"{count} rows: {arguments.output}", file=place)
+        stream = sys.stderr if is_standard_output(arguments.output) else sys.stdout
+        print(f"{count} rows: {arguments.output}", file=stream)
     return 0
 
 
@@ -91,19 +91,19 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
     return arguments
 
 
-def _format(given: str | None, output: Path | None) -> str:
+def _format(format_name: str | None, output: Path | None) -> str:
     """Return the format. Raises InputError for Parquet without a file, and for a file with another suffix."""
     from lme.errors import InputError
 
-    known = ", ".join(_FORMATS)
+    formats = ", ".join(_FORMATS)
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    if ending and ending not in _FORMATS and not given:
+    if ending and ending not in _FORMATS and not format_name:
         raise InputError(
-            f"--output {output}: .{ending} is not a format; end it in one of {known}, or add --format"
+            f"--output {output}: .{ending} is not a format; end it in one of {formats}, or add --format"
         )
-    if given and ending in _FORMATS and ending != given:
-        raise InputError(f"--output {output} --format {given}: ask for two formats; give one of them")
-    style = given or ending or "csv"
+    if format_name and ending in _FORMATS and ending != format_name:
+        raise InputError(f"--output {output} --format {format_name}: ask for two formats; give one of them")
+    style = format_name or ending or "csv"
     if style == "parquet" and (output is None or str(output) == "-"):
         raise InputError("--format parquet: is not text, so it needs --output FILE")
     return style
@@ -117,17 +117,17 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
     from runners.reports.explainer.pages import keys_of
     from runners.workers.steps import step_tables
 
-    parts = []
+    tables_of_runs = []
     for run_dir in runs:
         frame = read_episodes([run_dir])
         records = dict(zip(keys_of(frame), frame.to_dict("records"), strict=True))
-        wanted = {key: records[key] for key in _keys(frame, words)}
-        if wanted:
-            tables = step_tables(run_dir, wanted)
-            parts.append(with_run_dir(tables, run_dir) if len(runs) > 1 else tables)
-    if not parts:
+        selected_records = {key: records[key] for key in _keys(frame, words)}
+        if selected_records:
+            tables = step_tables(run_dir, selected_records)
+            tables_of_runs.append(with_run_dir(tables, run_dir) if len(runs) > 1 else tables)
+    if not tables_of_runs:
         raise InputError(f"--steps {' '.join(words)}: no episode failed")
-    return chain.from_iterable(parts)
+    return chain.from_iterable(tables_of_runs)
 
 
 def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:

@@ -43,18 +43,18 @@ def _check_driving(words: list[str]) -> None:
     from lme.errors import InputError
     from runners.config import catalogue
 
-    given = {_key(word): word for word in words if "=" in word}
-    if given.get("figure", "").endswith("=maps"):
-        why = "figure=maps drives nothing; the maps are those of figure.maps, e.g. figure.maps=['env1 3 radius=0.2']"
-    elif not given.get("run", "run=null").endswith("=null"):
-        why = "the episodes of run= were driven with its own config"
+    words_by_key = {_key(word): word for word in words if "=" in word}
+    if words_by_key.get("figure", "").endswith("=maps"):
+        reason = "figure=maps drives nothing; the maps are those of figure.maps, e.g. figure.maps=['env1 3 radius=0.2']"
+    elif not words_by_key.get("run", "run=null").endswith("=null"):
+        reason = "the episodes of run= were driven with its own config"
     else:
         return
     configs = catalogue.shipped()
     driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
-    for key, word in given.items():
+    for key, word in words_by_key.items():
         if key.partition(".")[0] in driving:
-            raise InputError(f"{word}: {why}; omit it")
+            raise InputError(f"{word}: {reason}; omit it")
 
 
 def _check_swept(words: list[str]) -> None:
@@ -65,8 +65,8 @@ def _check_swept(words: list[str]) -> None:
         return
     for word in words:
         key, value = _key(word), word.partition("=")[2]
-        once = key.partition(".")[0] in ("run", "world", "formats", "figure")
-        if once and "," in value and not value.startswith(("[", "'", '"')):
+        is_single = key.partition(".")[0] in ("run", "world", "formats", "figure")
+        if is_single and "," in value and not value.startswith(("[", "'", '"')):
             raise InputError(
                 f"{word}: one figure is drawn of all jobs, so this cannot be swept; several worlds are a list, "
                 "world=[3,4], and -m sweeps what is driven: systems, maps, ablations"

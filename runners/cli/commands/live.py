@@ -24,16 +24,16 @@ def main(argv: list[str]) -> int:
     from runners.cli.launch import Command, launch
     from runners.ros.run import drive, validate
 
-    overrides, own = _split(argv)
-    command = Command("live", partial(drive, arguments=own), validate)
+    overrides, arguments = _split(argv)
+    command = Command("live", partial(drive, arguments=arguments), validate)
     return launch(command, _to_overrides(overrides))
 
 
 def _split(argv: list[str]) -> tuple[list[str], list[str]]:
     """Split the words into those for lme and those for ROS: remappings in ROS 1, all after --ros-args in ROS 2."""
-    at = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
-    plain = [word for word in argv[:at] if ":=" not in word]
-    return plain, [*(word for word in argv[:at] if ":=" in word), *argv[at:]]
+    split_index = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
+    overrides = [word for word in argv[:split_index] if ":=" not in word]
+    return overrides, [*(word for word in argv[:split_index] if ":=" in word), *argv[split_index:]]
 
 
 def _to_overrides(words: list[str]) -> list[str]:
@@ -42,14 +42,14 @@ def _to_overrides(words: list[str]) -> list[str]:
 
     if words and words[0].startswith(_PRINTS):
         return words
-    kind, rest = (words[0], words[1:]) if words else ("", [])
-    flags = [word for word in rest if word in _FLAGS]
-    rest = [word for word in rest if word not in _FLAGS]
+    kind, options = (words[0], words[1:]) if words else ("", [])
+    flags = [word for word in options if word in _FLAGS]
+    options = [word for word in options if word not in _FLAGS]
     if kind in _ROS and not flags:
-        return [f"live={kind}", f"ros={_ROS[kind]}", *rest]
+        return [f"live={kind}", f"ros={_ROS[kind]}", *options]
     if kind == _SIMULATOR and len(flags) == 1:
-        return [f"live={kind}", f"ros={_FLAGS[flags[0]]}", *rest]
-    named = [] if "=" in kind else [kind]
-    given = " ".join(filter(None, [*named, *flags]))
-    right = "must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"
-    raise InputError(f"{given}: {right}" if given else right)
+        return [f"live={kind}", f"ros={_FLAGS[flags[0]]}", *options]
+    unknown = [] if "=" in kind else [kind]
+    shown_words = " ".join(filter(None, [*unknown, *flags]))
+    advice = "must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"
+    raise InputError(f"{shown_words}: {advice}" if shown_words else advice)

@@ -41,12 +41,12 @@ def main(argv: list[str]) -> int:
 def _parsed(argv: list[str]) -> argparse.Namespace:
     """Parse the arguments. Worlds and settings may follow an option, which argparse alone does not allow."""
     parser = _parser()
-    arguments, rest = parser.parse_known_args(argv)
-    strange = [word for word in rest if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
-    if strange or (rest and not hasattr(arguments, "what")):
-        parser.error(f"unrecognized arguments: {' '.join(strange or rest)}")
-    if rest:
-        arguments.what += rest
+    arguments, unparsed = parser.parse_known_args(argv)
+    strange = [word for word in unparsed if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
+    if strange or (unparsed and not hasattr(arguments, "what")):
+        parser.error(f"unrecognized arguments: {' '.join(strange or unparsed)}")
+    if unparsed:
+        arguments.what += unparsed
     return arguments
 
 
@@ -55,15 +55,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.set_defaults(run=_list)
     # lme maps show MAP [NUMBER | key=value …]
     verbs = parser.add_subparsers(metavar="VERB")
-    about = (
+    description = (
         "The worlds of one map set: optimal time, time limit and measures, as lme eval drives them.\n"
         "Worlds given by number are also drawn, in a file whose path is printed.\n"
         "Settings are the keys of conf/map/MAP.yaml, and robot=NAME or robot.KEY=VALUE: starts, goals and times "
         "depend on the robot."
     )
-    examples = [each for each in EXAMPLES if " show " in each]
+    examples = [example for example in EXAMPLES if " show " in example]
     title = "the worlds of one map set: measures, and pictures of those given by number"
-    show = verbs.add_parser("show", help=title, **texts(about, examples))
+    show = verbs.add_parser("show", help=title, **texts(description, examples))
     show.add_argument("map", help="a map set that `lme maps` lists")
     show.add_argument(
         "what",
@@ -107,24 +107,24 @@ def _show(arguments: argparse.Namespace) -> None:
     from runners.config.arguments import check_config_dir
     from runners.config.map_sets import choose
 
-    own = [arguments.config_dir] if arguments.config_dir else []
-    for folder in own:
+    config_dirs = [arguments.config_dir] if arguments.config_dir else []
+    for folder in config_dirs:
         check_config_dir(folder)
     # Build the chosen tasks, print their measures, and draw those that were named.
-    chosen = choose([arguments.map, *arguments.what], configs=catalogue.shipped(*own))
-    if not chosen.worlds and arguments.output is not None:
+    choice = choose([arguments.map, *arguments.what], configs=catalogue.shipped(*config_dirs))
+    if not choice.worlds and arguments.output is not None:
         raise InputError(
             f"--output {arguments.output}: name the worlds, lme maps show {arguments.map} NUMBER …"
         )
-    tasks = [chosen.maps.task(number) for number in chosen.maps.numbers]
-    path = _saved(chosen, tasks, arguments.output)
+    tasks = [choice.maps.task(number) for number in choice.maps.numbers]
+    path = _saved(choice, tasks, arguments.output)
     print("\n".join(_table(tasks)))
     if path is not None:
         print(path, file=sys.stderr)
 
 
 def _table(tasks: Sequence[Task]) -> list[str]:
-    from runners.reports.analysis.columns import aligned
+    from runners.reports.analysis.tables import aligned
 
     rows = [_measures(task) for task in tasks]
     return aligned(
@@ -138,12 +138,12 @@ def _measures(task: Task) -> dict[str, str]:
     return {"world": str(task.number), "optimal_time_s": optimal, **measures, "time_limit_s": limit}
 
 
-def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:
+def _saved(choice: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:
     """Draw the named worlds into a file. Return its path, or None if no world or too many worlds are named.
 
     Raises InputError if the file cannot be written, or if a file was requested for too many worlds.
     """
-    if not chosen.worlds:
+    if not choice.worlds:
         return None
     from runners.reports.figures.map_pictures import COLUMNS, PANELS, panels_of, sheet
     from runners.reports.figures.style import FORMATS, save_as
@@ -155,7 +155,7 @@ def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path |
     ending = path.suffix.removeprefix(".") or "png"
     if ending not in FORMATS:
         raise InputError(f"--output {path}: must end in .{', .'.join(FORMATS)}")
-    figure = sheet(panels_of(chosen), COLUMNS)
+    figure = sheet(panels_of(choice), COLUMNS)
     # A name without an ending gets one, unless it is that of an existing device or pipe.
     if not path.suffix and (path.is_dir() or not os.path.lexists(path)):
         path = path.with_name(f"{path.name}.{ending}")

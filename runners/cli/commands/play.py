@@ -25,13 +25,13 @@ def main(argv: list[str]) -> int:
 
     episode, words = words_of(argv)
     step, words = _step(words)
-    given = arguments.parse(words)
-    if given.cfg or given.info or given.hydra_help:
+    parsed = arguments.parse(words)
+    if parsed.cfg or parsed.info or parsed.hydra_help:
         return _print_config(words)
-    return _serve(episode, step, given)
+    return _serve(episode, step, parsed)
 
 
-def _serve(episode: list[str], step: int | None, given: Arguments) -> int:
+def _serve(episode: list[str], step: int | None, arguments: Arguments) -> int:
     from lme.errors import InputError
     from runners.play.run import check_installed, serve, settings
     from runners.workers import kernels
@@ -39,46 +39,46 @@ def _serve(episode: list[str], step: int | None, given: Arguments) -> int:
     check_installed()
     if step is not None and not episode:
         raise InputError(f"{_STEP} {step}: goes with a recorded episode, lme play RUN 282/1 {_STEP} {step}")
-    port, browser = settings(given)
+    port, browser = settings(arguments)
     if not kernels.compiled():
         print(
             "lme play: compiling the kernels once, which takes about a minute; the page opens then",
             flush=True,
         )
-    serve(_session(episode, step, given), port, browser)
+    serve(_session(episode, step, arguments), port, browser)
     return 0
 
 
-def _session(episode: list[str], step: int | None, given: Arguments) -> Session:
+def _session(episode: list[str], step: int | None, arguments: Arguments) -> Session:
     """Return the session of a recorded episode, of a drive's log, or of the words alone."""
     from pathlib import Path
 
     from runners.play.from_log import is_log, words_of_log
 
     if not episode:
-        return _composed((), given)
+        return _composed((), arguments)
     if len(episode) == 1 and step is None and is_log(Path(episode[0])):
-        return _composed(words_of_log(Path(episode[0])), given)
-    return _opened(episode, step, given)
+        return _composed(words_of_log(Path(episode[0])), arguments)
+    return _open_episode(episode, step, arguments)
 
 
-def _composed(first: tuple[str, ...], given: Arguments) -> Session:
+def _composed(leading_words: tuple[str, ...], arguments: Arguments) -> Session:
     from runners.play.session import Session, Source
     from runners.play.setups import setup_of
 
-    words = (*first, *given.overrides)
-    return Session(setup_of(Source(words, given.config_name or "play", given.config_dir)))
+    words = (*leading_words, *arguments.overrides)
+    return Session(setup_of(Source(words, arguments.config_name or "play", arguments.config_dir)))
 
 
-def _opened(episode: list[str], step: int | None, given: Arguments) -> Session:
+def _open_episode(episode: list[str], step: int | None, arguments: Arguments) -> Session:
     from pathlib import Path
 
     from lme.errors import InputError
     from runners.play.opening import open_episode
 
-    others = [word for word in given.overrides if word.partition("=")[0] not in ("port", "browser")]
-    if others:
-        raise InputError(f"{others[0]}: the episode was driven with its own config; change it on the page")
+    refused = [word for word in arguments.overrides if word.partition("=")[0] not in ("port", "browser")]
+    if refused:
+        raise InputError(f"{refused[0]}: the episode was driven with its own config; change it on the page")
     if len(episode) > 2:
         raise InputError(f"{episode[2]}: must be lme play RUN WORLD/RUN, one episode")
     return open_episode(Path(episode[0]), episode[1] if len(episode) > 1 else None, step)
@@ -90,11 +90,11 @@ def _step(words: list[str]) -> tuple[int | None, list[str]]:
 
     if _STEP not in words:
         return None, words
-    at = words.index(_STEP)
-    value = words[at + 1] if at + 1 < len(words) else ""
+    index = words.index(_STEP)
+    value = words[index + 1] if index + 1 < len(words) else ""
     if not value.isdigit():
         raise InputError(f"{_STEP} {value}: must be the number of a step")
-    return int(value), [*words[:at], *words[at + 2 :]]
+    return int(value), [*words[:index], *words[index + 2 :]]
 
 
 def _print_config(argv: list[str]) -> int:

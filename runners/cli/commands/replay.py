@@ -22,9 +22,9 @@ def main(argv: list[str]) -> int:
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"bag={quoted(str(expanded(words[0])))}"
-    given = dict(word.partition("=")[::2] for word in words)
-    if given.get("list", "false").lower() in ("true", "1", "yes", "on"):
-        return _list(given.get("bag", "").strip("'\""))
+    values = dict(word.partition("=")[::2] for word in words)
+    if values.get("list", "false").lower() in ("true", "1", "yes", "on"):
+        return _list(values.get("bag", "").strip("'\""))
     return launch(Command("replay", replay, validate), words)
 
 

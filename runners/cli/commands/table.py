@@ -78,20 +78,20 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
         tables.print_table(frame, rows)
 
 
-def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path) -> list[str]:
+def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], directory: Path) -> list[str]:
     """Rewrite the tables and pictures of a run or sweep and return its findings. Raises InputError if that fails."""
     from lme.errors import InputError
     from runners.evaluate import sweeps
     from runners.reports.analysis.tables import write_tables
 
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        if runs != [place]:
-            return sweeps.report(frame, rows, runs, place).lines
-        write_tables(frame, rows, place)
-        _draw(frame, place)
+        directory.mkdir(parents=True, exist_ok=True)
+        if runs != [directory]:
+            return sweeps.report(frame, rows, runs, directory).lines
+        write_tables(frame, rows, directory)
+        _draw(frame, directory)
     except OSError as error:
-        raise InputError(f"cannot write to {place} ({error.strerror}): the table above is all") from None
+        raise InputError(f"cannot write to {directory} ({error.strerror}): the table above is all") from None
     return []
 
 

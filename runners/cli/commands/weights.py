@@ -69,11 +69,11 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = (
+    description = (
         f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME or "
         "guide.weights=NAME."
     )
-    parser = argparse.ArgumentParser(prog="lme weights", **texts(about, EXAMPLES))
+    parser = argparse.ArgumentParser(prog="lme weights", **texts(description, EXAMPLES))
     parser.set_defaults(run=_list)
     verbs = parser.add_subparsers(metavar="VERB")
     bring = verbs.add_parser("import", help="check and import a network that its authors published")

@@ -170,29 +170,29 @@ class AblationStudy(SweepStudy):
     @classmethod
     def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
         """Draw outcomes and paired differences of every variant."""
-        shown = studies[:STUDIES]
-        width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in shown)))
-        figure = new_figure(width, AROUND_IN + STUDY_IN * len(shown))
+        drawn_studies = studies[:STUDIES]
+        width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in drawn_studies)))
+        figure = new_figure(width, AROUND_IN + STUDY_IN * len(drawn_studies))
         panels = figure.subplots(
-            2 * len(shown),
+            2 * len(drawn_studies),
             1,
             squeeze=False,
-            height_ratios=[1.6, 1.0] * len(shown),
+            height_ratios=[1.6, 1.0] * len(drawn_studies),
             gridspec_kw={"hspace": GAP},
         )[:, 0]
         # Two panels for each study: the outcomes above, the differences below.
-        for number, study in enumerate(shown):
-            above, below = panels[2 * number : 2 * number + 2]
-            _outcomes(above, study.variants)
-            _changes(below, study.variants)
-            above.set_title(
+        for number, study in enumerate(drawn_studies):
+            upper_axes, lower_axes = panels[2 * number : 2 * number + 2]
+            _outcomes(upper_axes, study.variants)
+            _changes(lower_axes, study.variants)
+            upper_axes.set_title(
                 plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, loc="left"
             )
         figure.legend(
             handles=_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
         )
-        more = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
-        figure.supxlabel(CAPTION + more, fontsize=7, color=INK, x=0.01, ha="left")
+        omitted = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
+        figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
         return save(figure, folder / cls.name, ("png", "pdf"))
 
 
@@ -200,31 +200,33 @@ def variant_label(ablation: str) -> str:
     """Return a label such as "No a_close" for no_a_close, and "No c_o, c_t" for two parts at once."""
     if ablation == COMPLETE:
         return "Complete"
-    return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(SEVERAL))}"
+    return f"No {', '.join(removed.removeprefix('no_') for removed in ablation.split(SEVERAL))}"
 
 
 def _is_the_papers(block: Block) -> bool:
     """Return whether the paper's statements apply: its method on its benchmark, with some successes."""
-    first = block.baseline.iloc[0]
-    same = all(str(first.get(key, value)) == value for key, value in ABOUT.items())
-    return same and str(first["system"]) in SYSTEMS and bool((block.baseline["outcome"] == SUCCESS).any())
+    baseline = block.baseline.iloc[0]
+    matches = all(str(baseline.get(key, value)) == value for key, value in ABOUT.items())
+    return (
+        matches and str(baseline["system"]) in SYSTEMS and bool((block.baseline["outcome"] == SUCCESS).any())
+    )
 
 
 def _verdict(
-    name: str, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+    name: str, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str] | None:
     """Return whether the change agrees with the claim, and a sentence with the reason; None without a comparison."""
-    change = found.get(name)
+    change = differences.get(name)
     if change is None:
         return None
-    agrees, why = _judge(name, change, found, claims)
-    reach = interval(change)
-    measured = f"{signed(change.mean)} ({reach})" if reach else signed(change.mean)
-    return agrees, f"the paper says {claims[name].words}; ours {measured}. {_ANSWERS[agrees]}: {why}."
+    agrees, reason = _judge(name, change, differences, claims)
+    interval_text = interval(change)
+    result = f"{signed(change.mean)} ({interval_text})" if interval_text else signed(change.mean)
+    return agrees, f"the paper says {claims[name].words}; ours {result}. {_ANSWERS[agrees]}: {reason}."
 
 
 def _judge(
-    name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str]:
     tier = claims[name].tier
     if _is_open(change, tier):
@@ -243,44 +245,49 @@ def _judge(
     if tier is None:
         return "yes", "a loss beyond the noise"
     if tier == MOST:
-        return _judge_largest_loss(name, change, found, claims)
-    above = list(_exceeded_variants(name, change, found, claims))
-    if above:
-        return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(above)}"
+        return _judge_largest_loss(name, change, differences, claims)
+    larger_losses = list(_exceeded_variants(name, change, differences, claims))
+    if larger_losses:
+        return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(larger_losses)}"
     return "yes", "a loss beyond the noise"
 
 
 def _is_open(change: Difference, tier: int | None) -> bool:
     """Return whether there are too few worlds, or too wide an interval, to show a difference."""
-    reach = max(-change.low, change.high) if tier == 0 else -change.low
-    return not change.beyond_noise and (change.worlds < FEWEST or reach > MARGIN)
+    largest_loss = max(-change.low, change.high) if tier == 0 else -change.low
+    return not change.beyond_noise and (change.worlds < FEWEST or largest_loss > MARGIN)
 
 
 def _judge_largest_loss(
-    name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str]:
-    others = {other: found[other] for other in claims if other in found and other != name}
-    larger = [variant_label(other) for other, theirs in others.items() if theirs.high < change.low]
+    rivals = {rival: differences[rival] for rival in claims if rival in differences and rival != name}
+    larger = [variant_label(rival) for rival, difference in rivals.items() if difference.high < change.low]
     if larger:
         return "in part", f"a loss beyond the noise, but smaller than that of {' and '.join(larger)}"
-    largest = all(theirs.mean > change.mean for theirs in others.values())
+    largest = all(difference.mean > change.mean for difference in rivals.values())
     return "yes", "the largest loss of all" if largest else "a loss beyond the noise"
 
 
 def _exceeded_variants(
-    name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> Iterator[str]:
     """Yield the variants with a larger loss in the paper that lose less here, with disjoint intervals."""
     tier = claims[name].tier or 0
-    for other, claim in claims.items():
-        if claim.tier is not None and claim.tier > tier and other in found and change.high < found[other].low:
-            yield variant_label(other)
+    for rival, claim in claims.items():
+        if (
+            claim.tier is not None
+            and claim.tier > tier
+            and rival in differences
+            and change.high < differences[rival].low
+        ):
+            yield variant_label(rival)
 
 
 def _table(study: AblationStudy) -> str:
     change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
-    scored = any(METRIC in variant.row.stats for variant in study.variants)
-    measures = {SUCCESS: "Success", METRIC: "BARN metric"} if scored else {SUCCESS: "Success"}
+    has_metric = any(METRIC in variant.row.stats for variant in study.variants)
+    measures = {SUCCESS: "Success", METRIC: "BARN metric"} if has_metric else {SUCCESS: "Success"}
     columns = [column for name in measures.values() for column in (name, *change)]
     header = ["Variant", *columns, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant, list(measures)) for variant in study.variants]
@@ -289,8 +296,8 @@ def _table(study: AblationStudy) -> str:
 
 
 def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
-    lacking = f", {variant.row.unfinished}" if variant.row.unfinished else ""
-    cells = [variant_label(variant.ablation) + lacking]
+    unfinished = f", {variant.row.unfinished}" if variant.row.unfinished else ""
+    cells = [variant_label(variant.ablation) + unfinished]
     for measure in measures:
         mean, std = variant.row.stats.get(measure, (math.nan, math.nan))
         spread = "" if math.isnan(std) else f" ± {std:.3f}"
@@ -323,7 +330,7 @@ def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
     axes.axhline(complete, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=4)
     axes.set(ylim=(0.0, 1.0), xticks=[])
     axes.set_ylabel("share of episodes", fontsize=8.5, color=INK)
-    _plain(axes, variants)
+    _style_axes(axes, variants)
 
 
 def _rate(axes: Axes, column: int, mean: float, interval: tuple[float, float] | None) -> None:
@@ -353,9 +360,9 @@ def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
         face = INK if change.beyond_noise else "white"
         axes.plot(column, change.mean, "o", color=INK, markerfacecolor=face, markersize=4.5, zorder=4)
         if not math.isnan(change.low):
-            reach = [[change.mean - change.low], [change.high - change.mean]]
+            error_bar = [[change.mean - change.low], [change.high - change.mean]]
             axes.errorbar(
-                column, change.mean, yerr=reach, color=INK, elinewidth=0.9, capsize=3.5, capthick=0.9
+                column, change.mean, yerr=error_bar, color=INK, elinewidth=0.9, capsize=3.5, capthick=0.9
             )
         _difference(axes, column, change)
     axes.set_xticks(
@@ -363,7 +370,7 @@ def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
     )
     axes.margins(y=0.25)
     axes.set_ylabel("difference\nin success", fontsize=8.5, color=INK)
-    _plain(axes, variants)
+    _style_axes(axes, variants)
 
 
 def _difference(axes: Axes, column: int, change: Difference) -> None:
@@ -387,8 +394,8 @@ def _label(ablation: str) -> str:
     """Return the name in several lines, with features written as in the paper."""
     if ablation == COMPLETE:
         return "Complete"
-    parts = [part.removeprefix("no_") for part in ablation.split(SEVERAL)]
-    return "\n".join(["No", *(symbol(part) for part in parts)])
+    removals = [removed.removeprefix("no_") for removed in ablation.split(SEVERAL)]
+    return "\n".join(["No", *(symbol(removed) for removed in removals)])
 
 
 def _keys() -> list[Any]:
@@ -401,7 +408,7 @@ def _filled(kind: str) -> dict[str, Any]:
     return {"facecolor": STYLES[kind].colour, "edgecolor": "white", "linewidth": 0.4}
 
 
-def _plain(axes: Axes, variants: Sequence[Variant]) -> None:
+def _style_axes(axes: Axes, variants: Sequence[Variant]) -> None:
     axes.set_xlim(-0.6, len(variants) - 0.4)
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.tick_params(axis="x", length=0)

@@ -11,10 +11,10 @@ from runners.config.escaping import markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
-from runners.reports.analysis.columns import aligned, csv_text
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.reports.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
 from runners.reports.analysis.summary import DASH
+from runners.reports.analysis.tables import aligned, csv_text
 
 NAME = "compare"
 _SHORT = (SUCCESS, METRIC)  # measures on the terminal if many runs are compared
@@ -24,28 +24,32 @@ _HEADER = ("Measure", "Reference", "This", "Difference", "95 %", "p (Holm)")
 NOTES = (*paired.NOTES, "Time and path: pairs in which both succeeded.")
 
 
-def to_text(found: Sequence[RunComparison]) -> str:
+def to_text(comparisons: Sequence[RunComparison]) -> str:
     """Return the tables and notes for a terminal of 80 columns."""
-    return "\n\n".join("\n".join(_lines(each)) for each in found) + "\n"
+    return "\n\n".join("\n".join(_lines(comparison)) for comparison in comparisons) + "\n"
 
 
-def to_markdown(found: Sequence[RunComparison], pictures: Sequence[Path] = ()) -> str:
+def to_markdown(comparisons: Sequence[RunComparison], pictures: Sequence[Path] = ()) -> str:
     """Return the tables, notes, pictures and differing keys. pictures: one for each comparison, or none."""
-    parts = []
-    for number, each in enumerate(found):
-        parts += [f"**{markdown_text(each.place)}**", _reference(each), _table(each)]
-        parts.append("\n".join(f"- {markdown_text(note)}" for note in each.notes))
-        parts += [f"![{each.measure} by world]({pictures[number].name})"] if pictures else []
-        parts += [_keys(each)] if each.keys else []
-    return "\n\n".join([*parts, "  \n".join(NOTES)]) + "\n"
+    sections = []
+    for number, comparison in enumerate(comparisons):
+        name, run_dir = markdown_text(comparison.reference), _code(str(comparison.run.run_dir))
+        reference = f"Reference: {name} ({run_dir})"
+        sections += [f"**{markdown_text(comparison.place)}**", reference, _table(comparison)]
+        sections.append("\n".join(f"- {markdown_text(note)}" for note in comparison.notes))
+        sections += [f"![{comparison.measure} by world]({pictures[number].name})"] if pictures else []
+        sections += [_keys(comparison)] if comparison.keys else []
+    return "\n\n".join([*sections, "  \n".join(NOTES)]) + "\n"
 
 
-def write(found: Sequence[RunComparison], pictures: Sequence[Path], place: Path) -> list[Path]:
-    """Write `compare.md`, `compare.csv` and `compare_worlds.csv` into `place`; return their paths."""
-    paths = [place / f"{NAME}.md", place / f"{NAME}.csv", place / f"{NAME}_worlds.csv"]
-    write_atomically(paths[0], to_markdown(found, pictures))
-    write_atomically(paths[1], csv_text([line for each in found for line in _numbers(each)]))
-    write_atomically(paths[2], csv_text([line for each in found for line in _worlds(each)]))
+def write(comparisons: Sequence[RunComparison], pictures: Sequence[Path], directory: Path) -> list[Path]:
+    """Write `compare.md`, `compare.csv` and `compare_worlds.csv` into `directory`; return their paths."""
+    paths = [directory / f"{NAME}.md", directory / f"{NAME}.csv", directory / f"{NAME}_worlds.csv"]
+    write_atomically(paths[0], to_markdown(comparisons, pictures))
+    write_atomically(
+        paths[1], csv_text([line for comparison in comparisons for line in _numbers(comparison)])
+    )
+    write_atomically(paths[2], csv_text([line for comparison in comparisons for line in _worlds(comparison)]))
     return paths
 
 
@@ -53,17 +57,17 @@ def _lines(study: RunComparison) -> Iterator[str]:
     yield study.place
     yield f"Differences from: {study.reference}"
     # Of many runs, only the most important measures fit on a terminal.
-    many = len(study.compared) > _MANY
-    shown = [name for name in MEASURES if not many or name in _SHORT]
+    is_short = len(study.compared) > _MANY
+    measures = [name for name in MEASURES if not is_short or name in _SHORT]
     rows: list[tuple[str, ...]] = [_HEADER]
-    for each in study.compared:
+    for compared in study.compared:
         rows += [
-            (f"  {MEASURES[name].header}", *_cells(each.changes[name], name))
-            for name in shown
-            if name in each.changes
+            (f"  {MEASURES[name].header}", *_cells(compared.changes[name], name))
+            for name in measures
+            if name in compared.changes
         ]
-    yield from _under_names(study, aligned(rows, right=range(1, len(_HEADER))), shown)
-    if many:
+    yield from _under_names(study, aligned(rows, right=range(1, len(_HEADER))), measures)
+    if is_short:
         yield f"The other measures are in {NAME}.md."
     yield ""
     width = max(shutil.get_terminal_size().columns, 60)
@@ -71,16 +75,17 @@ def _lines(study: RunComparison) -> Iterator[str]:
         yield from textwrap.wrap(note, width)
 
 
-def _under_names(study: RunComparison, lines: Sequence[str], shown: Sequence[str]) -> Iterator[str]:
+def _under_names(study: RunComparison, lines: Sequence[str], measures: Sequence[str]) -> Iterator[str]:
     """Yield the lines of the table, with those of each run below its name."""
-    header, *left = lines
+    header, *remaining = lines
     yield header
-    for each in study.compared:
-        count = sum(name in each.changes for name in shown)
+    for compared in study.compared:
+        count = sum(name in compared.changes for name in measures)
         header = MEASURES[study.measure].header
-        yield f"{each.name} ({each.counts}; {header} better in {len(each.better)}, worse in {len(each.worse)})"
-        yield from left[:count]
-        left = left[count:]
+        worlds = f"{header} better in {len(compared.better)}, worse in {len(compared.worse)}"
+        yield f"{compared.name} ({compared.counts}; {worlds})"
+        yield from remaining[:count]
+        remaining = remaining[count:]
 
 
 def _cells(change: Change, measure: str) -> list[str]:
@@ -100,20 +105,20 @@ def _cells(change: Change, measure: str) -> list[str]:
 def _table(study: RunComparison) -> str:
     header = ["Run", *_HEADER, "Pairs", "Worlds better / worse"]
     lines = [header, ["---", "---", *["---:"] * (len(header) - 2)]]
-    for each in study.compared:
-        for measure, change in each.changes.items():
-            mean, other, difference, *rest = _cells(change, measure)
+    for compared in study.compared:
+        for measure, change in compared.changes.items():
+            mean, mean_other, difference, *interval_cells = _cells(change, measure)
             difference = f"**{difference.rstrip('*')}**" if difference.endswith("*") else difference
-            by_world = f"{len(each.better)} / {len(each.worse)}" if measure == study.measure else ""
+            by_world = f"{len(compared.better)} / {len(compared.worse)}" if measure == study.measure else ""
             pairs = str(change.difference.pairs)
             lines.append(
                 [
-                    markdown_text(each.name),
+                    markdown_text(compared.name),
                     MEASURES[measure].header,
                     mean,
-                    other,
+                    mean_other,
                     difference,
-                    *rest,
+                    *interval_cells,
                     pairs,
                     by_world,
                 ]
@@ -123,21 +128,17 @@ def _table(study: RunComparison) -> str:
 
 def _keys(study: RunComparison) -> str:
     lines = [["Key", *map(markdown_text, study.names)], ["---"] * (1 + len(study.names))]
-    lines += [[_code(key), *map(_shown, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
-    more = len(study.keys) - _MAX_KEYS
+    lines += [[_code(key), *map(_key_text, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
+    omitted = len(study.keys) - _MAX_KEYS
     return (
         "What differs between the configs:\n\n"
         + markdown_table(lines)
-        + (f"\n\nAnd {more} more keys." if more > 0 else "")
+        + (f"\n\nAnd {omitted} more keys." if omitted > 0 else "")
     )
 
 
-def _shown(value: object) -> str:
+def _key_text(value: object) -> str:
     return DASH if value is None else markdown_text(str(value))
-
-
-def _reference(study: RunComparison) -> str:
-    return f"Reference: {markdown_text(study.reference)} ({_code(str(study.run.run_dir))})"
 
 
 def _code(text: str) -> str:
@@ -147,10 +148,10 @@ def _code(text: str) -> str:
 
 def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:
     """Yield the lines of the CSV, not rounded: one for each run and measure."""
-    for each in study.compared:
-        for measure, change in each.changes.items():
+    for compared in study.compared:
+        for measure, change in compared.changes.items():
             yield {
-                **_known(study, each),
+                **_run_columns(study, compared),
                 "measure": measure,
                 "reference_mean": change.reference,
                 "mean": change.other,
@@ -167,17 +168,17 @@ def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:
 
 def _worlds(study: RunComparison) -> Iterator[dict[str, object]]:
     """Yield the lines of the CSV by world."""
-    for each in study.compared:
-        for world, row in each.worlds.iterrows():
+    for compared in study.compared:
+        for world, row in compared.worlds.iterrows():
             means = {"measure": study.measure, "reference_mean": row["reference"], "mean": row["other"]}
-            yield {**_known(study, each), "world": world, **means}
+            yield {**_run_columns(study, compared), "world": world, **means}
 
 
-def _known(study: RunComparison, each: Compared) -> dict[str, object]:
+def _run_columns(study: RunComparison, compared: Compared) -> dict[str, object]:
     return {
         "place": study.place,
         "reference": study.reference,
         "reference_dir": study.run.run_dir,
-        "run": each.name,
-        "run_dir": each.run.run_dir,
+        "run": compared.name,
+        "run_dir": compared.run.run_dir,
     }

@@ -88,7 +88,7 @@ class RunComparison:
     @property
     def names(self) -> list[str]:
         """Names of all runs, the reference first."""
-        return [self.reference, *(each.name for each in self.compared)]
+        return [self.reference, *(compared.name for compared in self.compared)]
 
 
 def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
@@ -97,39 +97,39 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     Raises InputError if there are fewer than two runs, or no two share an episode.
     """
     runs = [
-        ComparedRun(Path(str(run_dir)), part.dropna(axis=1, how="all"))
-        for run_dir, part in frame.groupby("run_dir", sort=False)
+        ComparedRun(Path(str(run_dir)), run_frame.dropna(axis=1, how="all"))
+        for run_dir, run_frame in frame.groupby("run_dir", sort=False)
     ]
     if len(runs) < 2:
         raise InputError(f"{runs[0].run_dir}: is a single run; give two or more runs, or a sweep")
     # Group the runs by the worlds that they share; a run without a partner is only mentioned.
-    found = groups(runs)
-    together = [group for group in found if group.others]
+    run_groups = groups(runs)
+    together = [group for group in run_groups if group.others]
     if not together:
         drove = "; ".join(f"{run.run_dir} drove {_describe_worlds(run)}" for run in runs[:3])
         raise InputError(f"no two of these runs share an episode: {drove}")
-    alone = [
+    single_runs = [
         f"Left out: {group.reference.run_dir} shares no episode with another run; "
         f"it drove {_describe_worlds(group.reference)}."
-        for group in found
+        for group in run_groups
         if not group.others
     ]
-    return [_comparison(group, alone) for group in together]
+    return [_comparison(group, single_runs) for group in together]
 
 
 def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     runs = [group.reference, *(run for run, _ in group.others)]
     reference, *names = run_names.names(runs)
-    scored = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
-    drawn = METRIC if scored else SUCCESS
-    parts = {
+    has_metric = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
+    measure = METRIC if has_metric else SUCCESS
+    frames = {
         name: run.frame[run.frame["world"].isin(worlds)]
         for name, (run, worlds) in zip(names, group.others, strict=True)
     }
     # Differences from the reference, over all measures and by world for the drawn one.
-    changes = _changes(group.reference.frame, parts)
+    changes = _changes(group.reference.frame, frames)
     compared = [
-        Compared(name, run, changes[name], _by_world(group.reference.frame, parts[name], drawn))
+        Compared(name, run, changes[name], _by_world(group.reference.frame, frames[name], measure))
         for name, (run, _) in zip(names, group.others, strict=True)
     ]
     # Configs can be compared only if every run has one.
@@ -139,36 +139,39 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
         reference,
         group.reference,
         run_names.heading(runs),
-        drawn,
+        measure,
         compared,
         [*_notes(group, [reference, *names], keys, launches), *notes],
         keys,
     )
 
 
-def _changes(baseline: pd.DataFrame, parts: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:
+def _changes(baseline: pd.DataFrame, frames: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:
     """Return the changes of each run by name and measure; measures without pairs are left out."""
-    found: dict[str, dict[str, Change]] = {}
+    changes: dict[str, dict[str, Change]] = {}
     for measure, metric in MEASURES.items():
-        one, others = baseline, dict(parts)
+        reference, variants = baseline, dict(frames)
         if metric.of_successes:
-            one, others = _successes(one), {name: _successes(part) for name, part in others.items()}
-        for name, difference in paired.compare(Block({}, one, others), measure).items():
-            worlds = _by_world(one, others[name], measure).mean()
+            reference, variants = (
+                _successes(reference),
+                {name: _successes(variant) for name, variant in variants.items()},
+            )
+        for name, difference in paired.compare(Block({}, reference, variants), measure).items():
+            worlds = _by_world(reference, variants[name], measure).mean()
             change = Change(float(worlds["reference"]), float(worlds["other"]), difference)
-            found.setdefault(name, {})[measure] = change
-    return found
+            changes.setdefault(name, {})[measure] = change
+    return changes
 
 
-def _successes(part: pd.DataFrame) -> pd.DataFrame:
-    return part[part["outcome"] == SUCCESS]
+def _successes(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[frame["outcome"] == SUCCESS]
 
 
-def _by_world(baseline: pd.DataFrame, part: pd.DataFrame, measure: str) -> pd.DataFrame:
+def _by_world(baseline: pd.DataFrame, frame: pd.DataFrame, measure: str) -> pd.DataFrame:
     """Return the means by world over the episodes that both have: columns `reference` and `other`."""
     import pandas as pd
 
-    series = {"reference": paired.values(baseline, measure), "other": paired.values(part, measure)}
+    series = {"reference": paired.values(baseline, measure), "other": paired.values(frame, measure)}
     return pd.DataFrame(series).dropna().groupby("world").mean()
 
 
@@ -192,9 +195,9 @@ def _notes(
         if len(seeds) == 1
         else f"Seeds differ ({', '.join(seeds)}): pairs with another seed share the world, not the random numbers."
     )
-    unlike = run_names.differing_conditions(keys, runs)
-    if unlike:
-        lines.append(f"Driven under different conditions: {'; '.join(unlike)}.")
+    conditions = run_names.differing_conditions(keys, runs)
+    if conditions:
+        lines.append(f"Driven under different conditions: {'; '.join(conditions)}.")
     if len(launches) < len(runs):
         lines.append(
             "Not every run has a launch.json: robot, simulator and rules may differ in more than is shown."
@@ -207,23 +210,23 @@ def _notes(
 
 def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
     """Return a description of what two runs do not share; empty if every episode has a partner."""
-    both, number = reference.worlds & run.worlds, len(shared)
-    parts = [
-        f"{counted(len(worlds - both), 'world')} that only {whose} drove"
+    common, number = reference.worlds & run.worlds, len(shared)
+    reasons = [
+        f"{counted(len(worlds - common), 'world')} that only {whose} drove"
         for worlds, whose in ((reference.worlds, "the reference"), (run.worlds, "it"))
-        if worlds - both
+        if worlds - common
     ]
-    if number < len(both):
-        parts.append(f"{counted(len(both) - number, 'world')} with another start, goal or layout")
+    if number < len(common):
+        reasons.append(f"{counted(len(common) - number, 'world')} with another start, goal or layout")
     single = sum(world in shared for world, _ in reference.episodes ^ run.episodes)
     if single:
-        parts.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
-    return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
+        reasons.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
+    return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(reasons)}." if reasons else ""
 
 
 def _describe_worlds(run: ComparedRun) -> str:
     """Return "barn with crowd orca, 20 worlds from 0 to 285, run 0", or "runs 0 to 2" for several runs."""
     numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
     times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
-    place = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")
-    return f"{place}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"
+    map_text = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")
+    return f"{map_text}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"

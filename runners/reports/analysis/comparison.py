@@ -59,11 +59,11 @@ class Comparison(SweepStudy):
         import pandas as pd
 
         by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
-        parts = {reference: block.baseline, **block.variants}
+        frames = {reference: block.baseline, **block.variants}
         return cls(
             reference,
-            " · ".join(part for part in (block.heading, title(pd.concat(parts.values()))) if part),
-            {name: paired.row(part) for name, part in parts.items()},
+            " · ".join(text for text in (block.heading, title(pd.concat(frames.values()))) if text),
+            {name: paired.row(frame) for name, frame in frames.items()},
             {
                 name: {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
                 for name in block.variants
@@ -102,14 +102,14 @@ def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
 
 
 def _describe_change(measure: str, change: Difference) -> str:
-    reach = interval(change)
-    shown = f"{HEADERS[measure]} {signed(change.mean)}" + (f" ({reach})" if reach else "")
-    return f"{shown}, beyond the noise" if change.beyond_noise else shown
+    interval_text = interval(change)
+    text = f"{HEADERS[measure]} {signed(change.mean)}" + (f" ({interval_text})" if interval_text else "")
+    return f"{text}, beyond the noise" if change.beyond_noise else text
 
 
 def _table(study: Comparison) -> str:
-    scored = any(paired.METRIC in row.stats for row in study.rows.values())
-    measures = [measure for measure in MEASURES if measure != paired.METRIC or scored]
+    has_metric = any(paired.METRIC in row.stats for row in study.rows.values())
+    measures = [measure for measure in MEASURES if measure != paired.METRIC or has_metric]
     header = [f"Difference from {study.reference}"]
     for measure in measures:
         header += [HEADERS[measure], "95 %", "p (Holm)"]

@@ -78,16 +78,16 @@ class CurveStudy(SweepStudy):
     def studies(cls, frame: pd.DataFrame) -> list[Self]:
         """Return a study for each changed key with at least LEAST numbers within a system."""
         keys = [key for key in changed_columns(frame) if _is_curve(frame, key)]
-        studies = [cls._of(_alone(frame, key, keys), key) for key in keys]
+        studies = [cls._of(_runs_of_key(frame, key, keys), key) for key in keys]
         return [study for study in studies if study.curves]
 
     @classmethod
-    def _of(cls, part: pd.DataFrame, key: str) -> Self:
-        keys = ["system", *(name for name in row_keys(part.drop(columns=AT)) if part[name].nunique() > 1)]
-        texts = part.assign(**{name: as_text(part[name]) for name in keys})
+    def _of(cls, frame: pd.DataFrame, key: str) -> Self:
+        keys = ["system", *(name for name in row_keys(frame.drop(columns=AT)) if frame[name].nunique() > 1)]
+        texts = frame.assign(**{name: as_text(frame[name]) for name in keys})
         groups = texts.groupby(keys, sort=False)
         return cls(
-            key, title(part), tuple(curve for names, group in groups for curve in _curve(names, group))
+            key, title(frame), tuple(curve for names, group in groups for curve in _curve(names, group))
         )
 
     @property
@@ -99,9 +99,11 @@ class CurveStudy(SweepStudy):
         """Return a line for each curve: success at the smallest and the largest value of the key."""
         lines = []
         for curve in self.curves:
-            (least, before), (most, after) = curve.points[0], curve.points[-1]
-            rates = f"{before.stats[SUCCESS][0]:.3f} at {self.key}={least:g}, {after.stats[SUCCESS][0]:.3f} at {most:g}"
-            lines.append(f"{curve.label}: success {rates}.")
+            (smallest, row_smallest), (largest, row_largest) = curve.points[0], curve.points[-1]
+            lines.append(
+                f"{curve.label}: success {row_smallest.stats[SUCCESS][0]:.3f} at {self.key}={smallest:g}, "
+                f"{row_largest.stats[SUCCESS][0]:.3f} at {largest:g}."
+            )
         return lines
 
     def tables(self) -> list[str]:
@@ -135,7 +137,7 @@ class CurveStudy(SweepStudy):
                     _panel(axes, studies[number], measure, labels, number % columns == 0)
                 else:
                     axes.set_visible(False)
-        handles = [_look(number, label) for number, label in enumerate(labels)]
+        handles = [_curve_line(number, label) for number, label in enumerate(labels)]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
         figure.supxlabel(f"{plot_text(studies[0].setting)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
         return save(figure, folder / cls.name, ("png", "pdf"))
@@ -147,16 +149,18 @@ def _is_curve(frame: pd.DataFrame, key: str) -> bool:
     return bool(values.notna().all() and values.groupby(frame["system"]).nunique().max() >= LEAST)
 
 
-def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
+def _runs_of_key(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
     """Return the records in which no other key is changed, each episode once, with the key's number as AT."""
     # Keep the runs that change this key alone, and drop the columns of all others.
-    others = {other for other in keys if other != key}
-    changed = frame["changes"].map(lambda text: {part.partition("=")[0] for part in text.split(", ")})
-    part = frame[[others.isdisjoint(each) for each in changed]]
-    part = part.drop(columns=[*others, "changes", "run_dir"]).assign(**{AT: _numbers(part[key])})
+    other_keys = {config_key for config_key in keys if config_key != key}
+    changed_keys = frame["changes"].map(
+        lambda text: {change.partition("=")[0] for change in text.split(", ")}
+    )
+    subset = frame[[other_keys.isdisjoint(names) for names in changed_keys]]
+    subset = subset.drop(columns=[*other_keys, "changes", "run_dir"]).assign(**{AT: _numbers(subset[key])})
     # The same episode may have been driven in several runs: keep the first.
-    settings = [name for name in ("system", *row_keys(part), *EPISODE) if name != key]
-    return part.drop(columns=key)[~part.duplicated([AT, *settings])]
+    settings = [name for name in ("system", *row_keys(subset), *EPISODE) if name != key]
+    return subset.drop(columns=key)[~subset.duplicated([AT, *settings])]
 
 
 def _curve(names: tuple[object, ...], group: pd.DataFrame) -> Iterator[Curve]:
@@ -178,13 +182,13 @@ def _tables(study: CurveStudy) -> Iterator[str]:
         lines = [[name, *(f"{value:g}" for value in study.values)], ["---", *["---:"] * len(study.values)]]
         for curve in study.curves:
             rows = dict(curve.points)
-            known = {value: row.stats[measure][0] for value, row in rows.items() if measure in row.stats}
-            cells = (f"{known[v]:.3f}" if v in known else DASH for v in study.values)
+            means = {value: row.stats[measure][0] for value, row in rows.items() if measure in row.stats}
+            cells = (f"{means[v]:.3f}" if v in means else DASH for v in study.values)
             lines.append([markdown_text(curve.label), *cells])
         yield markdown_table(lines)
 
 
-def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], first: bool) -> None:
+def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], is_first: bool) -> None:
     for curve in study.curves:
         _line(axes, curve, measure, labels.index(curve.label))
     name, top = DRAWN[measure]
@@ -193,7 +197,7 @@ def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], f
     axes.margins(x=0.05)
     axes.autoscale_view()
     axes.set_xlabel(plot_text(study.key), fontsize=8, color=INK)
-    if first:
+    if is_first:
         axes.set_ylabel(name, fontsize=8, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=7.5, colors=INK, length=2.5)
@@ -203,18 +207,18 @@ def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], f
 def _line(axes: Axes, curve: Curve, measure: str, number: int) -> None:
     points = [(value, row) for value, row in curve.points if measure in row.stats]
     values = [value for value, _ in points]
-    look = _look(number, curve.label)
-    look.set_data(values, [row.stats[measure][0] for _, row in points])
-    axes.add_line(look)
+    line = _curve_line(number, curve.label)
+    line.set_data(values, [row.stats[measure][0] for _, row in points])
+    axes.add_line(line)
     if measure == SUCCESS:
         low, high = zip(*(row.interval or (math.nan, math.nan) for _, row in points), strict=True)
-        axes.fill_between(values, low, high, color=look.get_color(), alpha=0.12, linewidth=0)
+        axes.fill_between(values, low, high, color=line.get_color(), alpha=0.12, linewidth=0)
 
 
-def _look(number: int, label: str) -> Line2D:
+def _curve_line(number: int, label: str) -> Line2D:
     """Return an empty line in the style of the curve with this number."""
     from matplotlib.lines import Line2D
 
     colour, line, marker = LOOKS[number % len(LOOKS)]
-    look: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
-    return Line2D([], [], markersize=4, linewidth=1.3, label=plot_text(label), **look)
+    style: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
+    return Line2D([], [], markersize=4, linewidth=1.3, label=plot_text(label), **style)

@@ -58,25 +58,25 @@ def is_failure(episodes: pd.DataFrame) -> pd.Series:
     return episodes["outcome"] != str(Outcome.SUCCESS)
 
 
-def failed_section(frame: pd.DataFrame, place: Path) -> str:
-    """Return the section of `place`/table.md on failed episodes, with links; empty if no episode has a page.
+def failed_section(frame: pd.DataFrame, directory: Path) -> str:
+    """Return the section of `directory`/table.md on failed episodes, with links; empty if no episode has a page.
 
     frame: records of one or more runs, with their `run_dir`.
     """
-    explained = [Path(run_dir) for run_dir in frame["run_dir"].unique() if _has_pages(frame, Path(run_dir))]
-    if not explained:
+    with_pages = [Path(run_dir) for run_dir in frame["run_dir"].unique() if _has_pages(frame, Path(run_dir))]
+    if not with_pages:
         return ""
     # A row for each failure, with the job in a sweep.
     jobs = _job_names(frame)
     lines = [
-        [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, place)]
+        [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, directory)]
         for run_dir, episode in episode_rows(frame[is_failure(frame)])
         for job in [[jobs[run_dir]] if len(jobs) > 1 else []]
     ]
     header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
     table = markdown_table([header, rule, *lines]) if lines else "None."
-    indexes = ", ".join(_link(run_dir / FOLDER / INDEX, place) for run_dir in explained)
+    indexes = ", ".join(_link(run_dir / FOLDER / INDEX, directory) for run_dir in with_pages)
     return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
 
 
@@ -112,14 +112,14 @@ def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
     return dict(steps.groupby(_EPISODE)["distance_m"].min())
 
 
-def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
+def _page_link(episode: Mapping[str, Any], run_dir: Path, directory: Path) -> str:
     path = page_path(run_dir, EpisodeKey.of(episode))
-    return _link(path, place) if path.is_file() else DASH
+    return _link(path, directory) if path.is_file() else DASH
 
 
-def _link(path: Path, place: Path) -> str:
-    """Return a Markdown link to a file, relative to the folder `place`."""
-    relative = Path(os.path.relpath(path, place)).as_posix()
+def _link(path: Path, directory: Path) -> str:
+    """Return a Markdown link to a file, relative to `directory`."""
+    relative = Path(os.path.relpath(path, directory)).as_posix()
     return f"[{markdown_text(relative)}]({html_address(relative)})"
 
 
@@ -134,11 +134,15 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
     runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
     launches = {run_dir: launch_record.read_launch(run_dir) for run_dir in runs}
     settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
-    own = {
-        run: [one for one in given if not all(one in others for others in settings.values())]
-        for run, given in settings.items()
+    distinguishing = {
+        run: [
+            setting
+            for setting in run_settings
+            if not all(setting in other_settings for other_settings in settings.values())
+        ]
+        for run, run_settings in settings.items()
     }
-    return {run: markdown_text(" ".join([run.name, *own[run][:_MAX_SETTINGS]])) for run in runs}
+    return {run: markdown_text(" ".join([run.name, *distinguishing[run][:_MAX_SETTINGS]])) for run in runs}
 
 
 def timeouts_section(frame: pd.DataFrame) -> str:
@@ -148,13 +152,15 @@ def timeouts_section(frame: pd.DataFrame) -> str:
     """
     if EXTENT not in frame:
         return ""
-    late = frame[(frame["outcome"] == Outcome.TIMEOUT) & frame[EXTENT].notna()]
-    if not (late["time_s"] > LAST_S).any():
+    timeouts = frame[(frame["outcome"] == Outcome.TIMEOUT) & frame[EXTENT].notna()]
+    if not (timeouts["time_s"] > LAST_S).any():
         return ""
     keys = ["system", *row_keys(frame)]
     # Classify each time-out by how far the robot moved in its last minute, and count the classes in each row.
-    kinds = np.searchsorted(UP_TO_M, late[EXTENT], side="right")
-    counts = late.assign(kind=kinds, **{key: as_text(late[key]) for key in keys}).groupby(keys, sort=False)
+    kinds = np.searchsorted(UP_TO_M, timeouts[EXTENT], side="right")
+    counts = timeouts.assign(kind=kinds, **{key: as_text(timeouts[key]) for key in keys}).groupby(
+        keys, sort=False
+    )
     rows = [
         [
             *map(str, values),
@@ -165,6 +171,6 @@ def timeouts_section(frame: pd.DataFrame) -> str:
     ]
     header = [*(key.capitalize() if key.isidentifier() else key for key in keys), "Time-outs", *CLASSES]
     rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
-    stands, paces = UP_TO_M
-    note = f"By the last minute: the robot stayed within {stands:g} m, within {paces:g} m, or went farther."
+    standing, paces = UP_TO_M
+    note = f"By the last minute: the robot stayed within {standing:g} m, within {paces:g} m, or went farther."
     return f"\n## Time-outs\n\n{markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])}\n\n{note}\n"

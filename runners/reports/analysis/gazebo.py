@@ -85,23 +85,23 @@ def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["world", "outcome", "time_s"])
 
 
-def agreement(one: pd.DataFrame, other: pd.DataFrame) -> Agreement:
+def agreement(frame: pd.DataFrame, reference: pd.DataFrame) -> Agreement:
     """Compare two sets of episodes in the worlds that both have. Raises InputError if there are none."""
-    shared = sorted(set(one["world"]) & set(other["world"]))
+    shared = sorted(set(frame["world"]) & set(reference["world"]))
     if not shared:
         raise InputError("worlds: the episodes and the log have no world in common: must have at least one")
-    one, other = one[one["world"].isin(shared)], other[other["world"].isin(shared)]
+    frame, reference = frame[frame["world"].isin(shared)], reference[reference["world"].isin(shared)]
     # Success rates p and q by world, and mean times of success by world.
-    p, q = _success_by_world(one), _success_by_world(other)
-    ours, theirs = _mean_times(one, other)
+    p, q = _success_by_world(frame), _success_by_world(reference)
+    times, reference_times = _mean_times(frame, reference)
     return Agreement(
-        one=rates(one),
-        other=rates(other),
+        one=rates(frame),
+        other=rates(reference),
         worlds=len(shared),
         correlation=_correlation(p, q),
         same_verdict=float((p * q + (1.0 - p) * (1.0 - q)).mean()),
-        time_ratio=float(np.median(ours / theirs)) if len(ours) else math.nan,
-        time_correlation=_correlation(ours, theirs) if len(ours) > 1 else math.nan,
+        time_ratio=float(np.median(times / reference_times)) if len(times) else math.nan,
+        time_correlation=_correlation(times, reference_times) if len(times) > 1 else math.nan,
     )
 
 
@@ -123,15 +123,16 @@ def _correlation(p: Floats, q: Floats) -> float:
     return float(np.corrcoef(p, q)[0, 1]) if np.ptp(p) > 0.0 and np.ptp(q) > 0.0 else math.nan
 
 
-def _mean_times(one: pd.DataFrame, other: pd.DataFrame) -> tuple[Floats, Floats]:
+def _mean_times(results: pd.DataFrame, reference: pd.DataFrame) -> tuple[Floats, Floats]:
     """Return the mean times of success of both sets [s] in the worlds where both have one."""
     import pandas as pd
 
     means = [
-        frame[frame["outcome"] == Outcome.SUCCESS].groupby("world")["time_s"].mean() for frame in (one, other)
+        frame[frame["outcome"] == Outcome.SUCCESS].groupby("world")["time_s"].mean()
+        for frame in (results, reference)
     ]
-    ours, theirs = pd.concat(means, axis=1).dropna().to_numpy(dtype=np.float64).T
-    return ours, theirs
+    times, reference_times = pd.concat(means, axis=1).dropna().to_numpy(dtype=np.float64).T
+    return times, reference_times
 
 
 def _episode(path: Path, number: int, line: dict[str, str]) -> tuple[int, str, float]:

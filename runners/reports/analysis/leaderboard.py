@@ -133,7 +133,7 @@ def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = No
     # Runs of equal names may differ in other keys: add those to their names.
     settings = _by_name((run.setting, run.of_setting) for run in runs)
     systems = _by_name((run.system, run.of_system) for run in runs)
-    found = [
+    unordered = [
         _entry(
             run,
             run.setting._replace(
@@ -145,7 +145,7 @@ def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = No
         )
         for run in runs
     ]
-    return _with_repeats(sorted(found, key=lambda entry: entry.started, reverse=True))
+    return _with_repeats(sorted(unordered, key=lambda entry: entry.started, reverse=True))
 
 
 def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
@@ -161,14 +161,14 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     system_keys = dict(flatten({key: config[key] for key in SYSTEM if key in config}))
     sim = _text(frame, "sim") if launch else UNKNOWN
     # What a name has to show: changed keys, and unusual options.
-    traits = _changed(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
-    crowd, own = _unusual(frame, ("crowd",)), _unusual(frame, _NAMED)
+    traits = _changed_settings(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
+    crowd, options = _unusual_values(frame, ("crowd",)), _unusual_values(frame, _NAMED)
     return _ReadRun(
         run_dir,
         frame,
         launch,
         Setting(map_set, subset, robot, sim, (*crowd, *traits)),
-        BoardSystem(_text(frame, "system"), (*own, *_changed(changes, system_keys))),
+        BoardSystem(_text(frame, "system"), (*options, *_changed_settings(changes, system_keys))),
         setting_keys,
         system_keys,
     )
@@ -180,54 +180,54 @@ def _by_worlds(subset: str, map_set: Mapping[str, Any], frame: pd.DataFrame) -> 
     `lme figure` drives the worlds that it draws and does not name them here. The number of an official world
     identifies it whatever subset is named beside it; the number of a fresh world does not.
     """
-    named = map_set.get("subset")
-    needless = ("subset", "count") if named in OFFICIAL else ()
+    subset_name = map_set.get("subset")
+    needless = ("subset", "count") if subset_name in OFFICIAL else ()
     worlds = map_set.get("worlds") or sorted(map(int, set(frame["world"])))
-    kept = {key: value for key, value in map_set.items() if key not in needless}
-    return named if named in FRESH else subset, kept | {"worlds": worlds}
+    settings = {key: value for key, value in map_set.items() if key not in needless}
+    return subset_name if subset_name in FRESH else subset, settings | {"worlds": worlds}
 
 
 def _text(frame: pd.DataFrame, column: str) -> str:
     return str(as_text(frame[column]).iloc[0]) if column in frame else ""
 
 
-def _unusual(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
+def _unusual_values(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
     """Return the columns whose value a name has to show, each as text, such as "filter stopping"."""
     values = {key: _text(frame, key) for key in columns}
     return tuple(f"{key} {value}" for key, value in values.items() if value not in usual(key))
 
 
-def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
+def _changed_settings(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the changed keys of a part of the config that have no column in a name, each as text."""
-    return _each_as_text({key: changes[key] for key in changes if key in part and key not in _NAMED})
+    return _each_as_text({key: changes[key] for key in changes if key in keys and key not in _NAMED})
 
 
 def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(describe_changes({key: value}) for key, value in values.items())
 
 
-def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:
+def _by_name(systems: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:
     """Return the different configs of each name, without those whose keys are unknown."""
-    found: dict[_Name, list[dict[str, Any]]] = {}
-    for name, values in named:
-        namesakes = found.setdefault(name, [])
+    by_name: dict[_Name, list[dict[str, Any]]] = {}
+    for name, values in systems:
+        namesakes = by_name.setdefault(name, [])
         if values and values not in namesakes:
             namesakes.append(values)
-    return found
+    return by_name
 
 
 def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """Return the keys in which a config differs from its namesakes, as text; none if its keys are unknown."""
     if not values:
         return ()
-    keys = dict.fromkeys(key for other in namesakes for key in other)
-    differing = [key for key in keys if any(other.get(key) != values.get(key) for other in namesakes)]
-    shown = {key: values.get(key, "absent") for key in differing}
+    keys = dict.fromkeys(key for config in namesakes for key in config)
+    differing = [key for key in keys if any(config.get(key) != values.get(key) for config in namesakes)]
+    values_shown = {key: values.get(key, "absent") for key in differing}
     # Of too many keys, name the first and count the rest; a number tells the namesakes apart.
-    if len(shown) <= _MAX_KEYS:
-        return _each_as_text(shown)
-    first = _each_as_text({key: shown[key] for key in differing[:_MAX_KEYS]})
-    return (*first, f"{len(shown) - _MAX_KEYS} more (no. {namesakes.index(values) + 1})")
+    if len(values_shown) <= _MAX_KEYS:
+        return _each_as_text(values_shown)
+    settings = _each_as_text({key: values_shown[key] for key in differing[:_MAX_KEYS]})
+    return (*settings, f"{len(values_shown) - _MAX_KEYS} more (no. {namesakes.index(values) + 1})")
 
 
 def _entry(run: _ReadRun, setting: Setting, system: BoardSystem, with_interval: bool = True) -> BoardEntry:
@@ -260,24 +260,24 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
     except InputError as error:  # the parent only says how the run was started
         warnings.warn(str(error), stacklevel=2)
         parent = None
-    above = parent if parent is not None and not parent.multirun else None
-    given = above or launch
-    return given.command_line if given else ""
+    sweep = parent if parent is not None and not parent.multirun else None
+    record = sweep or launch
+    return record.command_line if record else ""
 
 
-def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
-    """Return the entries, each with what is known about other runs of its job. found: the newest first."""
+def _with_repeats(unmarked: Sequence[BoardEntry]) -> list[BoardEntry]:
+    """Return the entries, each with what is known about other runs of its job. unmarked: the newest first."""
     groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
-    for entry in found:
+    for entry in unmarked:
         groups.setdefault(entry.job, []).append(entry)
-    marked = {}
+    by_run_dir = {}
     # Show the newest finished run of each job, and say whether the others agree with it.
     for group in groups.values():
-        same = len({_figures(entry) for entry in group}) == 1
+        is_same = len({_figures(entry) for entry in group}) == 1
         best = next((entry for entry in group if not entry.row.unfinished), group[0])
         for entry in group:
-            marked[entry.run_dir] = replace(entry, repeats=len(group), same=same, shown=entry is best)
-    return [marked[entry.run_dir] for entry in found]
+            by_run_dir[entry.run_dir] = replace(entry, repeats=len(group), same=is_same, shown=entry is best)
+    return [by_run_dir[entry.run_dir] for entry in unmarked]
 
 
 def _figures(entry: BoardEntry) -> str:

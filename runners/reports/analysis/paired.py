@@ -81,10 +81,10 @@ class Block:
     @property
     def heading(self) -> str:
         """The system and the other keys, without those that the title shows: map, subset, robot, changed keys."""
-        shown = {
+        common = {
             key: value for key, value in self.keys.items() if value and key not in IN_TITLE and "." not in key
         }
-        return ", ".join(value if key == "system" else f"{key} {value}" for key, value in shown.items())
+        return ", ".join(value if key == "system" else f"{key} {value}" for key, value in common.items())
 
 
 def blocks(
@@ -100,26 +100,27 @@ def blocks(
         keys = ["system", *(key for key in row_keys(frame) if key != column)]
     texts = frame.assign(**{key: as_text(frame[key]) for key in [*keys, column]})
     for values, group in texts.groupby(list(keys), sort=False) if keys else [((), texts)]:
-        by_value = {str(value): part for value, part in group.groupby(column, sort=False)}
-        without = by_value.pop(baseline, None)
-        if without is not None and by_value:
-            yield Block(dict(zip(keys, map(str, values), strict=True)), without, by_value)
+        by_value = {str(value): variant_frame for value, variant_frame in group.groupby(column, sort=False)}
+        baseline_frame = by_value.pop(baseline, None)
+        if baseline_frame is not None and by_value:
+            yield Block(dict(zip(keys, map(str, values), strict=True)), baseline_frame, by_value)
 
 
 def compare(block: Block, quantity: str) -> dict[str, Difference]:
     """Return the difference of each variant from the baseline, by name; variants without pairs are left out."""
-    pairs = {name: difference(block.baseline, part, quantity) for name, part in block.variants.items()}
-    found = {name: value for name, value in pairs.items() if value is not None}
-    adjusted = holm([value.p for value in found.values()])
+    pairs = {name: difference(block.baseline, frame, quantity) for name, frame in block.variants.items()}
+    differences = {name: value for name, value in pairs.items() if value is not None}
+    adjusted = holm([value.p for value in differences.values()])
     return {
-        name: replace(value, adjusted=p) for (name, value), p in zip(found.items(), adjusted, strict=True)
+        name: replace(value, adjusted=p)
+        for (name, value), p in zip(differences.items(), adjusted, strict=True)
     }
 
 
 def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
     """Return `variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
-    one, other = (values(part, quantity) for part in (baseline, variant))
-    changes = (other - one).dropna()
+    baseline_values, variant_values = (values(frame, quantity) for frame in (baseline, variant))
+    changes = (variant_values - baseline_values).dropna()
     if changes.empty:
         return None
     # The worlds are the units: the value of each is the mean of its paired differences.
@@ -128,17 +129,17 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
     return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes))
 
 
-def interval_of_mean(part: pd.DataFrame, quantity: str) -> tuple[float, float]:
+def interval_of_mean(frame: pd.DataFrame, quantity: str) -> tuple[float, float]:
     """Return the 95 % interval of a quantity's mean, bootstrapped over worlds; (NaN, NaN) for fewer than two."""
-    by_world = values(part, quantity).dropna().groupby("world").mean().to_numpy()
+    by_world = values(frame, quantity).dropna().groupby("world").mean().to_numpy()
     return _bounds(by_world) if len(by_world) > 1 else (math.nan, math.nan)
 
 
-def values(part: pd.DataFrame, quantity: str) -> pd.Series:
+def values(frame: pd.DataFrame, quantity: str) -> pd.Series:
     """Return the quantity of each episode, indexed by world and run; NaN where it is unknown."""
-    if quantity == METRIC and METRIC in part:
-        part = part.assign(**{METRIC: barn_metric(part)})
-    indexed = part.set_index(["world", "run"])
+    if quantity == METRIC and METRIC in frame:
+        frame = frame.assign(**{METRIC: barn_metric(frame)})
+    indexed = frame.set_index(["world", "run"])
     if quantity == SUCCESS:
         return (indexed["outcome"] == SUCCESS).astype(float)
     return indexed.reindex(columns=[quantity])[quantity].astype(float)
@@ -148,11 +149,11 @@ def holm(p_values: Sequence[float]) -> list[float]:
     """Return the p-values adjusted by Holm's method (1979, https://www.jstor.org/stable/4615733); NaN stays NaN."""
     order = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
     adjusted = [math.nan] * len(p_values)
-    least = 0.0
+    smallest = 0.0
     # The k-th smallest of m p-values, from k = 0, times (m − k), at most 1 and never less than the one before.
     for rank, (p, index) in enumerate(order):
-        least = max(least, min(1.0, (len(order) - rank) * p))
-        adjusted[index] = least
+        smallest = max(smallest, min(1.0, (len(order) - rank) * p))
+        adjusted[index] = smallest
     return adjusted
 
 
@@ -174,12 +175,12 @@ def p_value(value: Difference) -> str:
     return f"< {LEAST_P:g}" if value.adjusted < LEAST_P else f"{value.adjusted:.3f}"
 
 
-def row(part: pd.DataFrame) -> Row:
+def row(frame: pd.DataFrame) -> Row:
     """Return the figures of the baseline or of a variant, as a row of a table."""
-    return measure(part, str(part["system"].iloc[0]), {})
+    return measure(frame, str(frame["system"].iloc[0]), {})
 
 
-def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float | bool | None]:
+def to_mapping(figures: Row, differences: Mapping[str, Difference]) -> dict[str, float | bool | None]:
     """Return the columns of a CSV for a row and its differences by measure, not rounded."""
     columns: dict[str, float | bool | None] = {
         "episodes": figures.episodes,
@@ -187,7 +188,7 @@ def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float
         "runs": figures.runs,
         **numbers(figures),
     }
-    for name, value in found.items():
+    for name, value in differences.items():
         columns |= {
             f"{name}_difference": value.mean,
             f"{name}_difference_low": value.low,
@@ -207,10 +208,10 @@ def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
     low, high = _bounds(by_world)
     signs = _signs(worlds)
     # TIE: sums that are equal in exact arithmetic must not differ by rounding.
-    as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
+    is_as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
     # With all sign flips the p-value is exact; with random ones, the observed signs count as one more draw.
-    every = len(signs) == 2**worlds
-    p = as_far.mean() if every else (1 + as_far.sum()) / (1 + len(signs))
+    is_exact = len(signs) == 2**worlds
+    p = is_as_far.mean() if is_exact else (1 + is_as_far.sum()) / (1 + len(signs))
     return low, high, float(p)
 
 

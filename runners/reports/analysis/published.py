@@ -42,14 +42,19 @@ class DrivenSetting(NamedTuple):
     robot: str
     difference: str = ""
 
-    def figures_of(self, name: str, known: Mapping[tuple[str, PublishedSetting], Figures]) -> Figures | None:
+    def figures_of(
+        self, name: str, published: Mapping[tuple[str, PublishedSetting], Figures]
+    ) -> Figures | None:
         """Return the published figures of a system that can be compared with these records, if any."""
         keys = [(name, PublishedSetting(self.map, robot)) for robot in self.robots]
-        return next((known[key] for key in keys if key in known), None)
+        return next((published[key] for key in keys if key in published), None)
 
-    def why_none(self, name: str, known: Mapping[tuple[str, PublishedSetting], Figures]) -> str:
+    def why_none(self, name: str, published: Mapping[tuple[str, PublishedSetting], Figures]) -> str:
         """Return why figures of a robot of this name are not compared with these records; empty if there are none."""
-        if self.figures_of(name, known) or (name, PublishedSetting(self.map, self.robot)) not in known:
+        if (
+            self.figures_of(name, published)
+            or (name, PublishedSetting(self.map, self.robot)) not in published
+        ):
             return ""
         return self.difference or f"the robot {self.robot} is not the shipped one"
 
@@ -71,11 +76,11 @@ def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting],
     """Return the published figures by the name of the system in `conf/system/` and by setting."""
     return {
         (name, PublishedSetting(map_name, robot)): Figures(
-            system.name, system.global_planner, _stats(given), _source(given)
+            system.name, system.global_planner, _stats(entry), _source(entry)
         )
         for name, system in systems.items()
-        for map_name, given in system.published.items()
-        for robot in given["robots"]
+        for map_name, entry in system.published.items()
+        for robot in entry["robots"]
     }
 
 
@@ -86,23 +91,23 @@ def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
     the map; on BARN, on all of `lab100` or `official50`. Map and robot are identified by their values, since a user's
     own option may have the name of a shipped one. Records without a launch record are identified by names alone.
     """
-    known = [key for key in (*_AS_PUBLISHED, "scale", "changes", "map", "subset", "robot") if key in group]
-    first = {key: str(group[key].iloc[0]) for key in known if group[key].notna().iloc[0]}
+    columns = [key for key in (*_AS_PUBLISHED, "scale", "changes", "map", "subset", "robot") if key in group]
+    values = {key: str(group[key].iloc[0]) for key in columns if group[key].notna().iloc[0]}
     # Only the complete method counts, without changed keys.
-    options = all(first.get(key, "") in ("", usual) for key, usual in _AS_PUBLISHED.items())
-    whole = options and not (first.get("scale") or first.get("changes"))
+    options = all(values.get(key, "") in ("", usual) for key, usual in _AS_PUBLISHED.items())
+    is_complete = options and not (values.get("scale") or values.get("changes"))
     # Only whole maps have published figures; BARN has two subsets that count as such.
-    place, subset = _same(group, "map_like", first.get("map", "")), first.get("subset", "")
-    if place == "barn":
-        place = _BARN_PLACES.get(subset, "")
+    map_name, subset = _common_value(group, "map_like", values.get("map", "")), values.get("subset", "")
+    if map_name == "barn":
+        map_name = _BARN_PLACES.get(subset, "")
     elif subset:
-        place = ""
+        map_name = ""
     all_worlds = group["world"].nunique() >= planned(group, PLANNED_WORLDS)
-    if not (whole and place and all_worlds):
+    if not (is_complete and map_name and all_worlds):
         return None
-    robot = first.get("robot", "")
-    robots = tuple(_same(group, "robot_like", robot).split())
-    return DrivenSetting(place, robots, robot, _same(group, "robot_difference", ""))
+    robot = values.get("robot", "")
+    robots = tuple(_common_value(group, "robot_like", robot).split())
+    return DrivenSetting(map_name, robots, robot, _common_value(group, "robot_difference", ""))
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -110,9 +115,9 @@ def notes(rows: Sequence[Row]) -> list[str]:
     maps = {row.published_map for row in rows if row.published_map}
     lines = []
     if maps:
-        others = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
-        ours = " and ".join(sorted({_simulator(row.sim) for row in rows if not row.published_map}))
-        lines.append(f"Ours ran in this project's {ours}, the published ones in {others}.")
+        simulators = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
+        own_simulators = " and ".join(sorted({_simulator(row.sim) for row in rows if not row.published_map}))
+        lines.append(f"Ours ran in this project's {own_simulators}, the published ones in {simulators}.")
     lines += dict.fromkeys(
         f"{row.label}: published figures are left out, because {row.unpublished}."
         for row in rows
@@ -131,7 +136,7 @@ def _simulator(sim: str) -> str:
     return f"{words} (sim={sim})" if sim else words
 
 
-def _same(group: pd.DataFrame, column: str, otherwise: str) -> str:
+def _common_value(group: pd.DataFrame, column: str, otherwise: str) -> str:
     """Return the value that all records have in a column that comes from launch records; empty if they differ."""
     if column not in group:
         return otherwise
@@ -139,19 +144,19 @@ def _same(group: pd.DataFrame, column: str, otherwise: str) -> str:
     return str(values[0]) if len(values) == 1 else ""
 
 
-def _stats(given: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+def _stats(entry: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     """Return (mean, std) by metric, from [mean, std], or from [mean] if no deviation was published."""
     return {
         key: (float(values[0]), float(values[1]) if len(values) > 1 else float("nan"))
-        for key, values in given.items()
+        for key, values in entry.items()
         if key not in TEXTS
     }
 
 
-def _source(given: Mapping[str, Any]) -> str:
+def _source(entry: Mapping[str, Any]) -> str:
     """Return the note's text about the figures: their log, and the formula of its metric."""
-    if "source" not in given:
+    if "source" not in entry:
         return ""
     return (
-        f"{given['source']}; BARN metric: {given['formula']}" if "formula" in given else str(given["source"])
+        f"{entry['source']}; BARN metric: {entry['formula']}" if "formula" in entry else str(entry["source"])
     )

@@ -37,25 +37,27 @@ _WHICH_WORLDS = (
 
 def names(runs: Sequence[ComparedRun]) -> list[str]:
     """Return a name for each run, made of its differences from the others; runs without any are named by folder."""
-    differing = _telling(runs)
-    found = [", ".join(_shorten([_part(run, column) for column in differing])) for run in runs]
-    times = Counter(found)
-    last = Counter(run.run_dir.name for run in runs)
+    differing = _telling_columns(runs)
+    texts = [", ".join(_shorten([_column_text(run, column) for column in differing])) for run in runs]
+    times = Counter(texts)
+    folder_counts = Counter(run.run_dir.name for run in runs)
     return [
-        name if times[name] == 1 and name else _with_folder(name, run, last[run.run_dir.name] == 1)
-        for name, run in zip(found, runs, strict=True)
+        name if times[name] == 1 and name else _with_folder(name, run, folder_counts[run.run_dir.name] == 1)
+        for name, run in zip(texts, runs, strict=True)
     ]
 
 
 def heading(runs: Sequence[ComparedRun]) -> str:
     """Return what all runs have in common: system, map, robot, and whatever is unusual."""
-    first, *others = runs
+    first, *further_runs = runs
     common = [
         column
         for column in _columns(runs)
-        if column != "seed" and all(run.text(column) == first.text(column) for run in others)
+        if column != "seed" and all(run.text(column) == first.text(column) for run in further_runs)
     ]
-    return " · ".join(_part(first, column) for column in common if first.text(column) not in usual(column))
+    return " · ".join(
+        _column_text(first, column) for column in common if first.text(column) not in usual(column)
+    )
 
 
 def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
@@ -63,7 +65,7 @@ def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
     configs = [dict(flatten(launch.configs[0])) for launch in launches]
     keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
     values = {key: [config.get(key) for config in configs] for key in keys}
-    return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
+    return {key: texts for key, texts in values.items() if any(value != texts[0] for value in texts)}
 
 
 def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
@@ -72,15 +74,17 @@ def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[Compa
     Conditions are the robot, the simulator, the rules of the map, added people, the filter, and whom the system sees.
     keys: those that differ, if they are known.
     """
-    found = []
+    conditions = []
     for group in ("robot", "sim", "map", "crowd", "filter", "people"):
         values = list(dict.fromkeys(_condition(run, group) for run in runs))
         if len(values) > 1:
-            found.append(f"{group}: {_listed(values)}")
+            conditions.append(f"{group}: {_listed(values)}")
             continue
-        own = {key: value for key, value in keys.items() if key.startswith(f"{group}.")}
-        found += [f"{key}: {_listed(list(dict.fromkeys(map(str, value))))}" for key, value in own.items()]
-    return found
+        keys_of_group = {key: value for key, value in keys.items() if key.startswith(f"{group}.")}
+        conditions += [
+            f"{key}: {_listed(list(dict.fromkeys(map(str, value))))}" for key, value in keys_of_group.items()
+        ]
+    return conditions
 
 
 def _condition(run: ComparedRun, group: str) -> str:
@@ -89,36 +93,36 @@ def _condition(run: ComparedRun, group: str) -> str:
     return run.text(group) or ("none" if has_none else "")
 
 
-def _telling(runs: Sequence[ComparedRun]) -> list[str]:
+def _telling_columns(runs: Sequence[ComparedRun]) -> list[str]:
     """Return the columns that differ, without those that others imply.
 
     Others imply the usual weights of a system, and equal keys of two groups with the same values, such as robot.v_max
     and planner.v_max.
     """
     values = {column: tuple(run.text(column) for run in runs) for column in _columns(runs)}
-    differing = {column: each for column, each in values.items() if len(set(each)) > 1}
+    differing = {column: texts for column, texts in values.items() if len(set(texts)) > 1}
     if "system" in differing and set(differing.get("weights", ())) <= usual("weights"):
         differing.pop("weights", None)
-    told = {(column.rpartition(".")[2], each): column for column, each in reversed(differing.items())}
-    return [column for column in differing if column in told.values()]
+    columns = {(column.rpartition(".")[2], texts): column for column, texts in reversed(differing.items())}
+    return [column for column in differing if column in columns.values()]
 
 
 def _columns(runs: Sequence[ComparedRun]) -> list[str]:
-    changed = dict.fromkeys(column for run in runs for column in changed_columns(run.frame))
-    return [*_COLUMNS, *(column for column in changed if column not in _WHICH_WORLDS)]
+    changed_keys = dict.fromkeys(column for run in runs for column in changed_columns(run.frame))
+    return [*_COLUMNS, *(column for column in changed_keys if column not in _WHICH_WORLDS)]
 
 
-def _part(run: ComparedRun, column: str) -> str:
+def _column_text(run: ComparedRun, column: str) -> str:
     value = run.text(column)
     if column in _BARE:
         return value
     return f"{column} {value}" if value else "" if "." in column else f"no {column}"
 
 
-def _shorten(parts: Sequence[str]) -> list[str]:
-    shown = [part for part in parts if part]
-    more = len(shown) - _MOST
-    return shown if more <= 0 else [*shown[:_MOST], f"{more} more"]
+def _shorten(texts: Sequence[str]) -> list[str]:
+    nonempty = [text for text in texts if text]
+    omitted = len(nonempty) - _MOST
+    return nonempty if omitted <= 0 else [*nonempty[:_MOST], f"{omitted} more"]
 
 
 def _with_folder(name: str, run: ComparedRun, is_enough: bool) -> str:

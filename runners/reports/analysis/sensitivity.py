@@ -81,7 +81,9 @@ class ParameterCurve:
 
     def beyond(self, measure: str) -> list[Point]:
         """Return the points whose difference from factor 1 in the measure is beyond the noise."""
-        return [each for each in self.points if measure in each.change and each.change[measure].beyond_noise]
+        return [
+            point for point in self.points if measure in point.change and point.change[measure].beyond_noise
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,7 @@ class SensitivityStudy(SweepStudy):
 
         Runs with several multiplied parameters are ignored.
         """
-        studies = [cls._of(block) for block in paired.blocks(_single(frame), COLUMN, UNCHANGED)]
+        studies = [cls._of(block) for block in paired.blocks(_single_changes(frame), COLUMN, UNCHANGED)]
         return [study for study in studies if study.curves]
 
     @classmethod
@@ -108,10 +110,10 @@ class SensitivityStudy(SweepStudy):
         base = Point(1.0, paired.row(block.baseline), {})
         # Every curve begins with the point that all share, that at factor 1.
         by_parameter: dict[str, list[Point]] = {}
-        for name, part in block.variants.items():
+        for name, frame in block.variants.items():
             ((parameter, factor),) = scale_from_words(name).items()
             change = {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
-            by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
+            by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(frame), change))
         curves = (
             ParameterCurve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
             for name, points in by_parameter.items()
@@ -160,27 +162,27 @@ class SensitivityStudy(SweepStudy):
     @classmethod
     def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
         """Draw a panel for each parameter, all on one scale."""
-        shown = studies[:STUDIES]
-        columns = min(COLUMNS, max(len(study.curves) for study in shown))
-        rows = [math.ceil(len(study.curves) / columns) for study in shown]
-        figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(shown) - 1))
+        drawn_studies = studies[:STUDIES]
+        columns = min(COLUMNS, max(len(study.curves) for study in drawn_studies))
+        rows = [math.ceil(len(study.curves) / columns) for study in drawn_studies]
+        figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(drawn_studies) - 1))
         # A part of the figure for each study, with a panel for each of its parameters.
-        for part, study, count in zip(
-            figure.subfigures(len(shown), 1, squeeze=False, height_ratios=rows)[:, 0],
-            shown,
+        for subfigure, study, count in zip(
+            figure.subfigures(len(drawn_studies), 1, squeeze=False, height_ratios=rows)[:, 0],
+            drawn_studies,
             rows,
             strict=True,
         ):
-            panels = part.subplots(count, columns, sharex=True, sharey=True, squeeze=False).flat
-            places = _places(factors(study.curves))
+            panels = subfigure.subplots(count, columns, sharex=True, sharey=True, squeeze=False).flat
+            positions = _positions(factors(study.curves))
             for axes, curve in zip(panels, study.curves, strict=False):
-                _panel(axes, curve, places)
+                _panel(axes, curve, positions)
             for axes in list(panels.base.flat)[len(study.curves) :]:
                 axes.set_visible(False)
-            part.suptitle(
+            subfigure.suptitle(
                 plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, x=0.01, ha="left"
             )
-        more = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
+        omitted = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
         figure.legend(
             handles=_keys(any(study.scored for study in studies)),
             loc="outside upper right",
@@ -189,7 +191,7 @@ class SensitivityStudy(SweepStudy):
             fontsize=8,
             labelcolor=INK,
         )
-        figure.supxlabel(CAPTION + more, fontsize=7, color=INK, x=0.01, ha="left")
+        figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
         return save(figure, folder / cls.name, ("png", "pdf"))
 
 
@@ -198,7 +200,7 @@ def factors(curves: Sequence[ParameterCurve]) -> list[float]:
     return sorted({point.factor for curve in curves for point in curve.points})
 
 
-def _single(frame: pd.DataFrame) -> pd.DataFrame:
+def _single_changes(frame: pd.DataFrame) -> pd.DataFrame:
     """Return the records of runs with at most one multiplied parameter."""
     if COLUMN not in frame:
         return frame
@@ -215,18 +217,18 @@ def _value(block: Block, parameter: str) -> str:
 def _sentence(curve: ParameterCurve) -> str:
     rates = [point.success for point in curve.points]
     value = f" ({curve.value})" if curve.value else ""
-    found = [text for measure in (SUCCESS, METRIC) if (text := _beyond(curve, measure))]
-    verdict = f"beyond the noise: {'; '.join(found)}" if found else "nothing beyond the noise"
+    changes = [text for measure in (SUCCESS, METRIC) if (text := _changes_text(curve, measure))]
+    verdict = f"beyond the noise: {'; '.join(changes)}" if changes else "nothing beyond the noise"
     return (
         f"{curve.parameter}{value}: {min(rates):.3f} to {max(rates):.3f}, range {curve.range:.3f}; {verdict}."
     )
 
 
-def _beyond(curve: ParameterCurve, measure: str) -> str:
+def _changes_text(curve: ParameterCurve, measure: str) -> str:
     """Return text such as "success 0.020 at × 0"; empty if no point is beyond the noise."""
     points = curve.beyond(measure)
-    shown = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
-    return f"{NAMES[measure]} {shown}" if shown else ""
+    rates = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
+    return f"{NAMES[measure]} {rates}" if rates else ""
 
 
 def _table(study: SensitivityStudy, measure: str) -> str:
@@ -254,66 +256,69 @@ def _cell(point: Point, measure: str) -> str:
     return f"**{text}** ({signed(change.mean)})" if change and change.beyond_noise else text
 
 
-def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> None:
+def _panel(axes: Axes, curve: ParameterCurve, positions: dict[float, float]) -> None:
     """Draw success with its band, and the BARN metric; factor 0 stands apart on the left."""
-    _band(axes, curve.points, places)
+    _band(axes, curve.points, positions)
     rows: list[tuple[str, dict[str, Any]]] = [(SUCCESS, _SUCCESS), (METRIC, _METRIC)]
-    for measure, look in rows:
-        drawn = [point for point in curve.points if measure in point.row.stats]
-        values = [point.row.stats[measure][0] for point in drawn]
-        across = [places[point.factor] for point in drawn]
+    for measure, style in rows:
+        points = [point for point in curve.points if measure in point.row.stats]
+        values = [point.row.stats[measure][0] for point in points]
+        x_positions = [positions[point.factor] for point in points]
         # Factor 0 has no logarithm, so no line leads to it.
-        start = 1 if drawn and drawn[0].factor == 0 else 0
-        axes.plot(across[start:], values[start:], zorder=3, **look)
-        axes.plot(across[:start], values[:start], zorder=3, **look)
-        for point, x, y in zip(drawn, across, values, strict=True):
+        start = 1 if points and points[0].factor == 0 else 0
+        axes.plot(x_positions[start:], values[start:], zorder=3, **style)
+        axes.plot(x_positions[:start], values[:start], zorder=3, **style)
+        for point, x, y in zip(points, x_positions, values, strict=True):
             face = (
-                look["color"] if measure in point.change and point.change[measure].beyond_noise else "white"
+                style["color"] if measure in point.change and point.change[measure].beyond_noise else "white"
             )
-            axes.plot(x, y, look["marker"], color=look["color"], markerfacecolor=face, markersize=4, zorder=4)
+            axes.plot(
+                x, y, style["marker"], color=style["color"], markerfacecolor=face, markersize=4, zorder=4
+            )
     axes.axhline(curve.unchanged.success, color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=2)
-    axes.axvline(places[1.0], color=INK, linewidth=0.7, linestyle=":", zorder=1)
+    axes.axvline(positions[1.0], color=INK, linewidth=0.7, linestyle=":", zorder=1)
     value = plot_text(f" = {curve.value}") if curve.value else ""
     axes.set_title(f"{symbol(curve.parameter)}{value}", fontsize=8.5, color=INK, pad=3)
-    _plain(axes, places)
+    _style_axes(axes, positions)
 
 
-def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> None:
+def _band(axes: Axes, points: Sequence[Point], positions: dict[float, float]) -> None:
     """Draw the interval of the success rates as a band, and as a bar for factor 0, which stands apart."""
-    bounds = [(places[point.factor], *(point.row.interval or (math.nan, math.nan))) for point in points]
-    alone, curve = (bounds[:1], bounds[1:]) if points[0].factor == 0 else ([], bounds)
+    bounds = [(positions[point.factor], *(point.row.interval or (math.nan, math.nan))) for point in points]
+    at_zero, curve = (bounds[:1], bounds[1:]) if points[0].factor == 0 else ([], bounds)
     x, low, high = zip(*curve, strict=True)
     axes.fill_between(x, low, high, color=BLUE, alpha=0.2, linewidth=0)
-    for place, least, most in alone:
-        axes.vlines(place, least, most, color=BLUE, alpha=0.3, linewidth=5)
+    for x_zero, low_zero, high_zero in at_zero:
+        axes.vlines(x_zero, low_zero, high_zero, color=BLUE, alpha=0.3, linewidth=5)
 
 
-def _places(found: Sequence[float]) -> dict[float, float]:
+def _positions(all_factors: Sequence[float]) -> dict[float, float]:
     """Return the positions of factors on the axis: log2 of the factor, with 0 to the left of all others."""
-    places = {factor: math.log2(factor) for factor in found if factor > 0}
-    left, right = min(places.values()), max(places.values())
-    return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in found else {}), **places}
+    positions = {factor: math.log2(factor) for factor in all_factors if factor > 0}
+    left, right = min(positions.values()), max(positions.values())
+    return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in all_factors else {}), **positions}
 
 
-def _named(places: dict[float, float]) -> list[float]:
+def _labelled_factors(positions: dict[float, float]) -> list[float]:
     """Return the factors that get a tick label: 1, the outermost ones, and those that fit between."""
-    room = TICK_GAP * (max(places.values()) - min(places.values()))
-    named: list[float] = []
-    for factor in dict.fromkeys([1.0, *sorted(places)[::-1][:1], *sorted(places)]):
-        if all(abs(places[factor] - places[other]) >= room for other in named):
-            named.append(factor)
-    return sorted(named)
+    min_gap = TICK_GAP * (max(positions.values()) - min(positions.values()))
+    labelled: list[float] = []
+    for factor in dict.fromkeys([1.0, *sorted(positions)[::-1][:1], *sorted(positions)]):
+        if all(abs(positions[factor] - positions[label]) >= min_gap for label in labelled):
+            labelled.append(factor)
+    return sorted(labelled)
 
 
-def _plain(axes: Axes, places: dict[float, float]) -> None:
-    left, right = min(places.values()), max(places.values())
-    beside, named = BESIDE * (right - left), _named(places)
-    axes.set(ylim=(-0.03, 1.04), xlim=(left - beside, right + beside), yticks=[0.0, 0.5, 1.0])
+def _style_axes(axes: Axes, positions: dict[float, float]) -> None:
+    left, right = min(positions.values()), max(positions.values())
+    margin, labelled = BESIDE * (right - left), _labelled_factors(positions)
+    axes.set(ylim=(-0.03, 1.04), xlim=(left - margin, right + margin), yticks=[0.0, 0.5, 1.0])
     axes.set_xticks(
-        [places[factor] for factor in named], [FRACTIONS.get(factor, f"{factor:g}") for factor in named]
+        [positions[factor] for factor in labelled],
+        [FRACTIONS.get(factor, f"{factor:g}") for factor in labelled],
     )
-    if 0.0 in places:  # the axis is broken between 0 and the least factor
-        axes.axvline((left + sorted(places.values())[1]) / 2, color=FRAME, linewidth=0.8)
+    if 0.0 in positions:  # the axis is broken between 0 and the least factor
+        axes.axvline((left + sorted(positions.values())[1]) / 2, color=FRAME, linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8, colors=INK, length=2.5)
     axes.grid(axis="y", color=GRID, linewidth=0.5)
@@ -324,8 +329,8 @@ def _keys(with_metric: bool) -> list[Any]:
     from matplotlib.lines import Line2D
 
     return [
-        Line2D([], [], label=name, markersize=4, markerfacecolor="white", **look)
-        for name, look in (("success rate", _SUCCESS), ("BARN metric (at most 0.5)", _METRIC))[
+        Line2D([], [], label=name, markersize=4, markerfacecolor="white", **style)
+        for name, style in (("success rate", _SUCCESS), ("BARN metric (at most 0.5)", _METRIC))[
             : 1 + with_metric
         ]
     ]

@@ -59,54 +59,56 @@ def groups(runs: Sequence[ComparedRun]) -> list[Group]:
 
     Runs share worlds if they have an episode in common to compare, with the same world and number of the run.
     """
-    found = []
-    left = list(runs)
+    run_groups = []
+    remaining = list(runs)
     # The first run that is left is the reference of all that share worlds with it.
-    while left:
-        reference, *rest = left
-        shared = [(run, _with_pairs(same_worlds(reference, run), reference, run)) for run in rest]
-        found.append(Group(reference, tuple((run, worlds) for run, worlds in shared if worlds)))
-        left = [run for run, worlds in shared if not worlds]
-    return found
+    while remaining:
+        reference, *candidates = remaining
+        shared = [(run, _with_pairs(same_worlds(reference, run), reference, run)) for run in candidates]
+        run_groups.append(Group(reference, tuple((run, worlds) for run, worlds in shared if worlds)))
+        remaining = [run for run, worlds in shared if not worlds]
+    return run_groups
 
 
-def _with_pairs(worlds: frozenset[int], one: ComparedRun, other: ComparedRun) -> frozenset[int]:
+def _with_pairs(worlds: frozenset[int], reference: ComparedRun, run: ComparedRun) -> frozenset[int]:
     """Return the worlds if the runs have an episode in common in one of them; otherwise none."""
-    return worlds if any(world in worlds for world, _ in one.episodes & other.episodes) else frozenset()
+    return worlds if any(world in worlds for world, _ in reference.episodes & run.episodes) else frozenset()
 
 
-def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
+def same_worlds(reference: ComparedRun, other_run: ComparedRun) -> frozenset[int]:
     """Return the numbers under which both drove the same task.
 
     Tasks are the same if map set, start, goal and measures of the world are. A measure that only one of them has,
     such as the number of people, makes their worlds different.
     """
-    numbers = sorted(one.worlds & other.worlds)
-    if one.text("map") != other.text("map") or not numbers:
+    numbers = sorted(reference.worlds & other_run.worlds)
+    if reference.text("map") != other_run.text("map") or not numbers:
         return frozenset()
     # Compare start and goal where both record them, and all measures of the world.
-    both = [name for name in _TASK if name in one.frame and name in other.frame]
-    measures = dict.fromkeys(name for run in (one, other) for name in run.frame if name.startswith(_MEASURE))
-    first, second = (
-        run.frame.drop_duplicates("world").set_index("world").reindex(numbers, columns=[*both, *measures])
-        for run in (one, other)
+    columns = [name for name in _TASK if name in reference.frame and name in other_run.frame]
+    measures = dict.fromkeys(
+        name for run in (reference, other_run) for name in run.frame if name.startswith(_MEASURE)
     )
-    same = np.ones(len(numbers), dtype=bool)
+    first, second = (
+        run.frame.drop_duplicates("world").set_index("world").reindex(numbers, columns=[*columns, *measures])
+        for run in (reference, other_run)
+    )
+    is_same = np.ones(len(numbers), dtype=bool)
     for name in first:
-        same &= _alike(first[name], second[name])
-    return frozenset(number for number, alike in zip(numbers, same, strict=True) if alike)
+        is_same &= _equal_values(first[name], second[name])
+    return frozenset(number for number, is_equal in zip(numbers, is_same, strict=True) if is_equal)
 
 
-def _alike(one: pd.Series, other: pd.Series) -> Bools:
+def _equal_values(values: pd.Series, reference_values: pd.Series) -> Bools:
     """Return where two columns agree: numbers except for rounding, texts exactly. Missing values agree."""
     from pandas.api.types import is_numeric_dtype
 
-    one, other = one.infer_objects(), other.infer_objects()
-    if is_numeric_dtype(one) and is_numeric_dtype(other):
-        first, second = one.to_numpy(float), other.to_numpy(float)
-        near: Bools = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True)
-        return near
-    return np.asarray((one == other) | (one.isna() & other.isna()))
+    values, reference_values = values.infer_objects(), reference_values.infer_objects()
+    if is_numeric_dtype(values) and is_numeric_dtype(reference_values):
+        first, second = values.to_numpy(float), reference_values.to_numpy(float)
+        is_close: Bools = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True)
+        return is_close
+    return np.asarray((values == reference_values) | (values.isna() & reference_values.isna()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,23 +136,23 @@ def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) ->
     Among equal ones, those where the start succeeded most often come first. frame, start: records with their
     `run_dir` and the column `reward`; maps have directories of the same name. start: None if the start is the result.
     """
-    good = None if start is None else _good(start)
+    start_successes = None if start is None else _succeeded_keys(start)
     by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
     for row in frame.to_dict("records"):
         by_world.setdefault((str(row["run_dir"]), int(row["world"])), []).append(row)
-    return sorted((_world(rows, good) for rows in by_world.values()), key=_order)[:count]
+    return sorted((_world(rows, start_successes) for rows in by_world.values()), key=_order)[:count]
 
 
 def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
     """Return the number of episodes in which the result fails where the start succeeded."""
-    good = _good(start)
-    return sum(_failed(row) and _key(row) in good for row in frame.to_dict("records"))
+    start_successes = _succeeded_keys(start)
+    return sum(_failed(row) and _key(row) in start_successes for row in frame.to_dict("records"))
 
 
-def _world(rows: Sequence[Mapping[str, Any]], good: set[_Key] | None) -> WorstWorld:
+def _world(rows: Sequence[Mapping[str, Any]], start_successes: set[_Key] | None) -> WorstWorld:
     failed = [row for row in rows if _failed(row)]
-    lost = [row for row in failed if good is not None and _key(row) in good]
-    worst = min(rows, key=lambda row: (not _failed(row), row["reward"], row not in lost))
+    regressed = [row for row in failed if start_successes is not None and _key(row) in start_successes]
+    worst = min(rows, key=lambda row: (not _failed(row), row["reward"], row not in regressed))
     return WorstWorld(
         Path(worst["run_dir"]),
         EpisodeKey.of(worst),
@@ -159,8 +161,8 @@ def _world(rows: Sequence[Mapping[str, Any]], good: set[_Key] | None) -> WorstWo
         float(worst["time_s"]),
         len(rows),
         len(failed),
-        None if good is None else sum(_key(row) not in good for row in rows),
-        len(lost),
+        None if start_successes is None else sum(_key(row) not in start_successes for row in rows),
+        len(regressed),
     )
 
 
@@ -172,7 +174,7 @@ def _failed(row: Mapping[str, Any]) -> bool:
     return bool(row["outcome"] != SUCCESS)
 
 
-def _good(start: pd.DataFrame) -> set[_Key]:
+def _succeeded_keys(start: pd.DataFrame) -> set[_Key]:
     """Return the episodes in which the start succeeded."""
     return {_key(row) for row in start.to_dict("records") if not _failed(row)}
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import paired
-from runners.reports.analysis.columns import csv_text
+from runners.reports.analysis.tables import csv_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,5 +60,5 @@ def write(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:
 def to_markdown(studies: Sequence[SweepStudy]) -> str:
     """Return the tables of all studies of one kind, and their notes at the end."""
     notes = dict.fromkeys(note for study in studies for note in study.notes())
-    parts = [part for study in studies for part in study.tables()]
-    return "\n\n".join([*parts, "  \n".join(notes)] if notes else parts) + "\n"
+    tables = [table for study in studies for table in study.tables()]
+    return "\n\n".join([*tables, "  \n".join(notes)] if notes else tables) + "\n"

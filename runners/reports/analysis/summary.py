@@ -129,16 +129,16 @@ def summarise(
     grouping = ["system", *keys]
     # Measure a row for each combination of values, and find the setting that it can be compared in.
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
-    ours: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
+    own_rows: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
-        name, setting = _named(group, systems), published.setting_of(group)
-        why = setting.why_none(name, figures) if setting else ""
-        row = replace(row, ablated=_ablated(group, labels), unpublished=why)
-        ours.setdefault(name, []).append((row, setting))
+        name, setting = _system_name(group, systems), published.setting_of(group)
+        reason = setting.why_none(name, figures) if setting else ""
+        row = replace(row, ablated=_ablated(group, labels), unpublished=reason)
+        own_rows.setdefault(name, []).append((row, setting))
     # Put the published figures behind the rows of their system.
-    settings = {setting: row for rows in ours.values() for row, setting in rows if setting}
-    return [row for name, rows in ours.items() for row in _with_published(name, rows, settings, figures)]
+    settings = {setting: row for rows in own_rows.values() for row, setting in rows if setting}
+    return [row for name, rows in own_rows.items() for row in _with_published(name, rows, settings, figures)]
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
@@ -149,11 +149,11 @@ def metrics(frame: pd.DataFrame) -> dict[str, float]:
 
 def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
     """Return the metrics of each map, prefixed with its name if there are several, for one tracked run."""
-    places = list(dict.fromkeys(frame["map"]))
+    map_names = list(dict.fromkeys(frame["map"]))
     return {
-        f"{place}_{key}" if len(places) > 1 else key: value
-        for place in places
-        for key, value in metrics(frame[frame["map"] == place]).items()
+        f"{map_name}_{key}" if len(map_names) > 1 else key: value
+        for map_name in map_names
+        for key, value in metrics(frame[frame["map"] == map_name]).items()
     }
 
 
@@ -166,8 +166,8 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
     for metric in METRICS:
         column = _metric_column(group, metric.key)
         if column is not None:
-            chosen = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
-            mean, std = mean_std_over_runs(column, group["run"], chosen)
+            is_counted = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
+            mean, std = mean_std_over_runs(column, group["run"], is_counted)
             stats[metric.key] = mean, std if runs > 1 else math.nan
     return Row(
         label=f"{system} (ours)",
@@ -187,13 +187,13 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
 def numbers(row: Row) -> dict[str, float]:
     """Return the means, deviations over runs (`_std`) and bounds of the success rate of a row, if it has them."""
     pairs = {
-        f"{key}{end}": value
-        for key, both in row.stats.items()
-        for end, value in zip(("", "_std"), both, strict=True)
+        f"{key}{suffix}": value
+        for key, mean_and_std in row.stats.items()
+        for suffix, value in zip(("", "_std"), mean_and_std, strict=True)
     }
     low, high = row.interval or (math.nan, math.nan)
-    every = {**pairs, "success_low": low, "success_high": high}
-    return {name: value for name, value in every.items() if not math.isnan(value)}
+    values = {**pairs, "success_low": low, "success_high": high}
+    return {name: value for name, value in values.items() if not math.isnan(value)}
 
 
 def row_keys(frame: pd.DataFrame) -> list[str]:
@@ -226,10 +226,10 @@ def barn_metric(frame: pd.DataFrame) -> pd.Series:
     set counts except the families of the cold trial.
     """
     columns = frame.reindex(columns=["map", "world_cylinders", "world_family"])
-    known = columns.notna()
+    is_known = columns.notna()
     # A world with cylinders but without a family is one of BARN's under another name.
-    cylinders = known["world_cylinders"] & ~known["world_family"]
-    return frame[BARN_METRIC].where(columns["map"].isin(_OF_BARN) | ~known["map"] | cylinders)
+    cylinders = is_known["world_cylinders"] & ~is_known["world_family"]
+    return frame[BARN_METRIC].where(columns["map"].isin(_OF_BARN) | ~is_known["map"] | cylinders)
 
 
 def as_text(column: pd.Series) -> pd.Series:
@@ -239,7 +239,7 @@ def as_text(column: pd.Series) -> pd.Series:
 
 def _with_published(
     name: str,
-    ours: Sequence[tuple[Row, published.DrivenSetting | None]],
+    own_rows: Sequence[tuple[Row, published.DrivenSetting | None]],
     settings: Mapping[published.DrivenSetting, Row],
     figures: Mapping[tuple[str, published.PublishedSetting], published.Figures],
 ) -> Iterator[Row]:
@@ -247,45 +247,49 @@ def _with_published(
 
     settings: every setting of the records, with one of its rows. A system without rows gets its figures for all.
     """
-    for index, (row, setting) in enumerate(ours):
+    for index, (row, setting) in enumerate(own_rows):
         yield row
-        found = setting.figures_of(name, figures) if setting else None
-        if setting and found and setting not in (later for _, later in ours[index + 1 :]):
-            yield _published_row(found, setting, row)
+        source = setting.figures_of(name, figures) if setting else None
+        if (
+            setting
+            and source
+            and setting not in (later_setting for _, later_setting in own_rows[index + 1 :])
+        ):
+            yield _published_row(source, setting, row)
     # A system without rows of its own: its figures for every setting of the records.
-    if not ours:
-        for setting, like in settings.items():
-            found = setting.figures_of(name, figures)
-            if found:
-                yield _published_row(found, setting, like)
+    if not own_rows:
+        for setting, own_row in settings.items():
+            source = setting.figures_of(name, figures)
+            if source:
+                yield _published_row(source, setting, own_row)
 
 
-def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
+def _system_name(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
     """Return the name of the system: among those with its label, the one of its guide and planner, if any."""
-    first = group.iloc[0]
-    label, pair = str(first["system"]), (first.get("guide"), first.get("planner"))
+    episode = group.iloc[0]
+    label, pair = str(episode["system"]), (episode.get("guide"), episode.get("planner"))
     names = [name for name, system in systems.items() if system.label == label]
-    same = [name for name in names if (systems[name].guide, systems[name].planner) == pair]
-    return [label, *names, *same][-1]
+    namesakes = [name for name in names if (systems[name].guide, systems[name].planner) == pair]
+    return [label, *names, *namesakes][-1]
 
 
-def _published_row(found: published.Figures, setting: published.DrivenSetting, ours: Row) -> Row:
-    keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
+def _published_row(source: published.Figures, setting: published.DrivenSetting, own_row: Row) -> Row:
+    keys = {key: value if key in ("map", "subset") else "" for key, value in own_row.keys.items()}
     return Row(
-        label=f"{found.label} (published)",
+        label=f"{source.label} (published)",
         keys=keys,
-        stats=found.stats,
-        global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
+        stats=source.stats,
+        global_planner=GLOBAL_PLANNER["observed" if source.global_planner else ""],
         published_map=setting.map,
-        source=found.source,
+        source=source.source,
     )
 
 
 def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
-    first = group.iloc[0]
-    label = ablations.describe_ablation(str(first.get("ablation", "")), labels)
+    episode = group.iloc[0]
+    label = ablations.describe_ablation(str(episode.get("ablation", "")), labels)
     # The label of lme_no_c_t says it already, as do those of systems with an ablation in records made before.
-    return "" if str(first["system"]).endswith(label) else label
+    return "" if str(episode["system"]).endswith(label) else label
 
 
 def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
@@ -304,7 +308,7 @@ def _global_planner(group: pd.DataFrame) -> str:
 
 def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:
     text = str(group["changes"].iloc[0]) if "changes" in group else ""
-    return ", ".join(part for part in text.split(", ") if part.partition("=")[0] not in keys)
+    return ", ".join(change for change in text.split(", ") if change.partition("=")[0] not in keys)
 
 
 def _varies(frame: pd.DataFrame, column: str) -> bool:

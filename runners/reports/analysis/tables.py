@@ -1,20 +1,22 @@
-"""Result tables as Markdown, CSV, LaTeX and HTML and on the terminal, and the notes below them."""
+"""Result tables as Markdown, CSV, LaTeX and HTML and on the terminal, and the notes and sections below them."""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.config.escaping import html_text, latex_text, markdown_text, visible
+from lme.metrics import interval_over_worlds
+from lme.worlds.cold_trial import STAND_IN
+from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 from runners.reports.analysis import published
-from runners.reports.analysis.columns import csv_text
 from runners.reports.analysis.failures import failed_section, timeouts_section
-from runners.reports.analysis.families import families_section
 from runners.reports.analysis.summary import (
     DASH,
     GROUP_KEYS,
@@ -38,14 +40,15 @@ if TYPE_CHECKING:
 MISSING = DASH
 GAP = 2  # between columns on the terminal
 Column = tuple[str, ...]  # its header, then a cell for each row
+FAMILY = "world_family"  # column of map sets that draw a family of worlds for every episode
 
 
 def title(frame: pd.DataFrame) -> str:
     """Return what all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
-    shown = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
-    values = {key: str(frame[key].iloc[0]) for key in shown if frame[key].nunique() == 1}
+    columns = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
+    values = {key: str(frame[key].iloc[0]) for key in columns if frame[key].nunique() == 1}
     common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
-    return " · ".join([*common, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
+    return " · ".join([*common, f"{_count_text(frame, 'world')} {TIMES} {_count_text(frame, 'run')}"])
 
 
 def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
@@ -58,7 +61,9 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
     # Name the columns that are means over successes, as far as they are shown.
     means = list(
         dict.fromkeys(
-            each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out
+            column.header.split()[0]
+            for column in METRICS
+            if column.of_successes and column.header not in left_out
         )
     )
     if means:
@@ -72,52 +77,48 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
     # Where rows differ from the shipped options, and where published figures come from.
     lines += changed_notes(rows)
     lines += published.notes(rows)
-    lines += [f"{label}: {source}." for label, source in _sources(rows).items()]
+    sources = {row.label: row.source for row in rows if row.source}  # of figures that are not from the paper
+    lines += [f"{label}: {source}." for label, source in sources.items()]
     if any(row.unfinished for row in rows):
         lines.append("A row that says how much was driven is not finished; its figures are of that part.")
     return lines
 
 
-def _sources(rows: Sequence[Row]) -> dict[str, str]:
-    """Return the sources of published figures that are not from the paper, by the row's label."""
-    return {row.label: row.source for row in rows if row.source}
-
-
 def changed_notes(rows: Sequence[Row]) -> list[str]:
     """Return the notes on keys that differ from the files of their options."""
-    ours = [row for row in rows if not row.published_map]
-    if len({row.changes for row in ours}) == 1:
-        return [f"Changed: {ours[0].changes}."] if ours[0].changes else []
-    return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in ours if row.changes))
+    own_rows = [row for row in rows if not row.published_map]
+    if len({row.changes for row in own_rows}) == 1:
+        return [f"Changed: {own_rows[0].changes}."] if own_rows[0].changes else []
+    return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in own_rows if row.changes))
 
 
-def _counted(frame: pd.DataFrame, column: str) -> str:
+def _count_text(frame: pd.DataFrame, column: str) -> str:
     """Return the number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
     keys = ["system", *row_keys(frame)]
     counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
-    fewest, most = int(counts.min()), int(counts.max())
-    number = str(most) if fewest == most else f"{fewest}{DASH}{most}"
-    return f"{number} {column}" + "s" * (most != 1)
+    fewest, largest = int(counts.min()), int(counts.max())
+    number = str(largest) if fewest == largest else f"{fewest}{DASH}{largest}"
+    return f"{number} {column}" + "s" * (largest != 1)
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
     """Return the table in GitHub's Markdown, with notes below."""
     header, *lines = _cells(rows, " ± ")
-    first = 1 + len(rows[0].keys)
-    rule = ["---"] * first + ["---:"] * (len(header) - first)
+    label_columns = 1 + len(rows[0].keys)
+    rule = ["---"] * label_columns + ["---:"] * (len(header) - label_columns)
     table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
     return f"{table}\n\n" + "\n".join(f"{markdown_text(note)}  " for note in notes(rows)) + "\n"
 
 
 def to_csv(rows: Sequence[Row]) -> str:
     """Return the numbers of the table, not rounded; missing ones are empty. Changed keys have a column if any."""
-    changed = any(row.changes for row in rows)
+    has_changes = any(row.changes for row in rows)
     return csv_text(
         [
             {
                 "label": row.name,
                 **row.keys,
-                **({"changes": row.changes} if changed else {}),
+                **({"changes": row.changes} if has_changes else {}),
                 "global_planner": row.global_planner,
                 "episodes": row.episodes,
                 "worlds": row.worlds,
@@ -134,8 +135,8 @@ def to_html(rows: Sequence[Row]) -> str:
     header, *lines = ([html_text(cell) for cell in line] for line in _cells(rows, " ± "))
     head = "".join(f"<th>{cell}</th>" for cell in header)
     body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
-    below = "<br>\n".join(map(html_text, notes(rows)))
-    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{below}</p>"
+    footer = "<br>\n".join(map(html_text, notes(rows)))
+    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{footer}</p>"
 
 
 def to_latex(rows: Sequence[Row]) -> str:
@@ -143,12 +144,12 @@ def to_latex(rows: Sequence[Row]) -> str:
     import pandas as pd
 
     header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
-    first = 1 + len(rows[0].keys)
-    columns = f"@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}"
+    label_columns = 1 + len(rows[0].keys)
+    columns = f"@{{}}{'l' * label_columns}{'r' * (len(header) - label_columns)}@{{}}"
     table = pd.DataFrame(lines, columns=header).to_latex(index=False, escape=False, column_format=columns)
     comments = "".join(f"% {visible(note)}\n" for note in notes(rows))
-    below = "".join(f"\\par {latex_text(note)}\n" for note in changed_notes(rows))
-    return f"{comments}{table}{below}"
+    footer = "".join(f"\\par {latex_text(note)}\n" for note in changed_notes(rows))
+    return f"{comments}{table}{footer}"
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
@@ -161,14 +162,14 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
     from rich.text import Text
 
     columns, gap, left_out = _fit(rows, width)
-    below = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
-    caption = Text("\n".join(map(visible, below)))
+    footer = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
+    caption = Text("\n".join(map(visible, footer)))
     table = Table(title=Text(visible(heading)), caption=caption, caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
     # Text, not str: Rich would read a unit in brackets as markup.
     for number, (header, *_) in enumerate(columns):
-        left = number <= len(rows[0].keys)
-        table.add_column(Text(header), justify="left" if left else "right", overflow="fold")
+        is_label = number <= len(rows[0].keys)
+        table.add_column(Text(header), justify="left" if is_label else "right", overflow="fold")
     for row, line in zip(rows, list(zip(*columns, strict=True))[1:], strict=True):
         table.add_row(*map(Text, line), style="dim" if row.published_map else None)
     return table
@@ -187,9 +188,9 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
 
     `table.md` also says how long episodes timed out, and links to explainer pages of failed ones, if there are any.
     """
-    below = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
+    sections = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
     texts = {
-        "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{below}",
+        "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{sections}",
         "table.csv": to_csv(rows),
         "table.tex": to_latex(rows),
     }
@@ -198,22 +199,18 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
     return [run_dir / name for name in texts]
 
 
-def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
-    return [metric for metric in METRICS if any(metric.key in row.stats for row in rows)]
-
-
 def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
     """Return header and lines as text; the interval is next to the success rate."""
-    metrics = _shown_metrics(rows)
+    metrics = [metric for metric in METRICS if any(metric.key in row.stats for row in rows)]
     headers = [metric.header for metric in metrics]
     keys = [key.capitalize() if key in GROUP_KEYS else visible(key) for key in rows[0].keys]
     lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]
     for row in rows:
-        first, *others = [_stat(row, metric, plus_minus) for metric in metrics]
+        success, *further_values = [_stat(row, metric, plus_minus) for metric in metrics]
         interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
         episodes = MISSING if row.episodes is None else str(row.episodes)
         values = [visible(value) or MISSING for value in row.keys.values()]
-        lines.append([visible(row.name), *values, first, interval, *others, episodes])
+        lines.append([visible(row.name), *values, success, interval, *further_values, episodes])
     if _compares_planners(rows):
         for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
             line.append(cell)
@@ -236,13 +233,13 @@ def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Colum
         return columns, GAP, []
     # Fold every column to its longest word, and omit one more column until the rest fits.
     columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
-    spare = _least_needed_first(columns[1:], len(rows[0].keys))
-    for count in range(len(spare) + 1):
-        folded = [_wrap(column) for column in columns if column not in spare[:count]]
+    omittable = _least_needed_first(columns[1:], len(rows[0].keys))
+    for count in range(len(omittable) + 1):
+        folded = [_wrap(column) for column in columns if column not in omittable[:count]]
         for gap in (GAP, 1):
             if _width(folded, gap) <= width:
-                return folded, gap, spare[:count]
-    return folded, gap, spare
+                return folded, gap, omittable[:count]
+    return folded, gap, omittable
 
 
 def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
@@ -254,7 +251,7 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
     metrics = {metric.header: metric for metric in METRICS}
     ranked = []
     # Rank by need, the least needed first; equal ranks go from right to left.
-    for place, column in enumerate(columns):
+    for position, column in enumerate(columns):
         metric = metrics.get(column[0])
         if _is_constant(column) and column[0] != INTERVAL_HEADER:
             rank = 0 if metric is None else 1
@@ -262,8 +259,8 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
             rank = 4
         else:
             rank = 2 if metric.spare else 3
-        if column[0] != METRICS[0].header and (place >= keys or rank == 0):
-            ranked.append((rank, -place, column))
+        if column[0] != METRICS[0].header and (position >= keys or rank == 0):
+            ranked.append((rank, -position, column))
     return [column for *_, column in sorted(ranked)]
 
 
@@ -275,16 +272,16 @@ def _is_constant(column: Column) -> bool:
 
 def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
     """Return lines that name the omitted columns and say where to find them."""
-    same = [
+    constant = [
         f"{header} {next(cell for cell in cells if cell != MISSING)}"
         for header, *cells in left_out
         if _is_constant((header, *cells))
     ]
-    lines = [f"The same in every row with a value: {', '.join(same)}."] if same else []
-    others = [column[0] for column in left_out if not _is_constant(column)]
-    if others:
+    lines = [f"The same in every row with a value: {', '.join(constant)}."] if constant else []
+    left_out_headers = [column[0] for column in left_out if not _is_constant(column)]
+    if left_out_headers:
         lines.append(
-            f"Left out at {width} columns: {', '.join(others)}. "
+            f"Left out at {width} columns: {', '.join(left_out_headers)}. "
             "A wider terminal shows them, and so does `lme table RUN --format md`."
         )
     return lines
@@ -298,8 +295,8 @@ def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
 
 def _wrap(column: Column) -> Column:
     """Return the cells, wrapped to the width of their longest word."""
-    narrow = max(len(word) for cell in column for word in cell.split())
-    return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)
+    longest_word = max(len(word) for cell in column for word in cell.split())
+    return tuple("\n".join(textwrap.wrap(cell, longest_word, break_on_hyphens=False)) for cell in column)
 
 
 def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
@@ -308,3 +305,56 @@ def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
         return MISSING
     spread = metric.spread and not math.isnan(std)
     return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")
+
+
+def families_section(frame: pd.DataFrame) -> str:
+    """Return the section of table.md; empty if the records have no families. frame: records of one or more runs."""
+    if FAMILY not in frame:
+        return ""
+    episodes = frame[frame[FAMILY].notna()]
+    # A row for each combination of values and family.
+    keys = ["system", *row_keys(frame), FAMILY]
+    texts = episodes.assign(**{key: as_text(episodes[key]) for key in keys})
+    rows = [[*map(str, values), *_figures(group)] for values, group in texts.groupby(keys, sort=False)]
+    names = [key.capitalize() if key.isidentifier() else key for key in keys[:-1]]
+    header = [*names, "Family", "Success", "95 % CI", "Collision", "Timeout", "n"]
+    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
+    stands_in = (episodes[FAMILY] == STAND_IN).any()
+    note = (
+        f"\n{STAND_IN} are generated: no maps of real buildings were given (map.paths).\n"
+        if stands_in
+        else ""
+    )
+    table = markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])
+    return f"\n## Families of worlds\n\n{table}\n{note}"
+
+
+def _figures(group: pd.DataFrame) -> list[str]:
+    low, high = interval_over_worlds(group["outcome"] == "success", group["world"])
+    success, collision, timeout = (
+        f"{(group['outcome'] == outcome).mean():.3f}" for outcome in ("success", "collision", "timeout")
+    )
+    return [success, f"{low:.3f}–{high:.3f}", collision, timeout, str(len(group))]
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
+    """Return one line per row, with cells padded to the width of their column. right: the right-aligned columns."""
+    rows = [[visible(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if number in right else cell.ljust(width)
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def csv_text(lines: Sequence[Mapping[str, object]]) -> str:
+    """Return a CSV with every column that any line has, in order of first appearance."""
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writerow({name: csv_value(name) for name in names})
+    writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
+    return text.getvalue()

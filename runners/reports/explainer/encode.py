@@ -97,7 +97,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
     return {
         "title": title(trace),
         "system": system,
-        "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(trace).items()),
+        "ablation": ", ".join(f"{name}={float(value):g}" for name, value in trace.config.ablation.items()),
         "robot": robot.name,
         "outcome": str(episode.outcome),
         "time": episode.time,
@@ -117,29 +117,28 @@ def robot_header(robot: Robot) -> dict[str, Any]:
     return {"dt": robot.dt, "box": robot.footprint.box, "cell": CELL_M}
 
 
-def _ablation(trace: Trace) -> dict[str, float]:
-    return {name: float(value) for name, value in trace.config.ablation.items()}
-
-
-def policy(first: Explanation) -> dict[str, Any]:
+def policy(explanation: Explanation) -> dict[str, Any]:
     """Return what the page needs to decide. Infinity is written as a word, since JSON has none."""
-    weights = dict(zip(first.names, first.parameters.weights.tolist(), strict=True))
-    given = {**weights, "d1": first.parameters.d1, "d2": first.parameters.d2}
+    weights = dict(zip(explanation.names, explanation.parameters.weights.tolist(), strict=True))
+    parameters = {**weights, "d1": explanation.parameters.d1, "d2": explanation.parameters.d2}
     return {
         "explained": True,
-        "names": first.names,
-        "about": {name: _first_line(name, first) for name in first.names},
-        "parameters": {name: value if math.isfinite(value) else "inf" for name, value in given.items()},
+        "names": explanation.names,
+        "about": {name: _first_line(name, explanation) for name in explanation.names},
+        "parameters": {name: value if math.isfinite(value) else "inf" for name, value in parameters.items()},
         "choices": CHOICES,
     }
 
 
-def _first_line(name: str, first: Explanation) -> str:
+def _first_line(name: str, explanation: Explanation) -> str:
     """Return the first line of a criterion's docstring, from LME or LME+, for the interpretation that is in use."""
-    known: Mapping[str, Callable[..., Floats]] = {**PAPER_CRITERIA, "a_mount": SURMOUNT[first.view.surmount]}
-    if PLUS_CRITERIA.keys() == set(first.names):
-        known = PLUS_CRITERIA
-    criterion = known.get(name)
+    criteria: Mapping[str, Callable[..., Floats]] = {
+        **PAPER_CRITERIA,
+        "a_mount": SURMOUNT[explanation.view.surmount],
+    }
+    if PLUS_CRITERIA.keys() == set(explanation.names):
+        criteria = PLUS_CRITERIA
+    criterion = criteria.get(name)
     return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
 
 
@@ -160,11 +159,13 @@ def _scans(packer: Packer, stretch: Stretch) -> None:
     """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
     frames = stretch.frames
     points = _add_scan(packer, stretch)
-    steps = np.repeat(np.arange(len(frames)), [len(some) for some in points])
+    steps = np.repeat(np.arange(len(frames)), [len(cloud) for cloud in points])
     # Each cell belongs to the first step that saw it.
-    placed = np.concatenate([to_world(some, frame.pose) for some, frame in zip(points, frames, strict=True)])
-    cells, first = np.unique(cells_of(placed), axis=0, return_index=True)
-    seen_at = steps[first]
+    placed = np.concatenate(
+        [to_world(cloud, frame.pose) for cloud, frame in zip(points, frames, strict=True)]
+    )
+    cells, first_rows = np.unique(cells_of(placed), axis=0, return_index=True)
+    seen_at = steps[first_rows]
     order = np.argsort(seen_at, kind="stable")
     add_seen(packer, np.bincount(seen_at, minlength=len(frames)), cells[order])
 
@@ -206,8 +207,8 @@ def _movers(packer: Packer, stretch: Stretch) -> None:
 def _is_mapped(trace: Trace) -> bool:
     """Return whether the true world is known, as it is not for a real robot."""
     world = trace.task.world
-    parts = (world.circles, world.segments, world.polygons, *trace.moving(trace.frames[0]))
-    return any(len(part) for part in parts)
+    obstacles = (world.circles, world.segments, world.polygons, *trace.moving(trace.frames[0]))
+    return any(len(geometry) for geometry in obstacles)
 
 
 def plans_paths(steps: Sequence[TracedStep]) -> bool:
@@ -228,54 +229,56 @@ def tracks_people(config: SystemConfig) -> bool:
 
 def _people(packer: Packer, stretch: Stretch) -> None:
     """Add the tracks of every step in the robot frame, with their velocities."""
-    found = [step.observation.pedestrians for step in stretch.steps]
-    packer.add_counts("people", found)
-    packer.add_singles("people", np.concatenate([np.empty((0, 4)), *found]))
+    pedestrians = [step.observation.pedestrians for step in stretch.steps]
+    packer.add_counts("people", pedestrians)
+    packer.add_singles("people", np.concatenate([np.empty((0, 4)), *pedestrians]))
 
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
     """Add the choice of every step, and the old subgoal that the best candidate was compared with."""
-    old = np.array([NONE if why.old is None else why.old for why in reasons])
+    old_subgoals = np.array([NONE if reason.old is None else reason.old for reason in reasons])
     num_criteria = len(reasons[0].names)
     nothing = np.full(num_criteria, np.nan)
-    packer.add_integers("new", [why.new for why in reasons])
-    packer.add_integers("choice", [CHOICES.index(why.decision.choice) for why in reasons])
-    packer.add_integers("blocked", [why.decision.blocked for why in reasons])
-    packer.add_singles("old", old)
-    packer.add_doubles("old_distance", [math.hypot(x, y) for x, y in old])
-    features = [nothing if why.old_features is None else why.old_features for why in reasons]
+    packer.add_integers("new", [reason.new for reason in reasons])
+    packer.add_integers("choice", [CHOICES.index(reason.decision.choice) for reason in reasons])
+    packer.add_integers("blocked", [reason.decision.blocked for reason in reasons])
+    packer.add_singles("old", old_subgoals)
+    packer.add_doubles("old_distance", [math.hypot(x, y) for x, y in old_subgoals])
+    features = [nothing if reason.old_features is None else reason.old_features for reason in reasons]
     packer.add_doubles("old_features", np.array(features))
 
 
 def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
-    _add_points_mm(packer, "candidates", [why.candidates for why in reasons])
+    _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
     for row, name in enumerate(reasons[0].names):
-        packer.add_doubles(f"feature.{name}", np.concatenate([why.features[row] for why in reasons]))
+        packer.add_doubles(f"feature.{name}", np.concatenate([reason.features[row] for reason in reasons]))
 
 
 def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
     """Add the sectors of the scan, the blocking one, and the recent positions."""
-    sectors = [why.sectors for why in reasons]
+    sectors = [reason.sectors for reason in reasons]
     packer.add_counts("sectors", sectors)
     packer.add_integers("sectors", np.concatenate(sectors))
-    packer.add_integers("blocking", [_blocking_sector(why) for why in reasons])
-    blockages = [why.view.blockage for why in reasons]
-    ends_at_first = [0 if way is None else np.array_equal(way.A, way.E1) for way in blockages]
+    packer.add_integers("blocking", [_blocking_sector(reason) for reason in reasons])
+    blockages = [reason.view.blockage for reason in reasons]
+    ends_at_first = [
+        0 if blockage is None else np.array_equal(blockage.A, blockage.E1) for blockage in blockages
+    ]
     packer.add_integers("a_is_e1", ends_at_first)
-    packer.add_singles("b", np.array([NONE if way is None else way.B for way in blockages]))
-    history = [why.view.history for why in reasons]
+    packer.add_singles("b", np.array([NONE if blockage is None else blockage.B for blockage in blockages]))
+    history = [reason.view.history for reason in reasons]
     packer.add_counts("history", history)
     packer.add_singles("history", np.concatenate(history))
 
 
-def _blocking_sector(why: Explanation) -> int:
+def _blocking_sector(explanation: Explanation) -> int:
     """Return the index of the sector with the ends E1 and E2; −1 if none blocks."""
-    way, points = why.view.blockage, why.view.points
-    if way is None:
+    blockage, points = explanation.view.blockage, explanation.view.points
+    if blockage is None:
         return -1
     # The first and last point of each sector are its ends.
-    ends = points[why.sectors]
-    matches = (ends[:, 0] == way.E1).all(axis=1) & (ends[:, 1] == way.E2).all(axis=1)
+    ends = points[explanation.sectors]
+    matches = (ends[:, 0] == blockage.E1).all(axis=1) & (ends[:, 1] == blockage.E2).all(axis=1)
     return int(np.argmax(matches))
 
 

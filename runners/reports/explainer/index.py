@@ -31,33 +31,33 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
 
     Raises InputError if it cannot be written.
     """
-    place = run_dir / FOLDER
-    refuse_link(place, run_dir)
+    directory = run_dir / FOLDER
+    refuse_link(directory, run_dir)
     worst_first = frame.sort_values(["outcome", "world", "run"], key=_worst_first)
     # A row for each episode that has a page.
     lines = [
-        f"<tr><td>{_anchor(episode, run_dir, place)}</td>"
+        f"<tr><td>{_anchor(episode, run_dir, directory)}</td>"
         + "".join(f"<td>{html_text(cell)}</td>" for cell in cells(episode)[2:])
         + f"<td>{episode['switches']}</td></tr>"
         for _, episode in episode_rows(worst_first)
         if page_path(run_dir, EpisodeKey.of(episode)).is_file()
     ]
     header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:], "Switches"))
-    parts = {
+    fields = {
         "TITLE": html_text(title(frame)),
         "STYLE": asset("index.css"),
         "RUN": html_text("/".join(run_dir.resolve().parts[-2:])),  # the name in MLflow
         "RESULTS": to_html(summarise(frame)),
         "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
     }
-    write_html(place / INDEX, fill("index.html", parts))
-    return place / INDEX
+    write_html(directory / INDEX, fill("index.html", fields))
+    return directory / INDEX
 
 
-def _anchor(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
+def _anchor(episode: Mapping[str, Any], run_dir: Path, directory: Path) -> str:
     key = EpisodeKey.of(episode)
     path = page_path(run_dir, key)
-    return f'<a href="{html_address(os.path.relpath(path, place))}">{key}</a>'
+    return f'<a href="{html_address(os.path.relpath(path, directory))}">{key}</a>'
 
 
 def _worst_first(column: pd.Series) -> pd.Series:

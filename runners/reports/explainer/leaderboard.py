@@ -62,7 +62,7 @@ def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], pa
     """Write the page. problems: a line for each run that was left out. Raises InputError if it cannot be written."""
     from jinja2 import Environment, StrictUndefined
 
-    parts = document_parts("Leaderboard", ("index.css", "leaderboard.css"), ("leaderboard.js",))
+    document = document_parts("Leaderboard", ("index.css", "leaderboard.css"), ("leaderboard.js",))
     # Names and paths may come from somebody else's run: whatever the template shows is made visible, then escaped.
     environment = Environment(
         autoescape=True,
@@ -72,8 +72,8 @@ def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], pa
         lstrip_blocks=True,
     )
     page = environment.from_string(asset("leaderboard.html")).render(
-        head=parts["HEAD"],
-        script=parts["SCRIPT"],
+        head=document["HEAD"],
+        script=document["SCRIPT"],
         count=_count(entries),
         columns=COLUMNS,
         settings=list(_settings(entries, path.parent)),
@@ -92,17 +92,17 @@ def _count(entries: Sequence[BoardEntry]) -> str:
 def _settings(entries: Sequence[BoardEntry], page_dir: Path) -> Iterator[tuple[Any, list[dict[str, Any]]]]:
     """Yield each setting and its lines, by decreasing number of systems; the best success is the first line."""
     systems = Counter(setting for setting, _ in {(entry.setting, entry.system) for entry in entries})
-    shown, runs = defaultdict(list), defaultdict(list)
+    entries_by_setting, runs = defaultdict(list), defaultdict(list)
     for entry in entries:
         runs[entry.job].append(entry)
         if entry.shown:
-            shown[entry.setting].append(entry)
+            entries_by_setting[entry.setting].append(entry)
     # One line for each job that is to be shown.
     for setting in sorted(systems, key=lambda setting: (-systems[setting], setting)):
-        jobs = Counter(entry.system for entry in shown[setting])
+        jobs = Counter(entry.system for entry in entries_by_setting[setting])
         lines = [
             _line(entry, jobs[entry.system] > 1, runs[entry.job], page_dir)
-            for entry in sorted(shown[setting], key=_worst_last)
+            for entry in sorted(entries_by_setting[setting], key=_worst_last)
         ]
         yield setting, lines
 
@@ -113,9 +113,11 @@ def _worst_last(entry: BoardEntry) -> tuple[bool, float, float]:
     return bool(entry.row.unfinished), success, metric
 
 
-def _line(entry: BoardEntry, several: bool, runs: Sequence[BoardEntry], page_dir: Path) -> dict[str, Any]:
-    """Return the parts of a line. several: whether its system has other jobs in the setting. runs: all of its job."""
-    job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if several else ()
+def _line(
+    entry: BoardEntry, has_several_jobs: bool, runs: Sequence[BoardEntry], page_dir: Path
+) -> dict[str, Any]:
+    """Return the parts of a line. has_several_jobs: whether its system has others in the setting. runs: of its job."""
+    job = (f"seed {entry.seed}, {counted(entry.runs, 'run')}",) if has_several_jobs else ()
     return {
         "label": entry.system.label,
         "name": entry.system.name,
@@ -135,10 +137,10 @@ def _cells(entry: BoardEntry) -> Iterator[_Cell]:
             continue
         mean = row.stats.get(column.key, (math.nan,))[0]
         low, high = intervals.get(column.key) or (math.nan, math.nan)
-        known = not math.isnan(mean)
+        has_value = not math.isnan(mean)
         yield _Cell(
-            f"{mean:.6f}" if known and not row.unfinished else "",
-            f"{mean:.{column.digits}f}" if known else DASH,
+            f"{mean:.6f}" if has_value and not row.unfinished else "",
+            f"{mean:.{column.digits}f}" if has_value else DASH,
             "" if math.isnan(low) else f"{low:.3f}{DASH}{high:.3f}",
         )
     yield _Cell(str(row.episodes), str(row.episodes), f"{row.worlds} {TIMES} {row.runs}")
@@ -151,10 +153,10 @@ def _facts(
 ) -> Iterator[tuple[str, list[tuple[str, str]]]]:
     """Yield what is known of a run: a name, and texts with addresses relative to the folder of the page."""
 
-    def link(path: Path, text: str = "", end: str = "") -> tuple[str, str]:
-        return text or str(path), html_address(os.path.relpath(path, page_dir)) + end
+    def link(path: Path, text: str = "", suffix: str = "") -> tuple[str, str]:
+        return text or str(path), html_address(os.path.relpath(path, page_dir)) + suffix
 
-    yield "Directory", [link(entry.run_dir, end="/")]
+    yield "Directory", [link(entry.run_dir, suffix="/")]
     for reasons in folder(entry.run_dir):
         yield "Reasons", [link(reasons / INDEX, "why the robot went there")]
     files = sorted(path for path in entry.run_dir.iterdir() if path.suffix in _SHOWN_FILES)
@@ -165,4 +167,4 @@ def _facts(
             yield name, [(text, "")]
     if repeats:
         agreement = "with the same figures" if entry.same else "not all with the same figures"
-        yield "Repeats", [(f"{agreement}:", ""), *(link(repeat.run_dir, end="/") for repeat in repeats)]
+        yield "Repeats", [(f"{agreement}:", ""), *(link(repeat.run_dir, suffix="/") for repeat in repeats)]

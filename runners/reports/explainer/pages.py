@@ -50,27 +50,28 @@ class PagePayload:
     trusted: bool
 
 
-def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
+def make_requested_pages(requested: Explain, run_dir: Path, executor: Any) -> None:
     """Make the pages that `explain=` asks for, and their index. Existing pages are kept.
 
     Warns once of pages that could not be made. Raises InputError if their folder or the index cannot be written.
     """
-    if which is Explain.none:
+    if requested is Explain.none:
         return
     episodes = read_episodes([run_dir])
-    if which is Explain.failures:
+    if requested is Explain.failures:
         episodes = episodes[is_failure(episodes)]
-    places = {key: page_path(run_dir, key) for key in keys_of(episodes)}
-    pages = list(make_pages(run_dir, episodes, places, executor, keep=True))
+    paths = {key: page_path(run_dir, key) for key in keys_of(episodes)}
+    pages = list(make_pages(run_dir, episodes, paths, executor, keep=True))
     # The index also needs to be written if only older pages are there.
     if any(not page.problem for page in pages) or folder(run_dir):
         index(run_dir)
     elif not pages:
-        print(f"explain={which}: no episode failed, so there is no page")
-    missing = [page for page in pages if page.problem]
-    if missing:
+        print(f"explain={requested}: no episode failed, so there is no page")
+    failed_pages = [page for page in pages if page.problem]
+    if failed_pages:
         warnings.warn(
-            f"{len(missing)} of {len(pages)} pages were not made: {missing[0].problem}", stacklevel=2
+            f"{len(failed_pages)} of {len(pages)} pages were not made: {failed_pages[0].problem}",
+            stacklevel=2,
         )
 
 
@@ -88,20 +89,20 @@ def select_episodes(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFram
     Words are "WORLD" (its run 0), "WORLD/RUN" or "failures". Raises InputError for an episode that does not exist,
     and names the nearest worlds.
     """
-    there, wanted = keys_of(episodes), []
+    available, selected = keys_of(episodes), []
     for word in words:
-        wanted += keys_of(episodes[is_failure(episodes)]) if word == "failures" else [_key(word, there)]
-    if not wanted:
+        selected += keys_of(episodes[is_failure(episodes)]) if word == "failures" else [_key(word, available)]
+    if not selected:
         raise InputError("failures: no episode of this run failed; name one by its world")
     # Each episode once, in the order of the words.
     by_key = episodes.set_index(["world", "run"], drop=False)
-    return by_key.loc[[(key.world, key.run) for key in dict.fromkeys(wanted)]].reset_index(drop=True)
+    return by_key.loc[[(key.world, key.run) for key in dict.fromkeys(selected)]].reset_index(drop=True)
 
 
 def make_pages(
     run_dir: Path,
     episodes: pd.DataFrame,
-    places: Mapping[EpisodeKey, Path],
+    paths: Mapping[EpisodeKey, Path],
     executor: Any,
     keep: bool = False,
 ) -> Iterator[Page]:
@@ -113,20 +114,20 @@ def make_pages(
     # A page that bears the mark of its episode is up to date.
     marks = _marks(run_dir, episodes)
     outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
-    kept = [key for key in places if keep and _has_mark(places[key], marks[key])]
-    yield from (Page(key, places[key], "") for key in kept)
-    todo = [key for key in places if key not in kept]
+    up_to_date = [key for key in paths if keep and _has_mark(paths[key], marks[key])]
+    yield from (Page(key, paths[key], "") for key in up_to_date)
+    remaining = [key for key in paths if key not in up_to_date]
     # Make the folders, which must not be links, then the pages.
-    for path in {places[key].parent for key in todo}:
+    for path in {paths[key].parent for key in remaining}:
         refuse_link(path, run_dir)
         make_folder(path)
     systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
-    payload = PagePayload(run_dir, dict(places), marks, systems, trust.is_trusted(run_dir))
-    if len(todo) <= 1:
-        yield from SerialExecutor(SerialConfig()).map(initialise, payload, todo)
+    payload = PagePayload(run_dir, dict(paths), marks, systems, trust.is_trusted(run_dir))
+    if len(remaining) <= 1:
+        yield from SerialExecutor(SerialConfig()).map(initialise, payload, remaining)
         return
-    with EpisodeProgress("Pages", len(todo)) as progress:
-        for page in executor.map(initialise, payload, todo):
+    with EpisodeProgress("Pages", len(remaining)) as progress:
+        for page in executor.map(initialise, payload, remaining):
             progress.add(outcomes[page.key])
             yield page
 
@@ -160,16 +161,17 @@ def index(run_dir: Path) -> Path:
     return write_index(read_episodes([run_dir]), run_dir)
 
 
-def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
+def _key(word: str, available: Sequence[EpisodeKey]) -> EpisodeKey:
     world_word, _, run_word = word.partition("/")
     if not world_word.isdigit() or not (run_word or "0").isdigit():
         raise InputError(
-            f"{word!r} is not an episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
+            f"{word!r} is not an episode: give WORLD, WORLD/RUN or failures, such as "
+            f"{available[0].world}/{available[0].run}"
         )
     world, run = int(world_word), int(run_word or 0)
-    runs = sorted(key.run for key in there if key.world == world)
+    runs = sorted(key.run for key in available if key.world == world)
     if not runs:
-        worlds = sorted({key.world for key in there}, key=lambda other: (abs(other - world), other))
+        worlds = sorted({key.world for key in available}, key=lambda number: (abs(number - world), number))
         nearest = ", ".join(map(str, sorted(worlds[:_NEAREST])))
         raise InputError(f"world {world} was not driven in this run: those nearest to it are {nearest}")
     if run not in runs:
@@ -182,22 +184,22 @@ def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
     launch = launch_record.read_launch(run_dir)
     config = launch.fingerprint if launch is not None else ""
     columns = [name for name in ("steps", "path_length_m", "final_distance_m") if name in episodes]
-    ends = episodes[["outcome", *columns]].itertuples(index=False)
+    final_values = episodes[["outcome", *columns]].itertuples(index=False)
     return {
-        key: hashlib.sha256(json.dumps([config, key.world, key.run, *end], default=str).encode()).hexdigest()[
-            :16
-        ]
-        for key, end in zip(keys_of(episodes), ends, strict=True)
+        key: hashlib.sha256(
+            json.dumps([config, key.world, key.run, *row_values], default=str).encode()
+        ).hexdigest()[:16]
+        for key, row_values in zip(keys_of(episodes), final_values, strict=True)
     }
 
 
 def _has_mark(path: Path, mark: str) -> bool:
     """Return whether the file is a complete page of the episode with this mark."""
-    end = _MARK.format(mark).encode()
+    mark_bytes = _MARK.format(mark).encode()
     try:
         with path.open("rb") as page:
-            page.seek(-len(end), 2)
-            return page.read() == end
+            page.seek(-len(mark_bytes), 2)
+            return page.read() == mark_bytes
     except OSError:
         return False
 

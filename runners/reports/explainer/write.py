@@ -62,7 +62,7 @@ def sentences(trace: Trace) -> list[str]:
     """Return the reason for every decision of LME, as text; an empty list for other guides."""
     reasons = [step.explanation for step in trace.steps]
     pairs = zip([None, *reasons], reasons, strict=False)
-    return [reason(now, before) for before, now in pairs if now is not None]
+    return [reason(explanation, history) for history, explanation in pairs if explanation is not None]
 
 
 def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "") -> str:
@@ -70,19 +70,19 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "")
     style = "\n".join(asset(name) for name in STYLES)
     scripts = "\n".join(asset(name) for name in SCRIPTS)
     script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
-    parts = {
+    fields = {
         "TITLE": html_text(title(trace)),
         "POLICY": content_security_policy(style, script),
         "STYLE": style,
         "DATA": encode(trace, reasons, system, play),
         "SCRIPT": script,
     }
-    return fill("page.html", parts)
+    return fill("page.html", fields)
 
 
-def fill(name: str, parts: Mapping[str, str]) -> str:
+def fill(name: str, fields: Mapping[str, str]) -> str:
     """Return an asset in which each NAME in double braces is replaced by its part."""
-    return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], asset(name))
+    return re.sub(r"{{([A-Z]+)}}", lambda match: fields[match[1]], asset(name))
 
 
 def document_parts(title: str, styles: Sequence[str], scripts: Sequence[str]) -> dict[str, str]:

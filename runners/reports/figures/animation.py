@@ -51,8 +51,8 @@ def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
     """Drive one episode of a config as `lme eval` does, save it as GIF, and return its outcome."""
     trace = rerun(config, world, run)
     all_times = np.array([frame.time for frame in trace.frames])
-    every = math.ceil(len(all_times) / MOST_FRAMES)
-    pace = FilmPace(np.append(all_times[:-1:every], all_times[-1]), trace.robot.control_rate / every)
+    stride = math.ceil(len(all_times) / MOST_FRAMES)
+    pace = FilmPace(np.append(all_times[:-1:stride], all_times[-1]), trace.robot.control_rate / stride)
     screen = Screen([trace], [""], WIDTH_PX)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
     return Outcome(trace.episode.outcome)
@@ -76,11 +76,11 @@ class Screen:
         """Lay out the panels. labels: above panels, empty for none. width_px: at most. note: text before the key."""
         boxes = same_size([_box(trace, traces) for trace in traces])
         page = (width_px / DPI, TALL * width_px / DPI)
-        around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
-        columns = best_columns(len(traces), aspect_of(boxes[0]), page, around)
-        width = panel_width(columns, len(traces), aspect_of(boxes[0]), page, around)
+        margins = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
+        columns = best_columns(len(traces), aspect_of(boxes[0]), page, margins)
+        width = panel_width(columns, len(traces), aspect_of(boxes[0]), page, margins)
         self._figure = new_figure(*page, DPI, layout=None)
-        rows = lay_out(self._figure, wrapped(boxes, columns), width, around)
+        rows = lay_out(self._figure, wrapped(boxes, columns), width, margins)
         all_axes = [axes for row in rows for axes in row]
         self._panels = [
             _Panel(axes, trace, label, candidates)
@@ -88,8 +88,8 @@ class Screen:
         ]
         text = " · ".join(filter(None, [note, KEY, CANDIDATES_KEY if candidates else ""]))
         lines = textwrap.fill(text, int(self._figure.get_figwidth() / LETTER_IN))
-        top = (around.footer + 0.06) / self._figure.get_figheight()
-        self._figure.text(0.5, top, lines, ha="center", va="top", fontsize=7, color=INK)
+        bottom_text_y = (margins.footer + 0.06) / self._figure.get_figheight()
+        self._figure.text(0.5, bottom_text_y, lines, ha="center", va="top", fontsize=7, color=INK)
         self._still: Any = None
 
     def pictures(self, times: Sequence[float] | Floats) -> Iterator[Picture]:
@@ -98,8 +98,8 @@ class Screen:
 
     def sample(self, times: Floats) -> list[Picture]:
         """Return a few pictures, evenly spread over the times."""
-        chosen = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
-        return list(self.pictures(times[chosen]))
+        indices = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
+        return list(self.pictures(times[indices]))
 
     def at(self, time_s: float) -> Picture:
         """Return the picture at this time, (height, width, 3)."""
@@ -133,10 +133,10 @@ class _Panel:
         (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
         self._stage = Stage(axes, trace, candidates=candidates)
         style = STYLES[Outcome(trace.episode.outcome)]
-        (self._end,) = axes.plot(
+        (self._end_mark,) = axes.plot(
             [], [], marker=style.marker, color=style.colour, linestyle="", zorder=8, **END
         )
-        self._moving: list[Artist] = [self._trail, *self._stage.artists, self._end, self._clock]
+        self._moving: list[Artist] = [self._trail, *self._stage.artists, self._end_mark, self._clock]
         for artist in self._moving:
             artist.set_animated(True)
 
@@ -146,7 +146,7 @@ class _Panel:
         self._stage.show(index)
         self._trail.set_data(*self._way[: index + 1].T)
         outcome, over = Outcome(self._trace.episode.outcome), index == len(self._trace.steps)
-        self._end.set_data(*(self._way[-1:].T if over else ([], [])))
+        self._end_mark.set_data(*(self._way[-1:].T if over else ([], [])))
         clock = f"{self._trace.frames[index].time:.1f} s"
         self._clock.set_text(f"{outcome}, {clock}" if over else clock)
         self._clock.set_color(STYLES[outcome].colour if over else INK)
@@ -156,6 +156,8 @@ class _Panel:
 
 def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
     """Return the box of the world that is shown, which is the same for all episodes in the world."""
-    here = [each for each in traces if (each.config.map, each.world) == (trace.config.map, trace.world)]
-    ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
-    return common_box([trace.task], np.vstack(ways))
+    traces_in_world = [
+        peer for peer in traces if (peer.config.map, peer.world) == (trace.config.map, trace.world)
+    ]
+    paths = [np.array([frame.pose[:2] for frame in peer.frames]) for peer in traces_in_world]
+    return common_box([trace.task], np.vstack(paths))

@@ -74,8 +74,8 @@ def telling_step(trace: Trace) -> int:
     replaces the old one; it gains by c_t; it gains by a_mount; recent positions count.
     """
     reach = candidate_reach(trace)
-    held = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
-    return held.index(max(held))
+    signs = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
+    return signs.index(max(signs))
 
 
 class Guided(NamedTuple):
@@ -91,26 +91,26 @@ LME = Guided(Lme, "LME", "lme", telling_step)
 
 
 def shots(
-    runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str, by: Guided = LME
+    runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str, guided_by: Guided = LME
 ) -> list[Shot]:
     """Return the decision to draw for every run and world. Runs with another guide are skipped.
 
     step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if no
     run is left, or if an episode has no such step.
     """
-    check_guided([driven.config for driven in runs], figure, by)
-    guided = [driven for driven in runs if _is_guided(driven.config, by)]
-    asked: list[list[int]] = [[world] for world in worlds] or [[]]
-    return [_shot(driven, world, step, by) for driven in guided for world in asked]
+    check_guided([driven_run.config for driven_run in runs], figure, guided_by)
+    guided = [driven_run for driven_run in runs if _is_guided(driven_run.config, guided_by)]
+    world_choices: list[list[int]] = [[world] for world in worlds] or [[]]
+    return [_shot(driven_run, world, step, guided_by) for driven_run in guided for world in world_choices]
 
 
-def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> None:
+def check_guided(configs: Sequence[SystemConfig], figure: str, guided_by: Guided) -> None:
     """Raise InputError if none of the systems has this guide. figure: name of the kind."""
-    if not any(_is_guided(config, by) for config in configs):
+    if not any(_is_guided(config, guided_by) for config in configs):
         guides = ", ".join(sorted(set(map(_target, configs))))
         raise InputError(
-            f"guide is {guides}: {figure} draws how {by.label} scores candidates; "
-            f"choose guide={by.option}, or a run of {by.label}"
+            f"guide is {guides}: {figure} draws how {guided_by.label} scores candidates; "
+            f"choose guide={guided_by.option}, or a run of {guided_by.label}"
         )
 
 
@@ -123,10 +123,10 @@ def candidate_reach(trace: Trace) -> float:
 def heading(shot: Shot) -> list[str]:
     """Return the lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
     trace = shot.trace
-    where = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
-    when = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
+    episode = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
+    moment = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
     words = reason(shot.why, shot.before)
-    return [f"{where} · {when}", *textwrap.wrap(words[0].upper() + words[1:], LINE_LETTERS)]
+    return [f"{episode} · {moment}", *textwrap.wrap(words[0].upper() + words[1:], LINE_LETTERS)]
 
 
 def heading_height(lines: Sequence[str]) -> float:
@@ -137,64 +137,66 @@ def heading_height(lines: Sequence[str]) -> float:
 def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
     """Write the heading at the top left, its first line in bold."""
     for number, line in enumerate(lines):
-        look: dict[str, Any] = {"fontsize": 8} if number else {"fontsize": 8.5, "fontweight": "bold"}
+        style: dict[str, Any] = {"fontsize": 8} if number else {"fontsize": 8.5, "fontweight": "bold"}
         x, y = 0.08 / figure.get_figwidth(), 1 - (0.05 + number * LINE_IN) / figure.get_figheight()
-        figure.text(x, y, line, va="top", color=INK, **look)
+        figure.text(x, y, line, va="top", color=INK, **style)
 
 
 def draw_shots(
-    found: Sequence[Shot], figure_of: Callable[[Shot], Figure], stem: Path, formats: Sequence[str]
+    decisions: Sequence[Shot], figure_of: Callable[[Shot], Figure], stem: Path, formats: Sequence[str]
 ) -> list[Path]:
     """Save one picture per decision, numbered from 1 if there are several; return the paths."""
-    numbered = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(found) + 1)]
-    places = numbered if len(found) > 1 else [stem]
+    numbered_stems = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(decisions) + 1)]
+    stems = numbered_stems if len(decisions) > 1 else [stem]
     return [
-        path for shot, to in zip(found, places, strict=True) for path in save(figure_of(shot), to, formats)
+        path
+        for decision, path_stem in zip(decisions, stems, strict=True)
+        for path in save(figure_of(decision), path_stem, formats)
     ]
 
 
-def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None, by: Guided) -> Shot:
-    world, run = chosen_world(driven, worlds)
-    trace = driven.trace(world, run)
-    number = by.telling(trace) if step is None else step
+def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided_by: Guided) -> Shot:
+    world, run = chosen_world(driven_run, worlds)
+    trace = driven_run.trace(world, run)
+    number = guided_by.telling(trace) if step is None else step
     if number >= len(trace.steps):
         raise InputError(
-            f"figure.step is {number}: world {world}, run {run} of {driven.label} has the steps "
+            f"figure.step is {number}: world {world}, run {run} of {driven_run.label} has the steps "
             f"0 to {len(trace.steps) - 1}"
         )
-    why = trace.steps[number].explanation
-    if why is None:
+    explanation = trace.steps[number].explanation
+    if explanation is None:
         raise InputError(
-            f"figure.step is {number}: {_target(driven.config)} did not ask {by.label} for a subgoal then"
+            f"figure.step is {number}: {_target(driven_run.config)} did not ask {guided_by.label} for a subgoal then"
         )
-    return Shot(driven.label, trace, number, why)
+    return Shot(driven_run.label, trace, number, explanation)
 
 
-def _signs(why: Explanation, reach: float) -> list[bool]:
+def _signs(explanation: Explanation, reach: float) -> list[bool]:
     """Return for each property that `telling_step` counts whether a decision has it."""
-    blockage = why.view.blockage
+    blockage = explanation.view.blockage
     ends = () if blockage is None else (blockage.E1, blockage.E2, blockage.B)
     return [
         blockage is not None,
         blockage is not None and all(math.hypot(*end) <= reach for end in ends),
-        why.decision.choice is Choice.BETTER,
-        _gain(why, "c_t") > 0,
-        _gain(why, "a_mount") > 0,
-        len(why.view.history) > 0,
+        explanation.decision.choice is Choice.BETTER,
+        _gain(explanation, "c_t") > 0,
+        _gain(explanation, "a_mount") > 0,
+        len(explanation.view.history) > 0,
     ]
 
 
-def _gain(why: Explanation, name: str) -> float:
+def _gain(explanation: Explanation, name: str) -> float:
     """Return by how much the best candidate exceeds the old subgoal in a criterion; 0 without an old subgoal."""
-    if why.old_features is None:
+    if explanation.old_features is None:
         return 0.0
-    row = why.names.index(name)
-    return float(why.features[row, why.new] - why.old_features[row])
+    row = explanation.names.index(name)
+    return float(explanation.features[row, explanation.new] - explanation.old_features[row])
 
 
-def _is_guided(config: SystemConfig, by: Guided) -> bool:
+def _is_guided(config: SystemConfig, guided_by: Guided) -> bool:
     cls, _ = configured(config.guide, "guide")
-    return isinstance(cls, type) and issubclass(cls, by.cls)
+    return isinstance(cls, type) and issubclass(cls, guided_by.cls)
 
 
 def _guide(config: SystemConfig) -> Any:
@@ -229,10 +231,10 @@ class DrivenRun:
     @property
     def label(self) -> str:
         """The name of the system, with its ablation and scale where it has them."""
-        first = self.frame.iloc[0]
-        changes = (str(first.get("ablation", "none")), str(first.get("scale", "")))
+        episode = self.frame.iloc[0]
+        changes = (str(episode.get("ablation", "none")), str(episode.get("scale", "")))
         return ", ".join(
-            [str(first["system"]), *(change for change in changes if change not in ("none", ""))]
+            [str(episode["system"]), *(change for change in changes if change not in ("none", ""))]
         )
 
     @cached_property
@@ -253,12 +255,12 @@ class DrivenRun:
         import pandas as pd
 
         # Episodes whose steps were not recorded, or deleted, are driven again.
-        kept = {*map(tuple, self.trajectories[list(KEY_COLUMNS)].drop_duplicates().to_numpy().tolist())}
+        stored = {*map(tuple, self.trajectories[list(KEY_COLUMNS)].drop_duplicates().to_numpy().tolist())}
         rows = self.frame[self.frame["world"].isin(worlds)].to_dict("records")
-        lacking = {key: row for row in rows if astuple(key := EpisodeKey.of(row)) not in kept}
-        if lacking:
-            again = (table.to_pandas() for table in step_tables(self.run_dir, lacking))
-            self.trajectories = pd.concat([*([self.trajectories] if kept else []), *again])
+        unstored = {key: row for row in rows if astuple(key := EpisodeKey.of(row)) not in stored}
+        if unstored:
+            rerun_tables = (table.to_pandas() for table in step_tables(self.run_dir, unstored))
+            self.trajectories = pd.concat([*([self.trajectories] if stored else []), *rerun_tables])
         return self.trajectories[self.trajectories["world"].isin(worlds)]
 
     def trace(self, world: int, run: int) -> Trace:
@@ -304,15 +306,15 @@ def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
     ]
 
 
-def chosen_world(driven: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
+def chosen_world(source: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
     """Return (world, run number) of the episode to draw, in the first of `worlds`, or the first of all without any.
 
     Raises InputError if the run has no episode in that world.
     """
-    known = sorted(zip(driven.frame["world"].astype(int), driven.frame["run"].astype(int), strict=True))
-    found = [key for key in known if not worlds or key[0] == worlds[0]]
-    if not found:
-        numbers = sorted({world for world, _ in known})
-        shown = ", ".join(map(str, numbers[:12])) + (", …" if len(numbers) > 12 else "")
-        raise InputError(f"world is {worlds[0]}: {driven.run_dir} has only {shown}")
-    return found[0]
+    keys = sorted(zip(source.frame["world"].astype(int), source.frame["run"].astype(int), strict=True))
+    candidates = [key for key in keys if not worlds or key[0] == worlds[0]]
+    if not candidates:
+        numbers = sorted({world for world, _ in keys})
+        listing = ", ".join(map(str, numbers[:12])) + (", …" if len(numbers) > 12 else "")
+        raise InputError(f"world is {worlds[0]}: {source.run_dir} has only {listing}")
+    return candidates[0]

@@ -15,7 +15,7 @@ from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.maintenance import Choice
 from lme.guides.lme_plus.criteria import Sight
 from lme.guides.lme_plus.guide import LmePlus
-from lme.types import Bools, Floats
+from lme.types import Floats
 from runners.config import build
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
@@ -53,8 +53,8 @@ def telling_step(trace: Trace) -> int:
 
     Without such a switch, it is the step with the longest detour.
     """
-    seen = sights(trace, len(trace.steps) - 1)
-    return max(range(len(seen)), key=lambda step: (_switched(trace, step), _detour(seen[step]), -step))
+    views = sights(trace, len(trace.steps) - 1)
+    return max(range(len(views)), key=lambda step: (_switched(trace, step), _detour(views[step]), -step))
 
 
 LME_PLUS = Guided(LmePlus, "LME+", "lme_plus", telling_step)
@@ -75,56 +75,56 @@ class ExpectedTime:
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Draw one picture per run guided by LME+ and per requested world; return the paths."""
-        found = shots(runs, worlds, self._config.step, self.name, self.guided)
-        return draw_shots(found, expected_time_figure, stem, formats)
+        decisions = shots(runs, worlds, self._config.step, self.name, self.guided)
+        return draw_shots(decisions, expected_time_figure, stem, formats)
 
 
-def sights(trace: Trace, last: int) -> list[Sight]:
-    """Recompute the input of the criteria at each step up to the `last`, from the observations."""
+def sights(trace: Trace, last_step: int) -> list[Sight]:
+    """Recompute the input of the criteria at each step up to the `last_step`, from the observations."""
     guide = build.navigator(trace.config).guide
     assert isinstance(guide, LmePlus)
     guide.reset(np.random.default_rng(0))  # the field does not depend on the candidates
-    found = []
-    for step in trace.steps[: last + 1]:
+    all_sights = []
+    for step in trace.steps[: last_step + 1]:
         guide.guide(step.observation)
         sight = guide.escaper.sight
         assert sight is not None
-        found.append(sight._replace(field=sight.field.kept()))
-    return found
+        all_sights.append(sight._replace(field=sight.field.kept()))
+    return all_sights
 
 
 def expected_time_figure(shot: Shot) -> Figure:
     """Draw the page of one decision."""
-    why, sight = shot.why, sights(shot.trace, shot.step)[-1]
+    explanation, sight = shot.why, sights(shot.trace, shot.step)[-1]
     lines, box = heading(shot), _box(shot)
-    tall = WIDE_IN * (box.y1 - box.y0) / (box.x1 - box.x0)
-    height = heading_height(lines) + tall + EDGE_IN
+    axes_height = WIDE_IN * (box.y1 - box.y0) / (box.x1 - box.x0)
+    height = heading_height(lines) + axes_height + EDGE_IN
     figure = new_figure(PAGE_IN, height, layout=None)
     draw_heading(figure, lines)
-    axes = figure.add_axes((EDGE_IN / PAGE_IN, EDGE_IN / height, WIDE_IN / PAGE_IN, tall / height))
+    axes = figure.add_axes((EDGE_IN / PAGE_IN, EDGE_IN / height, WIDE_IN / PAGE_IN, axes_height / height))
     frame_panel(axes, box)
     # From the bottom up: the field, candidates, points, then what the view shows of every decision.
-    bars = [_draw_field(axes, sight), _draw_candidates(axes, why)]
-    _draw_points(axes, why, sight)
-    view.draw_range(axes, why, candidate_reach(shot.trace))
-    view.draw_target(axes, why.view.target, written=True)
+    bars = [_draw_field(axes, sight), _draw_candidates(axes, explanation)]
+    _draw_points(axes, explanation, sight)
+    view.draw_range(axes, explanation, candidate_reach(shot.trace))
+    view.draw_target(axes, explanation.view.target, written=True)
     view.draw_robot(axes, shot.trace.robot.footprint)
-    view.draw_subgoals(axes, why)
+    view.draw_subgoals(axes, explanation)
     view.draw_scale(axes, box)
-    _draw_side(figure, bars, why, EDGE_IN + tall)
+    _draw_side(figure, bars, explanation, EDGE_IN + axes_height)
     return figure
 
 
 def _box(shot: Shot) -> Box:
     """Return the range of candidates ahead, part of it to the sides, and less behind unless the target is there."""
-    far = view.MARGIN * candidate_reach(shot.trace)
-    behind = min(1.1 * float(shot.why.view.target[0]), -BEHIND * far)
-    return Box(-BESIDE * far, max(behind, -far), BESIDE * far, far)
+    extent = view.MARGIN * candidate_reach(shot.trace)
+    rear = min(1.1 * float(shot.why.view.target[0]), -BEHIND * extent)
+    return Box(-BESIDE * extent, max(rear, -extent), BESIDE * extent, extent)
 
 
 def _switched(trace: Trace, step: int) -> bool:
-    why = trace.steps[step].explanation
-    return why is not None and why.decision.choice is Choice.BETTER
+    explanation = trace.steps[step].explanation
+    return explanation is not None and explanation.decision.choice is Choice.BETTER
 
 
 def _detour(sight: Sight) -> float:
@@ -139,29 +139,29 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     edges = grid.cell * np.arange(grid.size + 1)
     corners, centres = (_on_page(sight, edges + shift) for shift in (0.0, grid.cell / 2))
     # The colours span the times that can be seen, so that far cells do not pale the rest.
-    known = np.ma.masked_invalid(times)
+    finite = np.ma.masked_invalid(times)
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     x, y = centres[:-1, :-1].transpose(2, 0, 1)
-    shown = known[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
-    ends: dict[str, Any] = {"vmin": shown.min(), "vmax": shown.max()}
+    visible_times = finite[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
+    span: dict[str, Any] = {"vmin": visible_times.min(), "vmax": visible_times.max()}
     mesh = axes.pcolormesh(
-        *corners.transpose(2, 0, 1), known, cmap=_pale_colormap(), rasterized=True, zorder=0, **ends
+        *corners.transpose(2, 0, 1), finite, cmap=_pale_colormap(), rasterized=True, zorder=0, **span
     )
-    levels = _levels(**ends)
-    lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
+    levels = _levels(**span)
+    lines = axes.contour(x, y, finite, levels=levels, colors=INK, linewidths=0.4, zorder=1)
     # Label one line in NAMED.
-    whole = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
-    axes.clabel(lines, levels[whole], fontsize=7, fmt="%g s")
-    way = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size)[0])
-    axes.plot(*np.vstack([[0.0, 0.0], way]).T, color=INK, linestyle="--", linewidth=1.2, zorder=5)
+    is_labelled = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
+    axes.clabel(lines, levels[is_labelled], fontsize=7, fmt="%g s")
+    path = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size)[0])
+    axes.plot(*np.vstack([[0.0, 0.0], path]).T, color=INK, linestyle="--", linewidth=1.2, zorder=5)
     return mesh
 
 
-def _on_page(sight: Sight, along: Any) -> Floats:
+def _on_page(sight: Sight, offset: Any) -> Floats:
     """Return (K, K, 2) page coordinates of the points at these (K,) distances from the grid's corner on both axes."""
     grid = sight.field.grid
-    places = np.stack(np.meshgrid(grid.x + along, grid.y + along, indexing="ij"), axis=-1)
-    return view.upwards(to_robot(places.reshape(-1, 2), sight.pose)).reshape(*places.shape)
+    positions = np.stack(np.meshgrid(grid.x + offset, grid.y + offset, indexing="ij"), axis=-1)
+    return view.upwards(to_robot(positions.reshape(-1, 2), sight.pose)).reshape(*positions.shape)
 
 
 def _pale_colormap() -> Any:
@@ -177,26 +177,22 @@ def _levels(vmin: float, vmax: float) -> Floats:
     return np.asarray(MaxNLocator(LINES, steps=[1, 2.5, 5, 10]).tick_values(vmin, vmax))
 
 
-def _draw_candidates(axes: Axes, why: Explanation) -> Any:
+def _draw_candidates(axes: Axes, explanation: Explanation) -> Any:
     """Draw reachable candidates coloured by score, the others as rings; return what the colour bar shows."""
-    reachable = _reachable(why)
-    x, y = view.upwards(why.candidates).T
+    reachable = np.asarray(explanation.features[explanation.names.index("c_o")] > 0.0)
+    x, y = view.upwards(explanation.candidates).T
     axes.scatter(
         x[~reachable], y[~reachable], s=14, facecolors="none", edgecolors=INK, linewidths=0.5, zorder=4
     )
-    below = why.scores[reachable] - why.scores.max()
-    low, high = np.percentile(below, CLIPPED) if len(below) else (0.0, 1.0)
-    look: dict[str, Any] = {"edgecolors": INK, "linewidths": 0.4, "zorder": 6, "vmin": low, "vmax": high}
-    return axes.scatter(x[reachable], y[reachable], s=22, c=below, cmap=CANDIDATES, **look)
+    score_gap = explanation.scores[reachable] - explanation.scores.max()
+    low, high = np.percentile(score_gap, CLIPPED) if len(score_gap) else (0.0, 1.0)
+    style: dict[str, Any] = {"edgecolors": INK, "linewidths": 0.4, "zorder": 6, "vmin": low, "vmax": high}
+    return axes.scatter(x[reachable], y[reachable], s=22, c=score_gap, cmap=CANDIDATES, **style)
 
 
-def _reachable(why: Explanation) -> Bools:
-    return np.asarray(why.features[why.names.index("c_o")] > 0.0)
-
-
-def _draw_points(axes: Axes, why: Explanation, sight: Sight) -> None:
+def _draw_points(axes: Axes, explanation: Explanation, sight: Sight) -> None:
     """Draw the points of the scan, and those that are remembered."""
-    scan = why.view.points
+    scan = explanation.view.points
     remembered = sight.points
     # Points of the scan are remembered as well: draw them once.
     if len(scan):
@@ -205,33 +201,33 @@ def _draw_points(axes: Axes, why: Explanation, sight: Sight) -> None:
         axes.plot(*view.upwards(points).T, "o", color=colour, markersize=2.2, markeredgewidth=0, zorder=3)
 
 
-def _draw_side(figure: Figure, bars: Sequence[Any], why: Explanation, top: float) -> None:
+def _draw_side(figure: Figure, bars: Sequence[Any], explanation: Explanation, top: float) -> None:
     """Draw colour bars and the key next to the panel, from `top` [in] down."""
     height = figure.get_figheight()
     left, width = EDGE_IN + WIDE_IN + GAP_IN, PAGE_IN - 2 * EDGE_IN - WIDE_IN - 2 * GAP_IN
     titles = ("expected time to the target [s]", "score below the best")
-    for number, (drawn, title) in enumerate(zip(bars, titles, strict=True)):
+    for number, (artist, title) in enumerate(zip(bars, titles, strict=True)):
         y = top - 0.3 - 0.55 * number
-        at = (left / PAGE_IN, y / height, width / PAGE_IN, BAR_IN / height)
-        bar = figure.colorbar(drawn, cax=figure.add_axes(at), orientation="horizontal")
+        cax_box = (left / PAGE_IN, y / height, width / PAGE_IN, BAR_IN / height)
+        bar = figure.colorbar(artist, cax=figure.add_axes(cax_box), orientation="horizontal")
         bar.outline.set_linewidth(0.4)
         bar.ax.locator_params(nbins=5)
         bar.ax.tick_params(labelsize=7, labelcolor=INK, length=2, width=0.5, pad=1.5)
         bar.ax.set_title(title, fontsize=7, color=INK, pad=3)
     at_key = (left / PAGE_IN, (top - 1.15) / height)
-    look = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
-    draw_key(figure, _key(why), at_key, "upper left", labelspacing=0.45, **look)
+    style = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
+    draw_key(figure, _key(explanation), at_key, "upper left", labelspacing=0.45, **style)
 
 
-def _key(why: Explanation) -> list[Any]:
+def _key(explanation: Explanation) -> list[Any]:
     from matplotlib.patches import Patch
 
-    rival = view.rival_subgoal(why)
-    outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
+    rival = view.rival_subgoal(explanation)
+    outline_style = {"marker": "*" if explanation.decision.choice.switched else "o", "markeredgecolor": GREEN}
     ring = {"marker": "o", "markersize": 4, "markeredgecolor": INK, "markeredgewidth": 0.5}
     entries = [
         mark("chosen subgoal", color=GREEN, **view.STAR),
-        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
+        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outline_style),
         mark("reachable candidate", color="#21918c", **ring),
         mark("candidate, not reachable", color="none", **ring),
         mark("point of the scan", color=VERMILION, marker="o", markersize=3, markeredgewidth=0),

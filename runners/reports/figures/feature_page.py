@@ -83,36 +83,36 @@ class FeaturePage:
             f"{len(self._shot.why.candidates)} candidates. Colours end at percentiles {low:g} and {high:g}; an arrow "
             f"on a bar: values lie beyond.\n{self._describe_sector()}"
         )
-        at = EDGE_IN / PAGE_IN, 0.05 / self._height
-        self.figure.text(*at, text, va="bottom", fontsize=7, color=INK)
+        corner = EDGE_IN / PAGE_IN, 0.05 / self._height
+        self.figure.text(*corner, text, va="bottom", fontsize=7, color=INK)
 
     def _describe_sector(self) -> str:
-        seen = self._shot.why.view
-        if seen.blockage is None:
+        scene = self._shot.why.view
+        if scene.blockage is None:
             return "No sector blocks the way to the target."
         if view.blockage_seen(self._shot.why, self._box) is None:
             return "The sector that blocks the way to the target lies beyond this view."
-        end = "1" if np.array_equal(seen.blockage.A, seen.blockage.E1) else "2"
+        end_number = "1" if np.array_equal(scene.blockage.A, scene.blockage.E1) else "2"
         return (
-            f"The blocking sector is outlined at $r$ = {seen.radius:.3g} m. $A$, here $E_{end}$, is the end of it that "
-            "is nearer in angle to the target."
+            f"The blocking sector is outlined at $r$ = {scene.radius:.3g} m. $A$, here "
+            f"$E_{end_number}$, is the end of it that is nearer in angle to the target."
         )
 
     def _draw_key(self) -> None:
-        look = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
+        font = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
         if not self._has_place:
-            at = (0.5, (NOTE_IN + 0.02) / self._height)
-            draw_key(self.figure, self._key, at, "lower center", ncols=KEY_COLUMNS, **look)
+            anchor = (0.5, (NOTE_IN + 0.02) / self._height)
+            draw_key(self.figure, self._key, anchor, "lower center", ncols=KEY_COLUMNS, **font)
             return
         x, y = self._corner(self._rows * self._columns - 1)
-        at = (x / PAGE_IN, (y + self._tall) / self._height)
-        draw_key(self.figure, self._key, at, "upper left", labelspacing=0.35, **look)
+        anchor = (x / PAGE_IN, (y + self._tall) / self._height)
+        draw_key(self.figure, self._key, anchor, "upper left", labelspacing=0.35, **font)
 
     def _corner(self, index: int) -> tuple[float, float]:
         """Return the lower left corner of a panel [in]; the grid is centred on the page."""
         row, column = divmod(index, self._columns)
-        whole = self._columns * (self._width + GAP_IN) - GAP_IN
-        x = (PAGE_IN - whole) / 2 + column * (self._width + GAP_IN)
+        grid_width = self._columns * (self._width + GAP_IN) - GAP_IN
+        x = (PAGE_IN - grid_width) / 2 + column * (self._width + GAP_IN)
         return x, self._height - self._top - row * self._row - TITLE_IN - self._tall
 
     def _axes(self, x: float, y: float, width: float, height: float) -> Axes:

@@ -90,8 +90,8 @@ class Features:
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Draw one picture per run guided by LME and per requested world; return the paths."""
-        found = shots(runs, worlds, self._config.step, self.name)
-        return draw_shots(found, lambda shot: features_figure(shot, self._config), stem, formats)
+        decisions = shots(runs, worlds, self._config.step, self.name)
+        return draw_shots(decisions, lambda decision: features_figure(decision, self._config), stem, formats)
 
 
 def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
@@ -111,25 +111,26 @@ def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
     return page.figure
 
 
-def chosen_criteria(why: Explanation, asked: Sequence[str] | None) -> list[str]:
-    """Return the names of the criteria to draw, without S; all if `asked` is None.
+def chosen_criteria(explanation: Explanation, requested: Sequence[str] | None) -> list[str]:
+    """Return the names of the criteria to draw, without S; all if `requested` is None.
 
     Raises InputError for an unknown criterion.
     """
-    if asked is None:
-        return list(why.names)
-    names = [name for name in asked if name != "S"]
+    if requested is None:
+        return list(explanation.names)
+    names = [name for name in requested if name != "S"]
     for name in names:
-        if name not in why.names:
+        if name not in explanation.names:
             raise InputError(
-                f"figure.criteria has {name!r}: {nearest(name, why.names)}the criteria are {', '.join(why.names)}"
+                f"figure.criteria has {name!r}: {nearest(name, explanation.names)}the criteria are "
+                f"{', '.join(explanation.names)}"
             )
     return names
 
 
-def _layer(why: Explanation, name: str, values: str) -> _Layer:
-    row = why.names.index(name)
-    weight, raw = float(why.parameters.weights[row]), why.features[row]
+def _layer(explanation: Explanation, name: str, values: str) -> _Layer:
+    row = explanation.names.index(name)
+    weight, raw = float(explanation.parameters.weights[row]), explanation.features[row]
     weighted = values == "weighted"
     letter = f"w_{row + 1}" if name in CRITERIA else "w"
     unit = "" if weighted or name not in UNITS else f" [{UNITS[name]}]"
@@ -153,40 +154,45 @@ def _is_two(name: str, raw: Floats) -> bool:
 
 def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
     """Draw what all panels share."""
-    why, seen = shot.why, shot.why.view
-    view.draw_range(axes, why, candidate_reach(shot.trace))
-    view.draw_scan(axes, why, 1.6)
-    view.draw_history(axes, seen.history, 2.2)
+    explanation, scene = shot.why, shot.why.view
+    view.draw_range(axes, explanation, candidate_reach(shot.trace))
+    view.draw_scan(axes, explanation, 1.6)
+    view.draw_history(axes, scene.history, 2.2)
     view.draw_robot(axes, shot.trace.robot.footprint)
-    view.draw_target(axes, seen.target)
-    if seen.blockage is not None:
-        view.draw_contour(axes, seen.blockage.points, seen.radius, BLUE)
-        rival = view.rival_subgoal(why)
-        stars = [why.decision.subgoal, *([] if rival is None else [rival[1]])]
-        view.draw_letters(axes, view.letters(seen.blockage, brief=True), 2.6, lettered, stars)
-    view.draw_subgoals(axes, why)
+    view.draw_target(axes, scene.target)
+    if scene.blockage is not None:
+        view.draw_contour(axes, scene.blockage.points, scene.radius, BLUE)
+        rival = view.rival_subgoal(explanation)
+        stars = [explanation.decision.subgoal, *([] if rival is None else [rival[1]])]
+        view.draw_letters(axes, view.letters(scene.blockage, brief=True), 2.6, lettered, stars)
+    view.draw_subgoals(axes, explanation)
 
 
 def _draw_many(
-    page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Explanation, percentiles: Sequence[float]
+    page: FeaturePage,
+    index: int,
+    axes: Axes,
+    layer: _Layer,
+    explanation: Explanation,
+    percentiles: Sequence[float],
 ) -> None:
     """Draw the candidates coloured by value, and a colour bar."""
     values = layer.values + 0.0  # turns -0.0 into 0.0
     order = np.argsort(values, kind="stable")  # the best on top
     # A colour bar needs more than one value.
     if values[order[0]] == values[order[-1]]:
-        _draw_points(axes, why.candidates, np.full(len(values), 0.5))
-        look: dict[str, Any] = {"va": "top", "ha": "center", "fontsize": 7, "color": INK}
-        page.figure.text(*page.below(index), f"\n{values[0]:g} for all candidates", **look)
+        _draw_points(axes, explanation.candidates, np.full(len(values), 0.5))
+        style: dict[str, Any] = {"va": "top", "ha": "center", "fontsize": 7, "color": INK}
+        page.figure.text(*page.below(index), f"\n{values[0]:g} for all candidates", **style)
         return
     low, high = clipped_range(values, percentiles)
-    points = _draw_points(axes, why.candidates[order], values[order], low, high)
-    beyond = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
+    points = _draw_points(axes, explanation.candidates[order], values[order], low, high)
+    extensions = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
     bar = page.figure.colorbar(
         points,
         cax=page.bar(index),
         orientation="horizontal",
-        extend=beyond[bool(values.min() < low), bool(values.max() > high)],
+        extend=extensions[bool(values.min() < low), bool(values.max() > high)],
         extendfrac=0.06,
     )
     bar.outline.set_linewidth(0.4)
@@ -200,12 +206,12 @@ def clipped_range(values: Floats, percentiles: Sequence[float]) -> tuple[float, 
     return (float(low), float(high)) if low < high else (float(values.min()), float(values.max()))
 
 
-def _draw_two(page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Explanation) -> None:
+def _draw_two(page: FeaturePage, index: int, axes: Axes, layer: _Layer, explanation: Explanation) -> None:
     """Draw the candidates in two colours, and a key with the count of each."""
     from matplotlib.lines import Line2D
 
     assert layer.yes is not None
-    look: dict[str, Any] = {
+    style: dict[str, Any] = {
         "marker": "o",
         "linestyle": "",
         "markersize": 3.5,
@@ -213,9 +219,9 @@ def _draw_two(page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Exp
         "markeredgewidth": 0.3,
     }
     marks = []
-    for which, value, name in ((layer.yes, YES, layer.names[1]), (~layer.yes, NO, layer.names[0])):
-        points = _draw_points(axes, why.candidates[which], np.full(int(which.sum()), value))
-        marks.append(Line2D([], [], color=points.cmap(value), label=f"{name} ({which.sum()})", **look))
+    for mask, value, name in ((layer.yes, YES, layer.names[1]), (~layer.yes, NO, layer.names[0])):
+        points = _draw_points(axes, explanation.candidates[mask], np.full(int(mask.sum()), value))
+        marks.append(Line2D([], [], color=points.cmap(value), label=f"{name} ({mask.sum()})", **style))
     legend: dict[str, Any] = {
         "frameon": False,
         "fontsize": 7,

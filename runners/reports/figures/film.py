@@ -43,9 +43,9 @@ def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
 def find_ffmpeg() -> str:
     """Return the path of ffmpeg: from PATH, else from imageio-ffmpeg. Raises InputError if there is neither."""
-    found = shutil.which("ffmpeg")
-    if found is not None:
-        return found
+    executable = shutil.which("ffmpeg")
+    if executable is not None:
+        return executable
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
@@ -68,9 +68,9 @@ def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
             yield Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
     frames = quantized()
-    first = next(frames)
+    image = next(frames)
     hundredths = max(round(100.0 / fps), 2)  # [0.01 s], the unit of a GIF; browsers ignore less than 2
-    first.save(path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False)
+    image.save(path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False)
 
 
 def _palette(picture: Picture) -> Image.Image:
@@ -79,31 +79,31 @@ def _palette(picture: Picture) -> Image.Image:
 
     colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
     # Take the most frequent colour that is left, and drop those near to it.
-    left = colours[np.argsort(-counts, kind="stable")].astype(int)
-    chosen: list[NDArray[np.int_]] = []
-    while len(left) and len(chosen) < COLOURS:
-        chosen.append(left[0])
-        left = left[np.abs(left - left[0]).max(axis=1) >= APART]
+    remaining = colours[np.argsort(-counts, kind="stable")].astype(int)
+    palette_colours: list[NDArray[np.int_]] = []
+    while len(remaining) and len(palette_colours) < COLOURS:
+        palette_colours.append(remaining[0])
+        remaining = remaining[np.abs(remaining - remaining[0]).max(axis=1) >= APART]
     palette = Image.new("P", (1, 1))
-    palette.putpalette(np.ravel(chosen).tolist())
+    palette.putpalette(np.ravel(palette_colours).tolist())
     return palette
 
 
 def _write_mp4(pictures: Iterable[Picture], path: Path, fps: float) -> None:
     """Pipe raw frames to ffmpeg, which pads the sides to even lengths, as yuv420p requires."""
     frames = iter(pictures)
-    first = next(frames)
-    height, width = first.shape[:2]
-    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
-    made = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264", "-crf", QUALITY]
-    made += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-    command = [find_ffmpeg(), "-y", "-loglevel", "error", *given, *made, str(path)]
+    image = next(frames)
+    height, width = image.shape[:2]
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
+    mp4 = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264", "-crf", QUALITY]
+    mp4 += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    command = [find_ffmpeg(), "-y", "-loglevel", "error", *raw, *mp4, str(path)]
     # Send one frame after the other; if ffmpeg fails, the last line of its output is the reason.
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
         assert encoder.stderr is not None
         with contextlib.suppress(BrokenPipeError):  # ffmpeg gives the reason on standard error
-            for picture in chain([first], frames):
+            for picture in chain([image], frames):
                 encoder.stdin.write(picture.tobytes())
         with contextlib.suppress(BrokenPipeError):
             encoder.stdin.close()

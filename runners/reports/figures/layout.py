@@ -43,9 +43,9 @@ class Around(NamedTuple):
 def panel_width(columns: int, count: int, aspect: float, page: tuple[float, float], around: Around) -> float:
     """Return the largest width of `count` panels in `columns` columns on a page [in]. aspect: height over width."""
     rows = math.ceil(count / columns)
-    across = (page[0] - around.left) / columns - around.gap
-    down = (page[1] - around.header - around.footer) / rows - around.per_row
-    return min(across, down / aspect)
+    max_width = (page[0] - around.left) / columns - around.gap
+    max_height = (page[1] - around.header - around.footer) / rows - around.per_row
+    return min(max_width, max_height / aspect)
 
 
 def best_columns(count: int, aspect: float, page: tuple[float, float], around: Around) -> int:
@@ -66,21 +66,21 @@ def lay_out(
     A row is as high as its highest box.
     """
     # Heights of the rows, and the size of the page.
-    tall = [width_in * max(map(aspect_of, row)) for row in rows]
+    row_heights = [width_in * max(map(aspect_of, row)) for row in rows]
     grid = max(map(len, rows)) * (width_in + around.gap) + around.left
     page = max(grid, least_in)
-    height = around.header + around.footer + sum(tall) + len(rows) * around.per_row
+    height = around.header + around.footer + sum(row_heights) + len(rows) * around.per_row
     figure.set_size_inches(page, height)
     # Place the panels from the top down, all relative to the page.
     left, top = (page - grid) / 2 + around.left, height - around.header
     panels = []
-    for row, row_in in zip(rows, tall, strict=True):
+    for row, row_in in zip(rows, row_heights, strict=True):
         bottom = top - around.title - row_in
-        places = [(left + column * (width_in + around.gap), bottom) for column in range(len(row))]
+        corners = [(left + column * (width_in + around.gap), bottom) for column in range(len(row))]
         panels.append(
             [
                 _panel(figure, box, (x / page, y / height, width_in / page, row_in / height))
-                for box, (x, y) in zip(row, places, strict=True)
+                for box, (x, y) in zip(row, corners, strict=True)
             ]
         )
         top -= row_in + around.per_row

@@ -88,7 +88,7 @@ class Maps:
             list(self._every_set()) if config.maps is None else [entry.split() for entry in config.maps]
         )
         for entry in self._entries:
-            self._chosen(entry)
+            self._choose(entry)
 
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
@@ -96,10 +96,10 @@ class Maps:
         """Draw the worlds named with each map set, else `worlds`, else its first world; return the paths."""
         panels = []
         for entry in self._entries:
-            chosen = self._chosen(entry)
-            if worlds and not chosen.worlds:
-                chosen = self._chosen([*entry, *map(str, worlds)])
-            panels += panels_of(chosen)
+            choice = self._choose(entry)
+            if worlds and not choice.worlds:
+                choice = self._choose([*entry, *map(str, worlds)])
+            panels += panels_of(choice)
         if not self.config.way:
             panels = [panel._replace(way=None) for panel in panels]
         return save(sheet(panels, self.config.columns), stem, formats)
@@ -111,7 +111,7 @@ class Maps:
                 choose([name], self._robot, self._configs)
                 yield [name]
 
-    def _chosen(self, entry: Sequence[str]) -> Chosen:
+    def _choose(self, entry: Sequence[str]) -> Chosen:
         try:
             return choose(entry, self._robot, self._configs)
         except InputError as error:
@@ -125,7 +125,12 @@ def panels_of(chosen: Chosen) -> list[MapPanel]:
         task = maps.task(maps.numbers[0])
         return [MapPanel(chosen.name, describe_set(chosen, task), task, None)]
     return [
-        MapPanel(f"{chosen.name} {task.number}", _describe_world(task), task, known_path(maps, task))
+        MapPanel(
+            f"{chosen.name} {task.number}",
+            f"{metres(task)}\noptimal time {task.optimal_time:.3g} s",
+            task,
+            known_path(maps, task),
+        )
         for task in map(maps.task, chosen.worlds)
     ]
 
@@ -137,14 +142,14 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     """
     if len(panels) > PANELS:
         raise InputError(f"{len(panels)} worlds on one sheet: must be at most {PANELS}")
-    columns, numbered = min(columns, len(panels)), len(panels) == 1
+    columns, is_single = min(columns, len(panels)), len(panels) == 1
     # Sizes of everything in inches: cells, worlds, rows and the key.
-    beside, below = (NUMBERS_IN, NUMBERS_IN) if numbered else (0.0, SCALE_IN)
+    label_width, label_height = (NUMBERS_IN, NUMBERS_IN) if is_single else (0.0, SCALE_IN)
     cell = min(PAGE_IN / columns, CELL_IN)
     boxes = [_box(panel.task) for panel in panels]
-    sizes = [_size(box, cell - 2 * GAP_IN - beside) for box in boxes]
+    sizes = [_size(box, cell - 2 * GAP_IN - label_width) for box in boxes]
     rows = [range(i, min(i + columns, len(panels))) for i in range(0, len(panels), columns)]
-    heights = [HEADING_IN + max(sizes[i][1] for i in row) + below + GAP_IN for row in rows]
+    heights = [HEADING_IN + max(sizes[i][1] for i in row) + label_height + GAP_IN for row in rows]
     keys = _keys(panels)
     per_line = max(1, int(cell * columns / KEY_IN))
     foot = math.ceil(len(keys) / per_line) * KEY_LINE_IN + GAP_IN
@@ -152,56 +157,52 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     # Draw row by row from the top, each panel below its heading.
     for row, indices in enumerate(rows):
         for column, index in enumerate(indices):
-            top_middle = ((column + 0.5) * cell + beside / 2, foot + sum(heights[row:]))
-            axes = _placed(figure, top_middle, sizes[index])
-            _draw(axes, panels[index], boxes[index], numbered)
+            top_middle = ((column + 0.5) * cell + label_width / 2, foot + sum(heights[row:]))
+            axes = _add_axes(figure, top_middle, sizes[index])
+            _draw(axes, panels[index], boxes[index], is_single)
             _head(figure, panels[index], top_middle)
-    look: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": 7.5, "labelcolor": INK}
-    figure.legend(handles=keys, ncols=per_line, **look)
+    style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": 7.5, "labelcolor": INK}
+    figure.legend(handles=keys, ncols=per_line, **style)
     return figure
-
-
-def _describe_world(task: Task) -> str:
-    return f"{metres(task)}\noptimal time {task.optimal_time:.3g} s"
 
 
 def _box(task: Task) -> Box:
     """Return the box of a panel: the world, the goal circle and the letters, with a margin."""
     box, reach = extent(task), task.goal_tolerance
-    room = ROOM * max(box.x1 - box.x0, box.y1 - box.y0)
+    margins = ROOM * max(box.x1 - box.x0, box.y1 - box.y0)
     ends = np.array([task.start[:2], task.goal])
     low = np.min(
-        [(box.x0 - MARGIN_M, box.y0 - MARGIN_M), task.goal - reach - MARGIN_M, *(ends - room)], axis=0
+        [(box.x0 - MARGIN_M, box.y0 - MARGIN_M), task.goal - reach - MARGIN_M, *(ends - margins)], axis=0
     )
     high = np.max(
-        [(box.x1 + MARGIN_M, box.y1 + MARGIN_M), task.goal + reach + MARGIN_M, *(ends + room)], axis=0
+        [(box.x1 + MARGIN_M, box.y1 + MARGIN_M), task.goal + reach + MARGIN_M, *(ends + margins)], axis=0
     )
     return Box(*low.tolist(), *high.tolist())
 
 
 def _size(box: Box, width_in: float) -> tuple[float, float]:
     """Return width and height of the box on the page [in]: at most `width_in` wide, and `TALL` times that high."""
-    across, up = box.x1 - box.x0, box.y1 - box.y0
-    scale = min(width_in / across, width_in * TALL / up)
-    return across * scale, up * scale
+    width, height = box.x1 - box.x0, box.y1 - box.y0
+    scale = min(width_in / width, width_in * TALL / height)
+    return width * scale, height * scale
 
 
 def _step(longest_m: float) -> float:
     """Return the smallest step of 1, 2 or 5 times a power of ten that gives at most `SQUARES` squares [m]."""
-    least = longest_m / SQUARES
-    power = 10.0 ** math.floor(math.log10(least))
-    return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= least)
+    min_step = longest_m / SQUARES
+    power = 10.0 ** math.floor(math.log10(min_step))
+    return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= min_step)
 
 
-def _placed(figure: Figure, top_middle: tuple[float, float], size: tuple[float, float]) -> Axes:
+def _add_axes(figure: Figure, top_middle: tuple[float, float], size: tuple[float, float]) -> Axes:
     """Add axes of a size [in] below a heading whose top is at `top_middle` [in]."""
     page, height = figure.get_size_inches()
     left, bottom = top_middle[0] - size[0] / 2, top_middle[1] - HEADING_IN - size[1]
     return figure.add_axes((left / page, bottom / height, size[0] / page, size[1] / height))
 
 
-def _draw(axes: Axes, panel: MapPanel, box: Box, numbered: bool) -> None:
-    """Draw the world, with a grid in metres if `numbered`, else with a scale bar below."""
+def _draw(axes: Axes, panel: MapPanel, box: Box, is_single: bool) -> None:
+    """Draw the world, with a grid in metres if `is_single`, else with a scale bar below."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
@@ -213,7 +214,7 @@ def _draw(axes: Axes, panel: MapPanel, box: Box, numbered: bool) -> None:
         axes.plot(*panel.way.T, zorder=3, **WAY)
     for mover in panel.task.world.movers:
         axes.add_patch(Polygon(mover_outline(mover), zorder=3, **MOVER))
-    if numbered:
+    if is_single:
         _number(axes, box)
     else:
         scale_bar(axes, box, SCALE_SHARE, SCALE_PT)
@@ -237,11 +238,11 @@ def _head(figure: Figure, panel: MapPanel, top_middle: tuple[float, float]) -> N
     """Write the name and, below it, the detail, from `top_middle` [in] down."""
     page, height = figure.get_size_inches()
     x, top = top_middle
-    look: dict[str, Any] = {"ha": "center", "va": "top", "color": INK, "linespacing": 1.1}
+    style: dict[str, Any] = {"ha": "center", "va": "top", "color": INK, "linespacing": 1.1}
     figure.text(
-        x / page, (top - 0.05) / height, plot_text(panel.name), fontsize=8.5, fontweight="bold", **look
+        x / page, (top - 0.05) / height, plot_text(panel.name), fontsize=8.5, fontweight="bold", **style
     )
-    figure.text(x / page, (top - 0.195) / height, plot_text(panel.detail), fontsize=7, **look)
+    figure.text(x / page, (top - 0.195) / height, plot_text(panel.detail), fontsize=7, **style)
 
 
 def _keys(panels: Sequence[MapPanel]) -> list[Line2D]:

@@ -56,40 +56,40 @@ class Method:
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Draw one picture per run guided by LME and per requested world; return the paths."""
-        found = shots(runs, worlds, self._config.step, self.name)
-        return draw_shots(found, method_figure, stem, formats)
+        decisions = shots(runs, worlds, self._config.step, self.name)
+        return draw_shots(decisions, method_figure, stem, formats)
 
 
 def method_figure(shot: Shot) -> Figure:
     """Draw the page of one decision."""
     side = (PAGE_IN - 2 * EDGE_IN - 2 * GAP_IN) / 3
     lines = heading(shot)
-    below = 0.1 + CAPTION_LINE_IN * CAPTION_LINES
-    height = heading_height(lines) + side + below
+    caption_height = 0.1 + CAPTION_LINE_IN * CAPTION_LINES
+    height = heading_height(lines) + side + caption_height
     figure = new_figure(PAGE_IN, height, layout=None)
     draw_heading(figure, lines)
     for number, (box, draw) in enumerate(_panels(shot)):
         x = EDGE_IN + number * (side + GAP_IN)
-        axes = figure.add_axes((x / PAGE_IN, below / height, side / PAGE_IN, side / height))
+        axes = figure.add_axes((x / PAGE_IN, caption_height / height, side / PAGE_IN, side / height))
         frame_panel(axes, box)
         view.draw_scale(axes, box)
         words = f"({'abc'[number]}) {draw(axes, shot)}"
         caption = textwrap.fill(words.replace(" = ", "\u00a0=\u00a0"), CAPTION_LETTERS)  # no break at "="
-        look: dict[str, Any] = {"va": "top", "fontsize": 7, "color": INK, "linespacing": 1.25}
-        figure.text(x / PAGE_IN, (below - 0.05) / height, caption, **look)
+        style: dict[str, Any] = {"va": "top", "fontsize": 7, "color": INK, "linespacing": 1.25}
+        figure.text(x / PAGE_IN, (caption_height - 0.05) / height, caption, **style)
     return figure
 
 
 def _panels(shot: Shot) -> list[tuple[Box, Any]]:
     """Return (box, drawing function) of each panel; the function returns the caption."""
     reach = candidate_reach(shot.trace)
-    whole = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
+    reach_box = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
     blockage, history = shot.why.view.blockage, shot.why.view.history
     ends = None if blockage is None else np.array([np.zeros(2), blockage.E1, blockage.E2, blockage.B])
     # Zoom in on the blocking sector if it lies within reach, and on the remembered positions.
-    near = whole if ends is None or np.abs(ends).max() > reach else _square(ends, 2.2)
+    sector_box = reach_box if ends is None or np.abs(ends).max() > reach else _square(ends, 2.2)
     steps = _square(np.vstack([np.zeros((1, 2)), history]), 1.0, shot.why.view.radius + 0.3)
-    return [(whole, _draw_candidates), (near, _draw_sectors), (steps, _draw_history)]
+    return [(reach_box, _draw_candidates), (sector_box, _draw_sectors), (steps, _draw_history)]
 
 
 def _square(points: Floats, margin: float, beyond_m: float = 0.0) -> Box:
@@ -105,50 +105,55 @@ def _square(points: Floats, margin: float, beyond_m: float = 0.0) -> Box:
 
 
 def _draw_candidates(axes: Axes, shot: Shot) -> str:
-    why, reach = shot.why, candidate_reach(shot.trace)
-    view.draw_range(axes, why, reach)
+    explanation, reach = shot.why, candidate_reach(shot.trace)
+    view.draw_range(axes, explanation, reach)
     axes.plot(
-        *view.upwards(why.candidates).T,
+        *view.upwards(explanation.candidates).T,
         "o",
         color=SKY,
         markersize=2.6,
         markeredgecolor=BLUE,
         markeredgewidth=0.3,
     )
-    axes.plot(*view.upwards(why.view.points).T, ".", color=VERMILION, markersize=2.2, zorder=3)
-    view.draw_target(axes, why.view.target, VERMILION, written=True)
+    axes.plot(*view.upwards(explanation.view.points).T, ".", color=VERMILION, markersize=2.2, zorder=3)
+    view.draw_target(axes, explanation.view.target, VERMILION, written=True)
     view.draw_robot(axes, shot.trace.robot.footprint)
     star = {**view.STAR, "markersize": 12, "markeredgecolor": INK, "markeredgewidth": 0.7}
-    axes.plot(*view.upwards(why.decision.subgoal), color=YELLOW, zorder=10, **star)
-    away = math.hypot(*why.view.target)
+    axes.plot(*view.upwards(explanation.decision.subgoal), color=YELLOW, zorder=10, **star)
+    target_distance = math.hypot(*explanation.view.target)
     return (
-        f"{len(why.candidates)} candidates (blue) within {reach:g} m (dotted), scan points (orange) and the subgoal "
-        f"(star). The robot O heads upwards; the target T is {away:.1f} m away."
+        f"{len(explanation.candidates)} candidates (blue) within {reach:g} m (dotted), scan points "
+        f"(orange) and the subgoal (star). The robot O heads upwards; the target T is {target_distance:.1f} m away."
     )
 
 
 def _draw_sectors(axes: Axes, shot: Shot) -> str:
-    why, seen = shot.why, shot.why.view
-    view.draw_scan(axes, why, 2.6, markers=True)
-    for sector, (colour, _) in zip(why.sectors, view.sector_styles(len(why.sectors)), strict=True):
-        view.draw_contour(axes, sector_points(seen.points, sector), seen.radius, colour, 0.8)
-    if seen.blockage is not None:
-        view.draw_contour(axes, seen.blockage.points, seen.radius, BLUE, 1.8)
-        _draw_angles(axes, seen.blockage, seen.target)
-        view.draw_letters(axes, _letters(seen.blockage, seen.target), 4.0, written=True)
-    view.draw_target(axes, seen.target, VERMILION, written=True)
+    explanation, scene = shot.why, shot.why.view
+    view.draw_scan(axes, explanation, 2.6, markers=True)
+    for sector, (colour, _) in zip(
+        explanation.sectors, view.sector_styles(len(explanation.sectors)), strict=True
+    ):
+        view.draw_contour(axes, sector_points(scene.points, sector), scene.radius, colour, 0.8)
+    if scene.blockage is not None:
+        view.draw_contour(axes, scene.blockage.points, scene.radius, BLUE, 1.8)
+        _draw_angles(axes, scene.blockage, scene.target)
+        view.draw_letters(axes, _letters(scene.blockage, scene.target), 4.0, written=True)
+    view.draw_target(axes, scene.target, VERMILION, written=True)
     view.draw_robot(axes, shot.trace.robot.footprint)
-    ends = [] if seen.blockage is None else [seen.blockage.E1, seen.blockage.E2]
+    ends = [] if scene.blockage is None else [scene.blockage.E1, scene.blockage.E2]
     radius_pt = _in_points(axes, shot.trace.robot.footprint.r_max)
-    view.write(axes, view.Letter("$O$", np.zeros(2), _free_side([seen.target, *ends])), radius_pt + 5)
-    return f"Points nearer to each other than 2r join, {len(why.sectors)} sectors in all. {_describe_blockage(seen)}"
+    view.write(axes, view.Letter("$O$", np.zeros(2), _free_side([scene.target, *ends])), radius_pt + 5)
+    return (
+        f"Points nearer to each other than 2r join, {len(explanation.sectors)} sectors in all. "
+        f"{_describe_blockage(scene)}"
+    )
 
 
 def _letters(blockage: Blockage, target: Floats) -> list[view.Letter]:
     """Return the letters E1, E2, A and B, with the name of B turned away from the target's name."""
-    *ends, beyond = view.letters(blockage)
-    turn = -math.copysign(TURN_RAD, _between(blockage.A, target))
-    return [*ends, beyond._replace(away=to_world(beyond.away, Pose(0.0, 0.0, turn)))]
+    *end_letters, ray_letter = view.letters(blockage)
+    turn = -math.copysign(TURN_RAD, _angle_between(blockage.A, target))
+    return [*end_letters, ray_letter._replace(away=to_world(ray_letter.away, Pose(0.0, 0.0, turn)))]
 
 
 def _free_side(points: Sequence[Floats]) -> Floats:
@@ -166,14 +171,14 @@ def _in_points(axes: Axes, length_m: float) -> float:
     return float(x1 - x0) * 72 / axes.figure.dpi
 
 
-def _describe_blockage(seen: View) -> str:
-    if seen.blockage is None:
+def _describe_blockage(scene: View) -> str:
+    if scene.blockage is None:
         return "None of them blocks the way to the target T."
-    E1, E2, A = seen.blockage.E1, seen.blockage.E2, seen.blockage.A
-    first, second = (math.degrees(abs(_between(end, seen.target))) for end in (E1, E2))
+    E1, E2, A = scene.blockage.E1, scene.blockage.E2, scene.blockage.A
+    angle_1, angle_2 = (math.degrees(abs(_angle_between(end, scene.target))) for end in (E1, E2))
     return (
-        f"The blue one blocks the way to the target T: ∠E₁OT = {first:.0f}°, ∠E₂OT = {second:.0f}°, so A is "
-        f"{'E₁' if np.array_equal(A, E1) else 'E₂'}. B lies on the ray OA, |AB| = r = {seen.radius:.2f} m, as far as "
+        f"The blue one blocks the way to the target T: ∠E₁OT = {angle_1:.0f}°, ∠E₂OT = {angle_2:.0f}°, so A is "
+        f"{'E₁' if np.array_equal(A, E1) else 'E₂'}. B lies on the ray OA, |AB| = r = {scene.radius:.2f} m, as far as "
         "the outline."
     )
 
@@ -185,33 +190,33 @@ def _draw_angles(axes: Axes, blockage: Blockage, target: Floats) -> None:
     # An arc from the target to each end, and a line to the end.
     for end in (blockage.E1, blockage.E2):
         is_nearer = np.array_equal(end, blockage.A)
-        angles = start + np.linspace(0.0, _between(target, end), 61)
+        angles = start + np.linspace(0.0, _angle_between(target, end), 61)
         arc = half * ARCS[0 if is_nearer else 1] * np.column_stack([np.cos(angles), np.sin(angles)])
-        look: dict[str, Any] = {"linestyle": "-" if is_nearer else "--", "linewidth": 0.8, "zorder": 4}
-        axes.plot(*view.upwards(arc).T, color=INK, **look)
-        axes.plot(*view.upwards(np.array([[0.0, 0.0], end])).T, color=INK, **look)
+        style: dict[str, Any] = {"linestyle": "-" if is_nearer else "--", "linewidth": 0.8, "zorder": 4}
+        axes.plot(*view.upwards(arc).T, color=INK, **style)
+        axes.plot(*view.upwards(np.array([[0.0, 0.0], end])).T, color=INK, **style)
     axes.plot(*view.upwards(np.array([blockage.A, blockage.B])).T, color=BLUE, linewidth=2.2, zorder=7)
 
 
-def _between(a: Floats, b: Floats) -> float:
+def _angle_between(a: Floats, b: Floats) -> float:
     """Return the angle from a to b [rad], counter-clockwise in (−π, π]."""
     return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 
 
 def _draw_history(axes: Axes, shot: Shot) -> str:
-    why, seen = shot.why, shot.why.view
-    free = why.features[why.names.index("c_h")] > 0
-    look: dict[str, Any] = {"markersize": 3.2, "markeredgecolor": BLUE, "markeredgewidth": 0.5}
-    for which, face in ((free, SKY), (~free, "white")):
-        axes.plot(*view.upwards(why.candidates[which]).T, "o", markerfacecolor=face, **look)
-    axes.plot(*view.upwards(seen.points).T, ".", color=VERMILION, markersize=3, zorder=3)
+    explanation, scene = shot.why, shot.why.view
+    free = explanation.features[explanation.names.index("c_h")] > 0
+    style: dict[str, Any] = {"markersize": 3.2, "markeredgecolor": BLUE, "markeredgewidth": 0.5}
+    for mask, face in ((free, SKY), (~free, "white")):
+        axes.plot(*view.upwards(explanation.candidates[mask]).T, "o", markerfacecolor=face, **style)
+    axes.plot(*view.upwards(scene.points).T, ".", color=VERMILION, markersize=3, zorder=3)
     view.draw_robot(axes, shot.trace.robot.footprint)
-    if len(seen.history) == 0:
+    if len(scene.history) == 0:
         return f"None of the last {shot.history_length} positions counts: each is too near to the robot."
-    view.draw_contour(axes, seen.history, seen.radius, GREEN, 0.9)
-    view.draw_history(axes, seen.history, 4.5)
+    view.draw_contour(axes, scene.history, scene.radius, GREEN, 0.9)
+    view.draw_history(axes, scene.history, 4.5)
     return (
-        f"{len(seen.history)} of the last {shot.history_length} positions are far enough away to count (green, darker "
+        f"{len(scene.history)} of the last {shot.history_length} positions are far enough away to count (green, darker "
         f"= nearer to now), outlined at r. The straight way to {int((~free).sum())} of {len(free)} candidates (open) "
         "enters the outline."
     )

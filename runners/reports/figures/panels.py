@@ -72,11 +72,11 @@ def steps_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
 def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
     """Draw everything inside a panel and, below it, the outcomes of each system."""
     draw_task(axes, panel.place.task)
-    driven = [run for run in panel.runs if not episodes_of(run, panel.place).empty]
-    for run in driven:
+    runs_here = [run for run in panel.runs if not episodes_of(run, panel.place).empty]
+    for run in runs_here:
         _draw_run(axes, run, panel.place, look, box)
-    if driven:
-        draw_ends(axes, driven, panel.place, look)
+    if runs_here:
+        draw_ends(axes, runs_here, panel.place, look)
     else:
         middle: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "va": "center"}
         axes.text(0.5, 0.5, "not driven", fontsize=9, color=INK, backgroundcolor="white", zorder=9, **middle)
@@ -110,8 +110,8 @@ def scale_drop_pt(panels: Sequence[Panel], look: Look, width_in: float) -> float
 
 def footer_height_in(panels: Sequence[Panel], look: Look, width_in: float) -> float:
     """Return the height of the texts and the scale bar below each panel [in]."""
-    last = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
-    return (last + LINE_PT / 2) / 72
+    last_line_pt = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
+    return (last_line_pt + LINE_PT / 2) / 72
 
 
 def least_in(labels: Sequence[str], look: Look) -> float:
@@ -127,15 +127,17 @@ def _lines(panels: Sequence[Panel], look: Look) -> int:
 def ends_before(panels: Sequence[Panel], moment: float) -> bool:
     """Return whether any of the drawn episodes ended before this moment. Raises InputError if all of them did."""
     column = "time_s" if isinstance(moment, float) else "step"
-    driven = [steps_of(run, panel.place).groupby(["world", "run"]) for panel in panels for run in panel.runs]
-    ends = [episodes[column].max().iloc[0] + 1e-9 for episodes in driven if len(episodes)]
-    last = max(ends, default=0.0)
-    if moment > last:
+    episodes_by_run = [
+        steps_of(run, panel.place).groupby(["world", "run"]) for panel in panels for run in panel.runs
+    ]
+    durations = [episodes[column].max().iloc[0] + 1e-9 for episodes in episodes_by_run if len(episodes)]
+    longest = max(durations, default=0.0)
+    if moment > longest:
         unit = " s" if isinstance(moment, float) else ""
         raise InputError(
-            f"figure.moment is {moment:g}{unit}: the longest of the episodes ends at {last:g}{unit}"
+            f"figure.moment is {moment:g}{unit}: the longest of the episodes ends at {longest:g}{unit}"
         )
-    return moment > min(ends, default=0.0)
+    return moment > min(durations, default=0.0)
 
 
 def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: Look, box: Box) -> None:
@@ -144,12 +146,14 @@ def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: Look, box: B
     style = look.systems.get(run.label)
     paths = dict(list(steps.groupby(["world", "run"])))
     draw_paths(axes, episodes, paths, style)
-    first = min(paths)
+    first_episode = min(paths)
     if look.subgoals != "none":
         colour = SUBGOAL["color"] if style is None else style.colour
-        _draw_subgoals(axes, subgoals_of(paths[first], place.task), colour, look.subgoals == "numbered", box)
+        _draw_subgoals(
+            axes, subgoals_of(paths[first_episode], place.task), colour, look.subgoals == "numbered", box
+        )
     if look.moment is not None:
-        trace = run.trace(*first)
+        trace = run.trace(*first_episode)
         _draw_moment(axes, trace, look, (style or STYLES[Outcome(trace.episode.outcome)]).colour)
 
 
@@ -158,40 +162,40 @@ def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
     assert look.moment is not None
     is_time = isinstance(look.moment, float)
     # An episode that ended before shows its end.
-    last = index_at(trace, look.moment) if is_time else min(int(look.moment), len(trace.steps))
-    draw_mover_trails(axes, trace, last)
+    last_frame = index_at(trace, look.moment) if is_time else min(int(look.moment), len(trace.steps))
+    draw_mover_trails(axes, trace, last_frame)
     stage = Stage(axes, trace, colour, beams=True)
-    stage.show(last)
+    stage.show(last_frame)
     stage.keep(scan=not look.systems, subgoal=look.subgoals == "none")
 
 
 def subgoals_of(steps: pd.DataFrame, task: Task) -> Floats:
     """Return the (K, 2) positions of subgoals when they were chosen [m], without those at the goal."""
-    chosen = (steps["switched"] > 0) | (steps["step"] == steps["step"].min())
-    points: Floats = steps.loc[chosen, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
+    is_new = (steps["switched"] > 0) | (steps["step"] == steps["step"].min())
+    points: Floats = steps.loc[is_new, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
     to_goal: Floats = np.hypot(*(points - task.goal).T)
     return points[to_goal > task.goal_tolerance]
 
 
-def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box: Box) -> None:
+def _draw_subgoals(axes: Axes, points: Floats, colour: str, is_numbered: bool, box: Box) -> None:
     """Draw stars that grow stronger from first to last, or some of them numbered from 1."""
-    if numbered:
+    if is_numbered:
         points = _keep_apart(points, APART * math.hypot(box.x1 - box.x0, box.y1 - box.y0))
-    size = SUBGOAL["markersize"] * (1.0 if numbered else SMALLER)
-    strengths = np.ones(len(points)) if numbered else np.linspace(FAINTEST, 1.0, len(points))
+    size = SUBGOAL["markersize"] * (1.0 if is_numbered else SMALLER)
+    strengths = np.ones(len(points)) if is_numbered else np.linspace(FAINTEST, 1.0, len(points))
     for number, (point, strength) in enumerate(zip(points, strengths, strict=True), 1):
         axes.plot(*point, "*", alpha=strength, zorder=5, **{**SUBGOAL, "color": colour, "markersize": size})
-        if numbered:
+        if is_numbered:
             write(axes, str(number), point, (7.5, 0.0))
 
 
 def _keep_apart(points: Floats, distance: float) -> Floats:
     """Return the points, in order, that are at least this far from all points kept before them."""
-    kept: list[Floats] = []
+    spaced: list[Floats] = []
     for point in points:
-        if all(math.dist(point, other) >= distance for other in kept):
-            kept.append(point)
-    return np.array(kept).reshape(-1, 2)
+        if all(math.dist(point, neighbour) >= distance for neighbour in spaced):
+            spaced.append(point)
+    return np.array(spaced).reshape(-1, 2)
 
 
 def _outcome_text(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:

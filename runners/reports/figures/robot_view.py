@@ -48,17 +48,17 @@ def upwards(points: Floats) -> Floats:
 
 def reach_box(candidates: Floats, reach_m: float) -> Box:
     """Return the view of the candidates' range; behind the robot it reaches only as far as the candidates."""
-    far = MARGIN * reach_m
-    low = min(float(candidates[:, 0].min()) - (MARGIN - 1) * reach_m, -0.2 * reach_m)
-    return Box(-far, max(low, -far), far, far)
+    extent_m = MARGIN * reach_m
+    behind_m = min(float(candidates[:, 0].min()) - (MARGIN - 1) * reach_m, -0.2 * reach_m)
+    return Box(-extent_m, max(behind_m, -extent_m), extent_m, extent_m)
 
 
 def draw_scale(axes: Axes, box: Box) -> None:
     """Draw a scale bar of one metre in the lower left corner of a framed panel."""
     x, y = box.x0 + 0.04 * (box.x1 - box.x0), box.y0 + 0.04 * (box.y1 - box.y0)
     axes.plot([x, x + 1.0], [y, y], color=INK, linewidth=1.4, zorder=9, path_effects=halo())
-    look: dict[str, Any] = {"fontsize": 7, "color": INK, "va": "center", "zorder": 9, "path_effects": halo()}
-    axes.annotate("1 m", (x + 1.0, y), (3, 0), textcoords="offset points", **look)
+    style: dict[str, Any] = {"fontsize": 7, "color": INK, "va": "center", "zorder": 9, "path_effects": halo()}
+    axes.annotate("1 m", (x + 1.0, y), (3, 0), textcoords="offset points", **style)
 
 
 def sector_styles(count: int) -> list[tuple[str, str]]:
@@ -69,11 +69,11 @@ def sector_styles(count: int) -> list[tuple[str, str]]:
     return styles
 
 
-def draw_scan(axes: Axes, why: Explanation, size_pt: float, markers: bool = False) -> None:
+def draw_scan(axes: Axes, explanation: Explanation, size_pt: float, markers: bool = False) -> None:
     """Draw scan points in the colours of their sectors."""
-    styles = sector_styles(len(why.sectors))
-    for sector, (colour, marker) in zip(why.sectors, styles, strict=True):
-        points = upwards(sector_points(why.view.points, sector))
+    styles = sector_styles(len(explanation.sectors))
+    for sector, (colour, marker) in zip(explanation.sectors, styles, strict=True):
+        points = upwards(sector_points(explanation.view.points, sector))
         shape = marker if markers else "o"
         axes.plot(*points.T, shape, color=colour, markersize=size_pt, markeredgewidth=0, zorder=3)
 
@@ -90,18 +90,18 @@ def draw_contour(axes: Axes, points: Floats, radius: float, colour: str, width_p
 
 def draw_robot(axes: Axes, footprint: Footprint) -> None:
     """Draw the footprint, and the heading as a line to its front."""
-    around = upwards(outline(footprint))
-    axes.fill(*around.T, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=7)
-    axes.plot([0, 0], [0, around[:, 1].max()], color=INK, linewidth=0.8, zorder=7)
+    outline_points = upwards(outline(footprint))
+    axes.fill(*outline_points.T, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=7)
+    axes.plot([0, 0], [0, outline_points[:, 1].max()], color=INK, linewidth=0.8, zorder=7)
 
 
 def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = False) -> None:
     """Draw a line to the target T with a cross on it, or an arrow to the edge if T is outside the panel."""
     x, y = upwards(target)
     # The share of the line to the target that lies in the panel.
-    part = _share_inside(x, y, Box(*_corners(axes)))
-    tip = target if part == 1.0 else 0.98 * part * target
-    if part == 1.0:
+    visible_share = _share_inside(x, y, Box(*_corners(axes)))
+    tip = target if visible_share == 1.0 else 0.98 * visible_share * target
+    if visible_share == 1.0:
         axes.plot([0, x], [0, y], color=INK, linewidth=0.9, zorder=4)
         axes.plot(x, y, "x", color=colour, markersize=6, markeredgewidth=1.8, zorder=8)
     else:
@@ -115,77 +115,81 @@ def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = F
         end_x, end_y = upwards(tip)
         axes.annotate("", (end_x, end_y), (0.0, 0.0), arrowprops={**style, "mutation_scale": 7}, zorder=4)
     if written:
-        across = np.array([y, -x]) / max(math.hypot(x, y), 1e-9)
-        write(axes, Letter("$T$", tip, across), 9)
+        normal = np.array([y, -x]) / max(math.hypot(x, y), 1e-9)
+        write(axes, Letter("$T$", tip, normal), 9)
 
 
-def draw_range(axes: Axes, why: Explanation, reach_m: float) -> None:
+def draw_range(axes: Axes, explanation: Explanation, reach_m: float) -> None:
     """Draw the arc at the candidates' range, over the bearings of the candidates."""
-    bearings = np.arctan2(why.candidates[:, 1], why.candidates[:, 0])
-    around = np.linspace(bearings.min(), bearings.max(), 181)
-    arc = upwards(reach_m * np.column_stack([np.cos(around), np.sin(around)]))
+    bearings = np.arctan2(explanation.candidates[:, 1], explanation.candidates[:, 0])
+    angles = np.linspace(bearings.min(), bearings.max(), 181)
+    arc = upwards(reach_m * np.column_stack([np.cos(angles), np.sin(angles)]))
     axes.plot(*arc.T, color=INK, linestyle=":", linewidth=0.7, zorder=1)
 
 
 def draw_history(axes: Axes, history: Floats, size_pt: float) -> None:
     """Draw recent positions, oldest first; later ones are darker."""
     if len(history):
-        look: dict[str, Any] = {"c": greens(len(history)), "edgecolors": INK, "linewidths": 0.3}
+        style: dict[str, Any] = {"c": greens(len(history)), "edgecolors": INK, "linewidths": 0.3}
         x, y = upwards(history).T
-        axes.scatter(x, y, s=size_pt**2, zorder=6, **look)
+        axes.scatter(x, y, s=size_pt**2, zorder=6, **style)
 
 
 def greens(count: int) -> Floats:
     """Return (count, 3) colours from the oldest, light, to the newest, dark."""
-    share = np.linspace(0.0, 1.0, count)[:, None] if count > 1 else np.ones((1, 1))
-    return (1 - share) * OLD + share * YOUNG
+    shares = np.linspace(0.0, 1.0, count)[:, None] if count > 1 else np.ones((1, 1))
+    return (1 - shares) * OLD + shares * YOUNG
 
 
-def draw_subgoals(axes: Axes, why: Explanation) -> None:
+def draw_subgoals(axes: Axes, explanation: Explanation) -> None:
     """Draw the chosen subgoal and its rival: the old one after a switch, else the best new one."""
-    rival = rival_subgoal(why)
+    rival = rival_subgoal(explanation)
     if rival is not None:
-        marker, size = ("*", 9) if why.decision.choice.switched else ("o", 7)
-        look: dict[str, Any] = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
-        axes.plot(*upwards(rival[1]), marker, zorder=9, **look)
-    axes.plot(*upwards(why.decision.subgoal), color=GREEN, zorder=10, **STAR)
+        marker, size = ("*", 9) if explanation.decision.choice.switched else ("o", 7)
+        style: dict[str, Any] = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
+        axes.plot(*upwards(rival[1]), marker, zorder=9, **style)
+    axes.plot(*upwards(explanation.decision.subgoal), color=GREEN, zorder=10, **STAR)
 
 
-def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
+def rival_subgoal(explanation: Explanation) -> tuple[str, Floats] | None:
     """Return name and position of the subgoal that was not chosen; None at the first step."""
-    if why.old is None:
+    if explanation.old is None:
         return None
-    if why.decision.choice.switched:
-        return "old subgoal, given up", why.old
-    return "best new one, not taken", why.candidates[why.new]
+    if explanation.decision.choice.switched:
+        return "old subgoal, given up", explanation.old
+    return "best new one, not taken", explanation.candidates[explanation.new]
 
 
 def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
     """Return E1, E2, A and B. The end that is A is labelled "A = E1" or "A = E2"; if `brief`, only "A"."""
     ends = ((blockage.E1, "$E_1$", 1.0), (blockage.E2, "$E_2$", -1.0))  # clockwise end first
-    named = []
+    all_letters = []
     for end, name, turn in ends:
-        whole = "$A$" if brief else f"$A$ = {name}"
-        text = whole if np.array_equal(end, blockage.A) else name
+        full_name = "$A$" if brief else f"$A$ = {name}"
+        text = full_name if np.array_equal(end, blockage.A) else name
         outwards = upwards(end) / math.hypot(end[0], end[1])
-        named.append(Letter(text, end, turn * np.array([outwards[1], -outwards[0]])))
-    named.append(Letter("$B$", blockage.B, upwards(blockage.A) / math.hypot(*blockage.A)))
-    return named
+        all_letters.append(Letter(text, end, turn * np.array([outwards[1], -outwards[0]])))
+    all_letters.append(Letter("$B$", blockage.B, upwards(blockage.A) / math.hypot(*blockage.A)))
+    return all_letters
 
 
-def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
+def blockage_seen(explanation: Explanation, box: Box) -> Blockage | None:
     """Return the blocking sector if any of its points lies in the box, else None."""
-    blockage = why.view.blockage
+    blockage = explanation.view.blockage
     if blockage is None or not any(is_inside(point, box) for point in blockage.points):
         return None
     return blockage
 
 
 def draw_letters(
-    axes: Axes, marked: Sequence[Letter], size_pt: float, written: bool, clear_of: Sequence[Floats] = ()
+    axes: Axes,
+    letters_drawn: Sequence[Letter],
+    size_pt: float,
+    written: bool,
+    clear_of: Sequence[Floats] = (),
 ) -> None:
     """Draw marks at the ends, A and B, with names if `written`. clear_of: (2,) points that no name may hide."""
-    for letter in marked:
+    for letter in letters_drawn:
         face = BLUE if letter.text == "$B$" else "white"
         x, y = upwards(letter.point)
         axes.plot(x, y, "o", markersize=size_pt, markerfacecolor=face, markeredgecolor=BLUE, zorder=8)
@@ -196,32 +200,34 @@ def draw_letters(
 def _avoid_points(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
     """Return the letter, moved to another side if it would hide one of these points."""
     dots = axes.figure.dpi / 72
-    point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
+    point, *obstacles_px = (
+        axes.transData.transform(upwards(position)) for position in (letter.point, *clear_of)
+    )
     x, y = letter.away
     # Try the wanted side, both sides across, and the opposite one.
-    for away in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
-        middle = point + (away_pt + LETTER_PT / 2) * dots * away
-        if all(math.dist(middle, other) >= LETTER_PT * dots for other in others):
-            return letter._replace(away=away)
+    for direction in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
+        middle = point + (away_pt + LETTER_PT / 2) * dots * direction
+        if all(math.dist(middle, obstacle_px) >= LETTER_PT * dots for obstacle_px in obstacles_px):
+            return letter._replace(away=direction)
     return letter
 
 
 def write(axes: Axes, letter: Letter, away_pt: float) -> None:
     """Write a name next to its point, moved into the panel if it would leave it."""
     dots = axes.figure.dpi / 72
-    at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
+    position_px = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots
     # Keep the middle of the letter away from the edge of the panel.
-    inside = np.clip(at, np.array(axes.bbox.min) + edge, np.array(axes.bbox.max) - edge)
-    x, y = axes.transData.inverted().transform(inside)
-    look: dict[str, Any] = {
+    clipped_px = np.clip(position_px, np.array(axes.bbox.min) + edge, np.array(axes.bbox.max) - edge)
+    x, y = axes.transData.inverted().transform(clipped_px)
+    style: dict[str, Any] = {
         "fontsize": LETTER_PT,
         "color": INK,
         "va": "center",
         "zorder": 11,
         "path_effects": halo(),
     }
-    axes.text(x, y, letter.text, ha=_side(letter.away[0]), **look)
+    axes.text(x, y, letter.text, ha=_side(letter.away[0]), **style)
 
 
 def halo() -> list[Any]:
@@ -244,32 +250,33 @@ def _corners(axes: Axes) -> tuple[float, float, float, float]:
 
 def _share_inside(x: float, y: float, box: Box) -> float:
     """Return the largest t ≤ 1 with t·(x, y) in the box, which contains the origin."""
-    across = (box.x1 if x > 0 else box.x0) / x if x else math.inf
-    along = (box.y1 if y > 0 else box.y0) / y if y else math.inf
-    return min(across, along, 1.0)
+    share_x = (box.x1 if x > 0 else box.x0) / x if x else math.inf
+    share_y = (box.y1 if y > 0 else box.y0) / y if y else math.inf
+    return min(share_x, share_y, 1.0)
 
 
 def _side(x: float) -> str:
     return "left" if x > 0.35 else "right" if x < -0.35 else "center"
 
 
-def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
+def key(explanation: Explanation, reach_m: float, box: Box) -> list[Any]:
     """Return the entries of the key, for the marks that the view has."""
-    rival, blockage = rival_subgoal(why), blockage_seen(why, box)
-    outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
+    rival, blockage = rival_subgoal(explanation), blockage_seen(explanation, box)
+    outline_style = {"marker": "*" if explanation.decision.choice.switched else "o", "markeredgecolor": GREEN}
     entries = [
         mark("chosen subgoal", color=GREEN, **STAR),
-        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
+        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outline_style),
         mark("robot, heading up", marker="s", color="white", markeredgecolor=INK, markersize=6),
         line("target direction", color=INK, linewidth=0.9),
-        is_inside(why.view.target, box)
+        is_inside(explanation.view.target, box)
         and mark("target", marker="x", color=INK, markersize=6, markeredgewidth=1.8),
-        len(why.view.points) and _sectors_mark("scan, by sector", "ooo"),
+        len(explanation.view.points) and _sectors_mark("scan, by sector", "ooo"),
         blockage and line("blocking sector", color=BLUE, linewidth=1.2),
         blockage
         and mark("its ends $E_1$, $E_2$", color="white", marker="o", markeredgecolor=BLUE, markersize=4),
         blockage and mark("$B$, $r$ beyond $A$", color=BLUE, marker="o", markersize=4),
-        len(why.view.history) and mark("recent positions", color=greens(2)[1], marker="o", markersize=4),
+        len(explanation.view.history)
+        and mark("recent positions", color=greens(2)[1], marker="o", markersize=4),
         line(f"range of candidates, {reach_m:g} m", color=INK, linestyle=":", linewidth=0.9),
     ]
     return [entry for entry in entries if entry]
@@ -284,24 +291,26 @@ def _sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
     )
 
 
-def draw_key(figure: Figure, entries: Sequence[Any], at: tuple[float, float], loc: Any, **look: Any) -> None:
+def draw_key(
+    figure: Figure, entries: Sequence[Any], anchor: tuple[float, float], loc: Any, **style: Any
+) -> None:
     """Draw a legend with its corner or edge `loc` at this point of the page."""
     from matplotlib.legend_handler import HandlerTuple
 
     labels = [(entry[0] if isinstance(entry, tuple) else entry).get_label() for entry in entries]
     handlers = {tuple: HandlerTuple(ndivide=None, pad=0.0)}
-    figure.legend(entries, labels, loc=loc, bbox_to_anchor=at, handler_map=handlers, **look)
+    figure.legend(entries, labels, loc=loc, bbox_to_anchor=anchor, handler_map=handlers, **style)
 
 
-def mark(label: str, **look: Any) -> Artist:
+def mark(label: str, **style: Any) -> Artist:
     """Return an entry of a key that is a point."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], label=label, **{"linestyle": "", **look})
+    return Line2D([], [], label=label, **{"linestyle": "", **style})
 
 
-def line(label: str, **look: Any) -> Artist:
+def line(label: str, **style: Any) -> Artist:
     """Return an entry of a key that is a line."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], label=label, **look)
+    return Line2D([], [], label=label, **style)

@@ -74,22 +74,23 @@ def frame_panel(axes: Axes, box: Box) -> None:
 def same_size(boxes: Sequence[Box]) -> list[Box]:
     """Return the boxes, each enlarged about its centre to the largest width and height of all."""
     sides = np.array([(box.x1 - box.x0, box.y1 - box.y0) for box in boxes])
-    more = (sides.max(axis=0) - sides) / 2
+    paddings = (sides.max(axis=0) - sides) / 2
     return [
-        Box(box.x0 - x, box.y0 - y, box.x1 + x, box.y1 + y) for box, (x, y) in zip(boxes, more, strict=True)
+        Box(box.x0 - x, box.y0 - y, box.x1 + x, box.y1 + y)
+        for box, (x, y) in zip(boxes, paddings, strict=True)
     ]
 
 
 def outline(footprint: Footprint) -> Floats:
     """Return (V, 2) corners of the rounded box in the robot frame [m], counter-clockwise."""
     half_length, half_width, rounding = footprint.box
-    parts = []
+    arcs = []
     # A quarter of a circle around each corner of the inner box.
     for quarter, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
         angles = np.linspace(quarter, quarter + 1, 7) * math.pi / 2
         centre = np.array([x * half_length, y * half_width])
-        parts.append(centre + rounding * np.column_stack([np.cos(angles), np.sin(angles)]))
-    return np.vstack(parts)
+        arcs.append(centre + rounding * np.column_stack([np.cos(angles), np.sin(angles)]))
+    return np.vstack(arcs)
 
 
 def draw_obstacles(axes: Axes, world: World) -> None:
@@ -117,10 +118,10 @@ def draw_task(axes: Axes, task: Task) -> None:
     axes.add_patch(reached)
     axes.plot(gx, gy, zorder=7, **_flag())
     start = task.start
-    look: dict[str, Any] = {"markersize": POINTER_SIZE, "color": INK, "markeredgewidth": 0}
-    axes.plot(start.x, start.y, marker=pointer(start.yaw), zorder=7, **look)
-    behind = (-BEHIND_PT * math.cos(start.yaw), -BEHIND_PT * math.sin(start.yaw))
-    write(axes, "S", (start.x, start.y), behind)
+    style: dict[str, Any] = {"markersize": POINTER_SIZE, "color": INK, "markeredgewidth": 0}
+    axes.plot(start.x, start.y, marker=pointer(start.yaw), zorder=7, **style)
+    offset = (-BEHIND_PT * math.cos(start.yaw), -BEHIND_PT * math.sin(start.yaw))
+    write(axes, "S", (start.x, start.y), offset)
     write(axes, "G", (gx, gy), (BESIDE_PT, 0.0))
 
 
@@ -145,8 +146,8 @@ def draw_paths(
     # Successes first, so that failures are on top.
     for outcome, kind in reversed(STYLES.items()):
         style = kind if system is None else system._replace(marker=kind.marker)
-        chosen = episodes[episodes["outcome"] == outcome]
-        for world, run in zip(chosen["world"], chosen["run"], strict=True):
+        episodes_of_outcome = episodes[episodes["outcome"] == outcome]
+        for world, run in zip(episodes_of_outcome["world"], episodes_of_outcome["run"], strict=True):
             steps = paths.get((world, run))
             if steps is None:
                 continue
@@ -177,15 +178,15 @@ def legend_keys(outcomes: Sequence[str] = LEGEND_ORDER, by_system: bool = False)
     return [*paths, start, goal, circle]
 
 
-def scale_bar(axes: Axes, box: Box, most: float, drop_pt: float) -> None:
-    """Draw a scale bar `drop_pt` below the panel's lower left corner. most: share of the panel's width."""
+def scale_bar(axes: Axes, box: Box, max_share: float, drop_pt: float) -> None:
+    """Draw a scale bar `drop_pt` below the panel's lower left corner. max_share: share of the panel's width."""
     from matplotlib.transforms import ScaledTranslation
 
-    length = _round_length((box.x1 - box.x0) * most)
-    down = ScaledTranslation(0.0, -drop_pt / 72, axes.figure.dpi_scale_trans)
+    length = _round_length((box.x1 - box.x0) * max_share)
+    offset = ScaledTranslation(0.0, -drop_pt / 72, axes.figure.dpi_scale_trans)
     x, y = [box.x0, box.x0, box.x0 + length, box.x0 + length], [0.0, 0.0, 0.0, 0.0]
     # Metres along the panel, points below it.
-    bar = axes.get_xaxis_transform() + down
+    bar = axes.get_xaxis_transform() + offset
     axes.plot(x, y, transform=bar, color=INK, linewidth=1.2, marker="|", markersize=4, clip_on=False)
     axes.annotate(
         f"{length:g} m",
@@ -221,10 +222,10 @@ def write(axes: Axes, text: str, point: Sequence[float], offset_pt: tuple[float,
     )
 
 
-def _round_length(most: float) -> float:
-    """Return the longest of 1, 2 and 5 times a power of ten up to `most` [m]."""
-    power = 10.0 ** math.floor(math.log10(most))
-    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= most * (1 + 1e-9))
+def _round_length(max_length: float) -> float:
+    """Return the longest of 1, 2 and 5 times a power of ten up to `max_length` [m]."""
+    power = 10.0 ** math.floor(math.log10(max_length))
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= max_length * (1 + 1e-9))
 
 
 def _flag(in_key: bool = False) -> dict[str, Any]:

@@ -70,9 +70,9 @@ class Stage:
     @property
     def artists(self) -> list[Artist]:
         """All artists, in drawing order."""
-        shown = [self._beams, self._candidates, self._scan, self._discs, self._sides]
-        shown += [self._subgoal, self._robot, self._nose]
-        return [artist for artist in shown if artist is not None]
+        all_artists = [self._beams, self._candidates, self._scan, self._discs, self._sides]
+        all_artists += [self._subgoal, self._robot, self._nose]
+        return [artist for artist in all_artists if artist is not None]
 
     def show(self, index: int) -> None:
         """Show the frame with this index."""
@@ -82,8 +82,8 @@ class Stage:
         self._show_scan(frame)
         self._move(frame)
         subgoal = frame.subgoal if isinstance(frame, TracedStep) else np.full(2, math.nan)
-        shown = not np.allclose(subgoal, self._trace.task.goal)  # the goal has its own mark
-        self._subgoal.set_data(subgoal[:1] if shown else [], subgoal[1:] if shown else [])
+        is_shown = not np.allclose(subgoal, self._trace.task.goal)  # the goal has its own mark
+        self._subgoal.set_data(subgoal[:1] if is_shown else [], subgoal[1:] if is_shown else [])
         if self._candidates is not None:
             self._show_candidates(frame)
 
@@ -113,28 +113,28 @@ class Stage:
 
     def _show_candidates(self, frame: TracedStep | TraceEnd) -> None:
         """Show the candidates coloured by score, clipped at the `CLIPPED` percentiles."""
-        why = frame.explanation if isinstance(frame, TracedStep) else None
+        explanation = frame.explanation if isinstance(frame, TracedStep) else None
         assert self._candidates is not None
-        if why is None:
+        if explanation is None:
             self._candidates.set_offsets(np.empty((0, 2)))
             return
-        low, high = np.percentile(why.scores, CLIPPED)
-        self._candidates.set_offsets(to_world(why.candidates, frame.pose))
-        self._candidates.set_array(np.clip((why.scores - low) / max(high - low, 1e-9), 0.0, 1.0))
+        low, high = np.percentile(explanation.scores, CLIPPED)
+        self._candidates.set_offsets(to_world(explanation.candidates, frame.pose))
+        self._candidates.set_array(np.clip((explanation.scores - low) / max(high - low, 1e-9), 0.0, 1.0))
 
 
-def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
-    """Draw outlines of the movers every `TRAIL_S`, up to the frame with index `last`."""
+def draw_mover_trails(axes: Axes, trace: Trace, last_frame: int) -> None:
+    """Draw outlines of the movers every `TRAIL_S`, up to the frame with index `last_frame`."""
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
-    times = np.arange(0.0, trace.frames[last].time, TRAIL_S)
-    before = [trace.moving(trace.frames[index_at(trace, time)]) for time in times]
-    if not before:
+    times = np.arange(0.0, trace.frames[last_frame].time, TRAIL_S)
+    shapes = [trace.moving(trace.frames[index_at(trace, time)]) for time in times]
+    if not shapes:
         return
     # Movers that stand still would draw the same outline again and again.
-    circles = np.unique(np.vstack([each for each, _ in before]).round(6), axis=0)
-    edges = np.unique(np.vstack([each for _, each in before]).round(6), axis=0)
+    circles = np.unique(np.vstack([geometry for geometry, _ in shapes]).round(6), axis=0)
+    edges = np.unique(np.vstack([geometry for _, geometry in shapes]).round(6), axis=0)
     discs = [Circle((x, y), radius) for x, y, radius in circles]
     axes.add_collection(
         PatchCollection(discs, facecolor="none", edgecolor=MOVER, linewidth=0.5, alpha=0.6, zorder=3.5)
@@ -144,11 +144,11 @@ def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
     )
 
 
-def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
-    """Return the entries of the key for a still `Stage`. when: such as "at 12.5 s". colour: of the robot."""
+def stage_keys(time_text: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
+    """Return the entries of the key for a still `Stage`. moment: such as "at 12.5 s". colour: of the robot."""
     from matplotlib.lines import Line2D
 
-    keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {when}")]
+    keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {time_text}")]
     if scan:
         keys.append(Line2D([], [], **BEAM, label="laser beams"))
     if movers:
@@ -188,9 +188,9 @@ def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[Driven
     """
     _check_driven(runs, worlds)
     return [
-        place
+        scene
         for key in dict.fromkeys(run.place for run in runs)
-        for place in _places_of([run for run in runs if run.place == key], worlds)
+        for scene in _places_of([run for run in runs if run.place == key], worlds)
     ]
 
 
@@ -200,23 +200,24 @@ def _places_of(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenP
     numbers = sorted({int(number) for run in runs for number in run.frame["world"]})
     # Worlds that differ only in start and goal are drawn as one.
     if not worlds and len(numbers) > 1:
-        first, second = (maps.task(number) for number in numbers[:2])
-        if _same_obstacles(first, second):
-            return [DrivenPlace(name, tuple(runs), first, tuple(numbers))]
-    chosen = [number for number in worlds if number in numbers]
+        task, second_task = (maps.task(number) for number in numbers[:2])
+        if _same_obstacles(task, second_task):
+            return [DrivenPlace(name, tuple(runs), task, tuple(numbers))]
+    selected = [number for number in worlds if number in numbers]
     if not worlds:
-        chosen = sample_worlds(runs[0].frame, SAMPLED)
+        selected = sample_worlds(runs[0].frame, SAMPLED)
     return [
-        DrivenPlace(f"{name}, world {number}", tuple(runs), maps.task(number), (number,)) for number in chosen
+        DrivenPlace(f"{name}, world {number}", tuple(runs), maps.task(number), (number,))
+        for number in selected
     ]
 
 
 def _check_driven(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
-    known = sorted({int(number) for run in runs for number in run.frame["world"]})
+    driven_worlds = sorted({int(number) for run in runs for number in run.frame["world"]})
     for world in worlds:
-        if world not in known:
-            shown = ", ".join(map(str, known[:12])) + (", …" if len(known) > 12 else "")
-            raise InputError(f"world is {world}: no episode was driven there, only in {shown}")
+        if world not in driven_worlds:
+            listing = ", ".join(map(str, driven_worlds[:12])) + (", …" if len(driven_worlds) > 12 else "")
+            raise InputError(f"world is {world}: no episode was driven there, only in {listing}")
 
 
 def _map_name(run: DrivenRun) -> str:
@@ -225,7 +226,7 @@ def _map_name(run: DrivenRun) -> str:
     return f"{name}: {kind}" if kind else name
 
 
-def _same_obstacles(one: Task, other: Task) -> bool:
-    return np.array_equal(one.world.circles, other.world.circles) and np.array_equal(
-        one.world.edges, other.world.edges
+def _same_obstacles(task: Task, other_task: Task) -> bool:
+    return np.array_equal(task.world.circles, other_task.world.circles) and np.array_equal(
+        task.world.edges, other_task.world.edges
     )

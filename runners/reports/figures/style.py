@@ -93,9 +93,9 @@ def picture(figure: Figure, ending: str) -> memoryview:
     from matplotlib import rc_context
 
     with rc_context(_PRINT):
-        drawn = io.BytesIO()
-        figure.savefig(drawn, format=ending, metadata=_NO_DATES[ending])
-    return drawn.getbuffer()
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=ending, metadata=_NO_DATES[ending])
+    return buffer.getbuffer()
 
 
 def symbol(name: str) -> str:

@@ -143,26 +143,29 @@ def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
 
 
 def _rows(
-    runs: Sequence[DrivenRun], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
+    runs: Sequence[DrivenRun], scenes: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
 ) -> list[list[Panel]]:
     """Return rows of panels for a page of this width. Raises InputError for too many rows."""
     labels = _labels(runs)
-    fitting = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
-    columns = int(max(min(fitting, COLUMNS), 1))
+    max_columns = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
+    columns = int(max(min(max_columns, COLUMNS), 1))
     # One panel for each place, or for each system and place.
     if look.systems or len(labels) == 1:
-        panels = [Panel(place.name, place, place.runs) for place in shown]
-        aspect = aspect_of(same_size([_box(place) for place in shown])[0])
+        panels = [Panel(scene.name, scene, scene.runs) for scene in scenes]
+        aspect = aspect_of(same_size([_box(scene) for scene in scenes])[0])
         rows = wrapped(panels, min(best_columns(len(panels), aspect, PAGE_IN, Around()), columns))
     else:
         rows = [
-            [Panel(label, place, tuple(run for run in place.runs if run.label == label)) for label in part]
-            for place in shown
-            for part in wrapped(labels, columns)
+            [
+                Panel(label, scene, tuple(run for run in scene.runs if run.label == label))
+                for label in labels_in_row
+            ]
+            for scene in scenes
+            for labels_in_row in wrapped(labels, columns)
         ]
     if len(rows) > ROWS:
         raise InputError(
-            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
+            f"{len(labels)} systems in {len(scenes)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
             "readable on a page: choose fewer with world="
         )
     return rows
@@ -174,12 +177,12 @@ def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> 
     boxes = {panel.place: _box(panel.place) for panel in panels}
     if _is_wrapped(rows):
         boxes = dict(zip(boxes, same_size(list(boxes.values())), strict=True))
-    shown = [[boxes[panel.place] for panel in row] for row in rows]
+    row_boxes = [[boxes[panel.place] for panel in row] for row in rows]
     keys = _keys(panels, look)
     # Lay the panels out, then draw them row by row.
-    page = _widest_page(rows, shown, look, keys, width_in)
+    page = _widest_page(rows, row_boxes, look, keys, width_in)
     figure = new_figure(width_in, TALL_IN, layout=None)
-    all_axes = lay_out(figure, shown, page.panel, page.around, page.width)
+    all_axes = lay_out(figure, row_boxes, page.panel, page.around, page.width)
     for row, row_axes in zip(rows, all_axes, strict=True):
         scale_bar(row_axes[0], boxes[row[0].place], SCALE, scale_drop_pt(panels, look, page.panel))
         if not _is_wrapped(rows):
@@ -203,29 +206,32 @@ class _Page(NamedTuple):
 
 def _widest_page(
     rows: Sequence[Sequence[Panel]],
-    shown: Sequence[Sequence[Box]],
+    row_boxes: Sequence[Sequence[Box]],
     look: Look,
     keys: Sequence[Line2D],
     width_in: float,
 ) -> _Page:
     """Return the page with the widest panels that `width_in` and the page height allow."""
-    left = Around().left if _is_wrapped(rows) else LABEL_IN
+    margin_left = Around().left if _is_wrapped(rows) else LABEL_IN
     columns = max(map(len, rows))
     # As wide as the page allows, but not so high that the rows leave it.
-    panel = min((width_in - left) / columns - Around().gap, WIDEST_IN)
-    tall = (PAGE_IN[1] if _is_wrapped(rows) else TALL_IN) - ROW_IN * len(rows)
-    least = least_in([run.label for row in rows for each in row for run in each.runs], look)
-    panel = min(panel, max(least, tall / sum(max(map(aspect_of, row)) for row in shown)))
-    width = max(columns * (panel + Around().gap) + left, min(width_in, LEAST_IN))
+    panel = min((width_in - margin_left) / columns - Around().gap, WIDEST_IN)
+    available_height = (PAGE_IN[1] if _is_wrapped(rows) else TALL_IN) - ROW_IN * len(rows)
+    min_panel = least_in([run.label for row in rows for panel_drawn in row for run in panel_drawn.runs], look)
+    panel = min(panel, max(min_panel, available_height / sum(max(map(aspect_of, row)) for row in row_boxes)))
+    width = max(columns * (panel + Around().gap) + margin_left, min(width_in, LEAST_IN))
     # Space for titles, key and texts at this width.
-    names = dict.fromkeys(each.title for row in rows for each in row)
+    names = dict.fromkeys(panel_drawn.title for row in rows for panel_drawn in row)
     titles = {name: textwrap.fill(name, max(int(panel / LETTER_IN), 8)) for name in names}
     title = LINE_IN * (1 + max(text.count("\n") for text in titles.values())) + 0.05
     key_lines = math.ceil(len(keys) / _key_columns(keys, width))
-    foot = footer_height_in([each for row in rows for each in row], look, panel)
-    above = {"title": 0.04, "header": title} if _is_repeated(rows) else {"title": title, "header": 0.04}
+    foot = footer_height_in([panel_drawn for row in rows for panel_drawn in row], look, panel)
+    headings = {"title": 0.04, "header": title} if _is_repeated(rows) else {"title": title, "header": 0.04}
     return _Page(
-        width, panel, Around(foot=foot, left=left, footer=LINE_IN * key_lines + 0.1, **above), titles
+        width,
+        panel,
+        Around(foot=foot, left=margin_left, footer=LINE_IN * key_lines + 0.1, **headings),
+        titles,
     )
 
 
@@ -248,9 +254,11 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
     """Return the entries of the key, for the lines and markers that occur."""
     from matplotlib.lines import Line2D
 
-    shown = [(run, panel.place) for panel in panels for run in panel.runs]
-    found = {str(outcome) for run, place in shown for outcome in episodes_of(run, place)["outcome"]}
-    outcomes = [kind for kind in LEGEND_ORDER if kind in found]
+    runs_and_scenes = [(run, panel.place) for panel in panels for run in panel.runs]
+    outcomes_driven = {
+        str(outcome) for run, scene in runs_and_scenes for outcome in episodes_of(run, scene)["outcome"]
+    }
+    outcomes = [kind for kind in LEGEND_ORDER if kind in outcomes_driven]
     systems = [
         Line2D([], [], color=style.colour, linestyle=style.line, label=plot_text(label))
         for label, style in look.systems.items()
@@ -262,11 +270,11 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
     if look.moment is not None:
         colour = INK if look.systems or len(outcomes) > 1 else STYLES[outcomes[0]].colour
         keys += _moment_keys(panels, look, look.moment, colour)
-    if any(len(episodes_of(run, place)) > 1 for run, place in shown):
-        what = (
+    if any(len(episodes_of(run, scene)) > 1 for run, scene in runs_and_scenes):
+        meaning = (
             "subgoals" if look.moment is None else "robot" if look.subgoals == "none" else "robot, subgoals"
         )
-        keys.append(Line2D([], [], linestyle="", label=f"{what}: 1st episode"))
+        keys.append(Line2D([], [], linestyle="", label=f"{meaning}: 1st episode"))
     return keys
 
 
@@ -282,13 +290,13 @@ def _subgoal_key(look: Look) -> Line2D:
 
 def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str) -> list[Line2D]:
     """Return the entries for the robot, its scan and movers."""
-    when = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
-    late = " or its end" if ends_before(panels, moment) else ""
+    time_text = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
+    qualifier = " or its end" if ends_before(panels, moment) else ""
     movers = any(panel.place.task.world.movers for panel in panels)
-    return stage_keys(f"{when}{late}", colour, scan=not look.systems, movers=movers)
+    return stage_keys(f"{time_text}{qualifier}", colour, scan=not look.systems, movers=movers)
 
 
-def _box(place: DrivenPlace) -> Box:
+def _box(scene: DrivenPlace) -> Box:
     """Return the box that all panels of a place show."""
-    points = [steps_of(run, place)[["x_m", "y_m"]].to_numpy() for run in place.runs]
-    return common_box([place.task], np.vstack(points))
+    points = [steps_of(run, scene)[["x_m", "y_m"]].to_numpy() for run in scene.runs]
+    return common_box([scene.task], np.vstack(points))

@@ -58,18 +58,18 @@ class Video:
         Raises InputError for too many panels, or for an episode that cannot be driven again.
         """
         config = self._config
-        shown = _shown(runs, worlds)
-        traces = [driven.trace(world, run) for driven, world, run in shown]
+        episodes = _select_episodes(runs, worlds)
+        traces = [driven_run.trace(world, run) for driven_run, world, run in episodes]
         pace, speed = _pace(traces, config)
         note = "" if speed == 1.0 else f"{speed:.3g}× real time"
-        screen = Screen(traces, _labels(shown), config.width, candidates=config.candidates, note=note)
+        screen = Screen(traces, _labels(episodes), config.width, candidates=config.candidates, note=note)
         path = stem.with_name(f"{stem.name}.{config.format}")
-        pictures = _counted(screen.pictures(pace.held), len(pace.held))
+        pictures = _with_progress(screen.pictures(pace.held), len(pace.held))
         write_film(pictures, path, pace.fps, screen.sample(pace.times))
         return [path]
 
 
-def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
+def _with_progress(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     """Yield the pictures, with a progress bar on standard error."""
     from rich.console import Console
     from rich.progress import track
@@ -77,39 +77,39 @@ def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     yield from track(pictures, "Drawing", total, console=Console(stderr=True))
 
 
-def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
+def _select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
     """Return (driven run, world, run number) of each panel.
 
     Without worlds, a panel shows the first world of the first run in each place.
     """
-    shown = []
+    episodes = []
     # Runs in one place show the same world.
-    for driven in runs:
-        first = next(other for other in runs if other.place == driven.place)
-        for world in worlds or [chosen_world(first, [])[0]]:
-            shown.append((driven, *chosen_world(driven, [world])))
-    if len(shown) > PANELS:
+    for driven_run in runs:
+        reference = next(candidate for candidate in runs if candidate.place == driven_run.place)
+        for world in worlds or [chosen_world(reference, [])[0]]:
+            episodes.append((driven_run, *chosen_world(driven_run, [world])))
+    if len(episodes) > PANELS:
         raise InputError(
-            f"{len(runs)} runs make {len(shown)} panels; at most {PANELS} fit at once: choose fewer systems, or "
+            f"{len(runs)} runs make {len(episodes)} panels; at most {PANELS} fit at once: choose fewer systems, or "
             "one world"
         )
-    return shown
+    return episodes
 
 
 def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[FilmPace, float]:
     """Return the time of each frame, and the speed relative to real time."""
-    last = max(trace.end.time for trace in traces)
-    speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
-    times = np.arange(0.0, last - 1e-9, speed / config.fps)
-    return FilmPace(np.append(times, last), config.fps), speed
+    duration = max(trace.end.time for trace in traces)
+    speed = config.speed if config.speed is not None else max(1.0, duration / ENOUGH_S)
+    times = np.arange(0.0, duration - 1e-9, speed / config.fps)
+    return FilmPace(np.append(times, duration), config.fps), speed
 
 
-def _labels(shown: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
+def _labels(episodes: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
     """Return the label above each panel: the system, the map and world, or both, whichever differ."""
-    systems = [driven.label for driven, _, _ in shown]
-    where = [f"{driven.frame['map'].iloc[0]}, world {world}" for driven, world, _ in shown]
-    if len(set(where)) == 1:
+    systems = [driven_run.label for driven_run, _, _ in episodes]
+    world_labels = [f"{driven_run.frame['map'].iloc[0]}, world {world}" for driven_run, world, _ in episodes]
+    if len(set(world_labels)) == 1:
         return systems
     if len(set(systems)) == 1:
-        return where
-    return [f"{system}: {place}" for system, place in zip(systems, where, strict=True)]
+        return world_labels
+    return [f"{system}: {world_label}" for system, world_label in zip(systems, world_labels, strict=True)]

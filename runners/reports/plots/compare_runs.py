@@ -35,41 +35,41 @@ LABEL = 34  # most letters in a line of a name
 LETTERS_PER_IN = 18  # of the note below a picture
 
 
-def compare_figures(found: Sequence[RunComparison], place: Path) -> list[Path]:
-    """Draw each comparison, save it in `place` as PNG and PDF, and return the paths of the PNGs.
+def compare_figures(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
+    """Draw each comparison, save it in `directory` as PNG and PDF, and return the paths of the PNGs.
 
     Pictures of an earlier comparison that these do not replace are removed.
     """
-    drawn: list[Path] = []
-    for number, study in enumerate(found, start=1):
+    written: list[Path] = []
+    for number, study in enumerate(comparisons, start=1):
         figure = _pair(study, study.compared[0]) if len(study.compared) == 1 else _heat_map(study)
-        stem = place / (NAME if len(found) == 1 else f"{NAME}_{number}")
-        drawn += save(figure, stem, FORMATS)
-    for path in set(place.glob(f"{NAME}*.*")) - set(drawn):
+        stem = directory / (NAME if len(comparisons) == 1 else f"{NAME}_{number}")
+        written += save(figure, stem, FORMATS)
+    for path in set(directory.glob(f"{NAME}*.*")) - set(written):
         if re.fullmatch(rf"{NAME}(_\d+)?\.({'|'.join(FORMATS)})", path.name):
             path.unlink()
-    return [path for path in drawn if path.suffix == ".png"]
+    return [path for path in written if path.suffix == ".png"]
 
 
-def _pair(study: RunComparison, other: Compared) -> Figure:
+def _pair(study: RunComparison, compared: Compared) -> Figure:
     figure = new_figure(*PAIR_IN)
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.25])
-    worlds = other.worlds
+    worlds = compared.worlds
     _scatter(left, worlds, TOP.get(study.measure, 1.0))
     header = MEASURES[study.measure].header
     left.set_xlabel(_wrapped(f"{header}: {study.reference}"), fontsize=8.5, color=INK)
-    left.set_ylabel(_wrapped(other.name), fontsize=8.5, color=INK)
+    left.set_ylabel(_wrapped(compared.name), fontsize=8.5, color=INK)
     # Left: one run against the other. Right: the differences, sorted.
     gain = (worlds["other"] - worlds["reference"]).sort_values(kind="stable")
     _bars(right, gain[gain.abs() > TIE])
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
-    same = len(worlds) - len(other.better) - len(other.worse)
+    num_equal = len(worlds) - len(compared.better) - len(compared.worse)
     figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
     note = (
-        f"{other.name} against {study.reference}, means of the runs in each world: better in {len(other.better)} "
-        f"worlds, worse in {len(other.worse)}, the same in {same}."
+        f"{compared.name} against {study.reference}, means of the runs in each world: better in {len(compared.better)} "
+        f"worlds, worse in {len(compared.worse)}, the same in {num_equal}."
     )
-    figure.supxlabel(_wrapped(note, _letters(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
+    figure.supxlabel(_wrapped(note, _letters_per_line(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
     return figure
 
 
@@ -86,17 +86,17 @@ def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
             axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, zorder=4, **_inwards(x, y, top))
     pad = 0.06 * top
     axes.set(xlim=(-pad, top + pad), ylim=(-pad, top + pad), aspect="equal")
-    _plain(axes, "both")
+    _style_axes(axes, "both")
 
 
 def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
     """Return the position of a label beside its point: towards the middle of the axes, so that it stays inside."""
-    right, above = 2 * x < top, 2 * y < top
+    is_left_half, is_lower_half = 2 * x < top, 2 * y < top
     return {
-        "xytext": (5 if right else -5, 8 if above else -8),
+        "xytext": (5 if is_left_half else -5, 8 if is_lower_half else -8),
         "textcoords": "offset points",
-        "ha": "left" if right else "right",
-        "va": "bottom" if above else "top",
+        "ha": "left" if is_left_half else "right",
+        "va": "bottom" if is_lower_half else "top",
         "path_effects": halo(),
     }
 
@@ -105,21 +105,21 @@ def _bars(axes: Axes, gain: pd.Series) -> None:
     """Draw the difference in every world that has one, from worst to best; only the ends if there are too many."""
     # Of too many worlds, draw the worst and the best.
     half = MOST_BARS // 2
-    shown = gain if len(gain) <= MOST_BARS else gain.iloc[[*range(half), *range(-half, 0)]]
-    colours = [GREEN if value > 0 else VERMILION for value in shown]
-    axes.bar(range(len(shown)), shown, color=colours, width=0.8)
+    bars = gain if len(gain) <= MOST_BARS else gain.iloc[[*range(half), *range(-half, 0)]]
+    colours = [GREEN if value > 0 else VERMILION for value in bars]
+    axes.bar(range(len(bars)), bars, color=colours, width=0.8)
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    size = 7 if len(shown) <= 25 else 5.5
-    axes.set_xticks(range(len(shown)), [str(world) for world in shown.index], rotation=90, fontsize=size)
-    left_out = f"; {len(gain) - len(shown)} between them are not shown" if len(shown) < len(gain) else ""
+    size = 7 if len(bars) <= 25 else 5.5
+    axes.set_xticks(range(len(bars)), [str(world) for world in bars.index], rotation=90, fontsize=size)
+    left_out = f"; {len(gain) - len(bars)} between them are not shown" if len(bars) < len(gain) else ""
     axes.set_xlabel(
         f"worlds with a difference{left_out}" if len(gain) else "no world has a difference",
         fontsize=8.5,
         color=INK,
     )
-    spare = max(0, FEWEST_BARS - len(shown)) / 2  # so that a few bars do not fill the axes
-    axes.set_xlim(-0.8 - spare, len(shown) - 0.2 + spare)
-    _plain(axes, "y")
+    margin = max(0, FEWEST_BARS - len(bars)) / 2  # so that a few bars do not fill the axes
+    axes.set_xlim(-0.8 - margin, len(bars) - 0.2 + margin)
+    _style_axes(axes, "y")
 
 
 def _heat_map(study: RunComparison) -> Figure:
@@ -128,11 +128,11 @@ def _heat_map(study: RunComparison) -> Figure:
 
     means, note = _means(study)
     # Split the worlds into bands, and make room for the longest name.
-    bands = [means.iloc[:, first : first + BAND] for first in range(0, means.shape[1], BAND)]
+    bands = [means.iloc[:, start : start + BAND] for start in range(0, means.shape[1], BAND)]
     longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
     width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
     band_in = 0.55 + LINE_IN * len(means) * (1 + 0.35 * any("\n" in _wrapped(name) for name in means.index))
-    note = _wrapped(note, _letters(width))
+    note = _wrapped(note, _letters_per_line(width))
     figure = new_figure(width, 0.85 + 0.12 * len(note.split("\n")) + band_in * len(bands))
     colours = colormaps["viridis"].with_extremes(bad="white")
     top = TOP.get(study.measure, 1.0)
@@ -166,9 +166,12 @@ def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
     """
     import pandas as pd
 
-    own = paired.values(study.run.frame, study.measure).groupby("world").mean()
-    columns = {study.reference: own, **{each.name: each.worlds["other"] for each in study.compared}}
-    shared = sorted(set().union(*(each.worlds.index for each in study.compared)))
+    reference_means = paired.values(study.run.frame, study.measure).groupby("world").mean()
+    columns = {
+        study.reference: reference_means,
+        **{compared.name: compared.worlds["other"] for compared in study.compared},
+    }
+    shared = sorted(set().union(*(compared.worlds.index for compared in study.compared)))
     table = pd.DataFrame(columns).loc[shared]
     # A world where a run is missing counts as different.
     differs = (table.max(axis=1) - table.min(axis=1) > TIE) | table.isna().any(axis=1)
@@ -180,26 +183,26 @@ def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
 def _note(study: RunComparison, differing: int, same: int) -> str:
     """Return a note on what is drawn. differing: number of worlds to draw. same: of worlds with all runs alike."""
     header = MEASURES[study.measure].header
-    parts = [
+    sentences = [
         f"{header}, mean of the runs in each world, from the world that is worst on average to the best."
     ]
     if differing > MOST_WORLDS:
-        parts.append(f"The {MOST_WORLDS} worst of {differing:,} worlds.")
+        sentences.append(f"The {MOST_WORLDS} worst of {differing:,} worlds.")
     if same:
-        parts.append(f"Not drawn: {same:,} worlds in which all are the same.")
-    return " ".join([*parts, "White: not driven."])
+        sentences.append(f"Not drawn: {same:,} worlds in which all are the same.")
+    return " ".join([*sentences, "White: not driven."])
 
 
 def _wrapped(text: str, letters: int = LABEL) -> str:
     return plot_text("\n".join(textwrap.wrap(text, letters)) or text)
 
 
-def _letters(width_in: float) -> int:
+def _letters_per_line(width_in: float) -> int:
     """Return the number of letters of a note that fit into a line of a picture."""
     return int(LETTERS_PER_IN * width_in)
 
 
-def _plain(axes: Axes, grid: str) -> None:
+def _style_axes(axes: Axes, grid: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[:].set_color(FRAME)
     axes.tick_params(labelsize=8, colors=INK, length=0)

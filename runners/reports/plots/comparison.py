@@ -26,21 +26,21 @@ FADED = 0.45  # opacity of published bars
 MOST = 60  # most bars on a page
 
 
-def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> list[Path]:
-    """Draw one bar per row of the table, save the chart in `place` as PNG and PDF, and return the paths.
+def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], directory: Path) -> list[Path]:
+    """Draw one bar per row of the table, save the chart in `directory` as PNG and PDF, and return the paths.
 
     frame: one row per episode. Of more than `MOST` rows the best and the worst are drawn.
     """
-    scored = any(METRIC in row.stats for row in rows)
-    of, rows = len(rows), best_and_worst(rows)
+    has_metric = any(METRIC in row.stats for row in rows)
+    num_rows, rows = len(rows), best_and_worst(rows)
     figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
-    widths = [3.0, 1.4] if scored else [1.0]
+    widths = [3.0, 1.4] if has_metric else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
     _outcomes(panels[0], rows)
-    if scored:
+    if has_metric:
         _metric(panels[1], rows)
-    _label(figure, panels[0], rows, of, title(frame))
-    return save(figure, place / NAME, ("png", "pdf"))
+    _label(figure, panels[0], rows, num_rows, title(frame))
+    return save(figure, directory / NAME, ("png", "pdf"))
 
 
 def best_and_worst(rows: Sequence[Row]) -> list[Row]:
@@ -52,8 +52,8 @@ def best_and_worst(rows: Sequence[Row]) -> list[Row]:
 
     # Half of the bars for each end of the ranking, in the order of the table.
     ranked = sorted(range(len(rows)), key=score)
-    ends = ranked if len(rows) <= MOST else ranked[: MOST // 2] + ranked[-MOST // 2 :]
-    return [rows[line] for line in sorted(ends)]
+    extremes = ranked if len(rows) <= MOST else ranked[: MOST // 2] + ranked[-MOST // 2 :]
+    return [rows[line] for line in sorted(extremes)]
 
 
 def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
@@ -81,7 +81,7 @@ def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
             _whisker(axes, line, *row.interval)
     axes.set(xlim=(0.0, 1.0))
     axes.set_xlabel("share of episodes", fontsize=8.5, color=INK)
-    _plain(axes)
+    _style_axes(axes)
 
 
 def _metric(axes: Axes, rows: Sequence[Row]) -> None:
@@ -92,7 +92,7 @@ def _metric(axes: Axes, rows: Sequence[Row]) -> None:
             _value(axes, line, mean)
     axes.set(xlim=(0.0, 0.52))
     axes.set_xlabel("BARN metric\n(at most 0.5)", fontsize=8.5, color=INK)
-    _plain(axes)
+    _style_axes(axes)
 
 
 def _value(axes: Axes, line: int, mean: float) -> None:
@@ -120,8 +120,8 @@ def _whisker(axes: Axes, line: int, low: float, high: float) -> None:
         )  # fmt: skip
 
 
-def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: str) -> None:
-    """Write the names of the rows, the heading and the key above, and the notes below. of: rows of the table."""
+def _label(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int, heading: str) -> None:
+    """Write the names of the rows, the heading and the key above, and the notes below. num_rows: rows of the table."""
     from matplotlib.patches import Patch
 
     shared = _shared_keys(rows)
@@ -142,15 +142,15 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: st
         [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
     )
     figure.suptitle(plot_text(heading), fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel(plot_text("\n".join(_notes(rows, of))), fontsize=7, color=INK, x=0.01, ha="left")
+    figure.supxlabel(plot_text("\n".join(_notes(rows, num_rows))), fontsize=7, color=INK, x=0.01, ha="left")
 
 
-def _notes(rows: Sequence[Row], of: int) -> list[str]:
-    """Return the notes on the rows shown. of: number of rows in the table."""
+def _notes(rows: Sequence[Row], num_rows: int) -> list[str]:
+    """Return the notes on the rows shown. num_rows: number of rows in the table."""
     lines = []
-    if len(rows) < of:
+    if len(rows) < num_rows:
         half = len(rows) // 2
-        lines.append(f"The {half} best and the {half} worst of {of:,} rows; the table has all.")
+        lines.append(f"The {half} best and the {half} worst of {num_rows:,} rows; the table has all.")
     if any(row.global_planner != "no" for row in rows):
         lines.append("* with a global planner.")
     if any(row.interval is not None for row in rows):
@@ -160,17 +160,21 @@ def _notes(rows: Sequence[Row], of: int) -> list[str]:
 
 def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
     """Return the keys with a single value over several rows of ours."""
-    ours = [row.keys for row in rows if not row.published_map]
-    if len(ours) < 2:
+    driven_keys = [row.keys for row in rows if not row.published_map]
+    if len(driven_keys) < 2:
         return {}
-    return {key: value for key, value in ours[0].items() if all(keys.get(key) == value for keys in ours)}
+    return {
+        key: value
+        for key, value in driven_keys[0].items()
+        if all(keys.get(key) == value for keys in driven_keys)
+    }
 
 
 def _name(row: Row, shared: Container[str]) -> str:
     """Return the name of a row with its keys, without those that all share and without usual values."""
     keys = {key: value for key, value in row.keys.items() if key not in shared and value not in usual(key)}
-    parts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
-    return plot_text(f" {DASH} ".join(parts)) + ("" if row.global_planner == "no" else " *")
+    texts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
+    return plot_text(f" {DASH} ".join(texts)) + ("" if row.global_planner == "no" else " *")
 
 
 def _height(row: Row) -> float:
@@ -181,7 +185,7 @@ def _opacity(row: Row) -> float:
     return FADED if row.published_map else 1.0
 
 
-def _plain(axes: Axes) -> None:
+def _style_axes(axes: Axes) -> None:
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", labelsize=8, colors=INK)

@@ -33,23 +33,23 @@ def curves_figure(rows: Sequence[Mapping[str, float]], path: Path) -> Path:
     if "return" in names:
         panels.append(["return"])
     figure = new_figure(_WIDTH_IN, _PANEL_IN * (1 + len(panels)))
-    top, *others = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    along = [row[axis] for row in rows]
+    outcome_panel, *further_panels = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    x_values = [row[axis] for row in rows]
     for outcome in LEGEND_ORDER:
         style = STYLES[outcome]
         shares = [row[outcome] for row in rows]
-        top.plot(along, shares, style.line, color=style.colour, marker=".", label=outcome)
-    top.set(ylim=(0.0, 1.0), ylabel="share in validation")
-    top.set_title(f"best success {rows[-1]['best_success']:.3f}", fontsize=10)
-    for panel, shown in zip(others, panels, strict=True):
-        for name, colour in zip(shown, _COLOURS, strict=False):
+        outcome_panel.plot(x_values, shares, style.line, color=style.colour, marker=".", label=outcome)
+    outcome_panel.set(ylim=(0.0, 1.0), ylabel="share in validation")
+    outcome_panel.set_title(f"best success {rows[-1]['best_success']:.3f}", fontsize=10)
+    for panel, columns in zip(further_panels, panels, strict=True):
+        for name, colour in zip(columns, _COLOURS, strict=False):
             panel.plot(
-                along, [row[name] for row in rows], color=colour, marker=".", label=name.replace("_", " ")
+                x_values, [row[name] for row in rows], color=colour, marker=".", label=name.replace("_", " ")
             )
-        panel.set_ylabel("loss" if shown is losses else shown[0])
-    for panel in (top, *others):
+        panel.set_ylabel("loss" if columns is losses else columns[0])
+    for panel in (outcome_panel, *further_panels):
         panel.spines[["top", "right"]].set_visible(False)
         panel.tick_params(labelsize=8.5, colors=INK)
         panel.legend(frameon=False, fontsize=8.5, ncols=4)
-    (others or [top])[-1].set_xlabel(axis)
+    (further_panels or [outcome_panel])[-1].set_xlabel(axis)
     return save(figure, path.with_suffix(""))[0]

@@ -48,7 +48,7 @@ LEGEND_IN = 6.6  # minimum width for the key
 AROUND = Around(header=0.55, footer=0.42)
 
 
-class _Place(NamedTuple):
+class _Scene(NamedTuple):
     """A building, or all worlds if they are not in buildings: its records, and its sampled tasks by number."""
 
     frame: pd.DataFrame
@@ -62,10 +62,10 @@ class _Place(NamedTuple):
     @property
     def _is_building(self) -> bool:
         """Return whether its worlds are several tasks in one world that is as large as a building."""
-        first, *others = [task.world for task in self.tasks.values()]
-        if self.frame["world"].nunique() < 2 or any(world is not first for world in others):
+        first_world, *further_worlds = [task.world for task in self.tasks.values()]
+        if self.frame["world"].nunique() < 2 or any(world is not first_world for world in further_worlds):
             return False
-        return bool(np.ptp(extremes(first), axis=0).max() > BUILDING_M)
+        return bool(np.ptp(extremes(first_world), axis=0).max() > BUILDING_M)
 
 
 def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> list[Path]:
@@ -77,7 +77,7 @@ def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> li
     if without_steps([run_dir]):
         return []
     worlds = {number: maps.task(number) for number in sample_worlds(frame)}
-    failures = (key for place in _places(frame, worlds) for key in place.failures)
+    failures = (key for scene in _scenes(frame, worlds) for key in scene.failures)
     episodes = list(dict.fromkeys([*sample_episodes(frame), *failures]))
     trajectories_figure(frame, read_trajectories([run_dir], episodes), worlds, path)
     return [path]
@@ -88,12 +88,15 @@ def without_steps(run_dirs: Sequence[Path]) -> bool:
 
     Warns if so.
     """
-    found = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
-    if found is None:
+    run_dir_without = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
+    if run_dir_without is None:
         return False
-    command = lme_command("figure trajectories", override("run", found), *trust_flags(found))
+    command = lme_command(
+        "figure trajectories", override("run", run_dir_without), *trust_flags(run_dir_without)
+    )
     warnings.warn(
-        f"{found}: has no {TRAJECTORIES}, so no paths are drawn; {command} drives them again", stacklevel=3
+        f"{run_dir_without}: has no {TRAJECTORIES}, so no paths are drawn; {command} drives them again",
+        stacklevel=3,
     )
     return True
 
@@ -107,19 +110,19 @@ def trajectories_figure(
     frame: from `read_episodes`. trajectories: from `read_trajectories`, of the episodes to draw (`sample_episodes`).
     worlds: tasks by number, at least those of `sample_worlds`.
     """
-    places = _places(frame, worlds)
+    scenes = _scenes(frame, worlds)
     paths = dict(list(trajectories.groupby(["world", "run"])))
-    boxes = same_size([_box(place, trajectories) for place in places])
+    boxes = same_size([_box(scene, trajectories) for scene in scenes])
     # Buildings get an overview of their failures, and every sampled world a panel.
-    overviews = [(place, box) for place, box in zip(places, boxes, strict=True) if place.failures]
+    overviews = [(scene, box) for scene, box in zip(scenes, boxes, strict=True) if scene.failures]
     numbers = {
-        number: box for place, box in zip(places, boxes, strict=True) for number in sorted(place.tasks)
+        number: box for scene, box in zip(scenes, boxes, strict=True) for number in sorted(scene.tasks)
     }
     # The overviews come first, then the worlds.
     figure = new_figure(*PAGE_IN, layout=None)
     panels = _panels(figure, [*(box for _, box in overviews), *numbers.values()])
-    for place, _ in overviews:
-        _draw_failures(panels.pop(0), place, paths)
+    for scene, _ in overviews:
+        _draw_failures(panels.pop(0), scene, paths)
     for number, axes in zip(numbers, panels, strict=True):
         episodes = frame[frame["world"] == number]
         draw_task(axes, worlds[number])
@@ -136,12 +139,12 @@ def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
     """
     buildings = _buildings(frame)
     share = max(1, limit // len(buildings))
-    worst = [_worst_outcomes(rows) for rows in buildings]
+    worst_outcomes = [_worst_outcomes(rows) for rows in buildings]
     return [
         number
-        for worlds in worst
+        for worlds in worst_outcomes
         for number in _sample(
-            {kind: [w for w, one in worlds.items() if one == kind] for kind in STYLES}, share
+            {kind: [w for w, outcome in worlds.items() if outcome == kind] for kind in STYLES}, share
         )
     ]
 
@@ -168,30 +171,30 @@ def _buildings(frame: pd.DataFrame) -> list[pd.DataFrame]:
     return [rows for _, rows in frame.groupby(BUILDING)] if BUILDING in frame else [frame]
 
 
-def _places(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Place]:
-    chosen = [number for number in sample_worlds(frame) if number in worlds]
-    places = [
-        _Place(rows, {number: worlds[number] for number in chosen if number in set(rows["world"])})
+def _scenes(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Scene]:
+    sampled = [number for number in sample_worlds(frame) if number in worlds]
+    scenes = [
+        _Scene(rows, {number: worlds[number] for number in sampled if number in set(rows["world"])})
         for rows in _buildings(frame)
     ]
-    return [place for place in places if place.tasks]
+    return [scene for scene in scenes if scene.tasks]
 
 
-def _box(place: _Place, trajectories: pd.DataFrame) -> Box:
+def _box(scene: _Scene, trajectories: pd.DataFrame) -> Box:
     """Return the box that the panels of a place show."""
-    shown = {*place.tasks, *(key.world for key in place.failures)}
-    steps = trajectories[trajectories["world"].isin(shown)]
-    return common_box(list(place.tasks.values()), steps[["x_m", "y_m"]].to_numpy(float))
+    world_numbers = {*scene.tasks, *(key.world for key in scene.failures)}
+    steps = trajectories[trajectories["world"].isin(world_numbers)]
+    return common_box(list(scene.tasks.values()), steps[["x_m", "y_m"]].to_numpy(float))
 
 
-def _draw_failures(axes: Axes, place: _Place, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
+def _draw_failures(axes: Axes, scene: _Scene, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
     """Draw the paths of failed episodes in one panel, with the numbers of their worlds at their ends."""
-    frame, failures = place.frame, place.failures
-    draw_obstacles(axes, next(iter(place.tasks.values())).world)
-    chosen = frame.set_index(["world", "run"], drop=False).index.isin(
+    frame, failures = scene.frame, scene.failures
+    draw_obstacles(axes, next(iter(scene.tasks.values())).world)
+    is_failure = frame.set_index(["world", "run"], drop=False).index.isin(
         [(key.world, key.run) for key in failures]
     )
-    draw_paths(axes, frame[chosen], paths)
+    draw_paths(axes, frame[is_failure], paths)
     for key in failures:
         steps = paths.get((key.world, key.run))
         if steps is not None and len(steps):
@@ -203,8 +206,8 @@ def _draw_failures(axes: Axes, place: _Place, paths: Mapping[tuple[int, int], pd
 
 def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:
     """Return at most `limit` of the numbers, which are given by outcome."""
-    good = len(kinds["success"])
-    failures = max(limit - good, math.ceil(limit * FAILURES))
+    num_successes = len(kinds["success"])
+    failures = max(limit - num_successes, math.ceil(limit * FAILURES))
     # Timeouts are rare and most informative; collisions follow; successes fill the rest.
     timeouts = min(len(kinds["timeout"]), max(failures - len(kinds["collision"]), failures // 2))
     collisions = min(len(kinds["collision"]), failures - timeouts)
@@ -223,8 +226,8 @@ def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
 
 def _spread(numbers: Sequence[int], count: int) -> list[int]:
     """Return `count` of `numbers`, evenly spaced in their order."""
-    chosen = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int)
-    return [numbers[index] for index in chosen]
+    indices = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int)
+    return [numbers[index] for index in indices]
 
 
 def _panels(figure: Figure, boxes: Sequence[Box]) -> list[Axes]:
@@ -236,12 +239,14 @@ def _panels(figure: Figure, boxes: Sequence[Box]) -> list[Axes]:
     return [axes for row in rows for axes in row]
 
 
-def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
+def _label(figure: Figure, frame: pd.DataFrame, num_shown: int, box: Box) -> None:
     """Write the heading and the counts of outcomes above, and the key below."""
     counts = frame["outcome"].value_counts()
     outcomes = ", ".join(f"{counts[kind]} {kind}" for kind in LEGEND_ORDER if counts.get(kind, 0))
-    parts = [(shown, frame["world"].nunique(), "worlds"), (RUNS, frame["run"].nunique(), "runs")]
-    fewer = ", ".join(f"{some} of {number} {name}" for some, number, name in parts if some < number)
+    totals = [(num_shown, frame["world"].nunique(), "worlds"), (RUNS, frame["run"].nunique(), "runs")]
+    fewer = ", ".join(
+        f"{num_drawn} of {number} {name}" for num_drawn, number, name in totals if num_drawn < number
+    )
     sample = f" · {fewer}, failures first" if fewer else ""
     summary = f"{len(frame)} episodes: {outcomes}{sample} · panel width {box.x1 - box.x0:.1f} m"
     for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):

@@ -185,7 +185,7 @@ def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(desk, monke
         "reset": {},
         "clear": {"step": 9},
     }[kind]
-    list(desk._news())
+    list(desk._changes())
     with monkeypatch.context() as patch:
         patch.setattr(RunningEpisode, "decide", fail)
         (error,) = replies(desk, kind, **message)

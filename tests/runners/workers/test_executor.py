@@ -173,8 +173,8 @@ def _wait_until_gone(pid, limit_s=10.0):
 
 def test_the_server_of_workers_does_not_hear_sigterm_which_comes_to_all_processes():
     program = (
-        "import os, signal; from multiprocessing import forkserver as f; from runners.workers import server; "
-        "server.start(); pid = f._forkserver._forkserver_pid; os.kill(pid, signal.SIGTERM); "
+        "import os, signal; from multiprocessing import forkserver as f; from runners.workers import forkserver; "
+        "forkserver.start(); pid = f._forkserver._forkserver_pid; os.kill(pid, signal.SIGTERM); "
         "import time; time.sleep(0.5); print(os.waitpid(pid, os.WNOHANG))"
     )
     run = subprocess.run(

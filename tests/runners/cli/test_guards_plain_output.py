@@ -4,7 +4,7 @@ import sys
 
 from rich.console import Console
 
-from runners.cli.plain_output import plain_output
+from runners.cli.guards import plain_output
 
 
 def test_control_codes_of_both_streams_are_shown(capsys):

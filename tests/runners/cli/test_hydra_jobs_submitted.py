@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
-from runners.cli.submitted import LauncherError, Submitted
+from runners.cli.hydra_jobs import LauncherError, Submitted
 from tests import slurm
 from tests.places import ROOT
 

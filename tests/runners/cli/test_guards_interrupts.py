@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from runners.cli import main as cli
-from runners.cli.interrupts import Terminated, status_of, terminable
+from runners.cli.guards import Terminated, status_of, terminable
 from runners.tracking.store import RUN_ID_FILE
 from tests.places import ROOT
 
