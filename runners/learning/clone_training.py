@@ -139,7 +139,7 @@ def _write(path: Path, found: list[LessonResult], failures: bool) -> None:
             "actions": np.concatenate([each.actions for each in kept]),
             "outcomes": np.array(ends, np.float32),
         }
-        np.savez(draft, **arrays)  # type: ignore[arg-type]  # as in lme.planners.dclp.weights
+        np.savez(draft, **arrays)  # type: ignore[arg-type]  # mypy takes names for `allow_pickle`
 
 
 def _read(path: Path) -> Data:

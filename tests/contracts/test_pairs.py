@@ -101,9 +101,9 @@ def network(tmp_path_factory):
         folder = tmp_path_factory.mktemp("weights")
         patch.setattr(weight_files, "REGISTERED", folder)
         for name, write in NETWORKS.items():
-            write(folder / f"{name}.npz")
+            write(folder / f"{name}.onnx")
         for name in LEARNED_GUIDES:
-            subgoal_file(folder / f"{RANDOM}{name}.npz")
+            subgoal_file(folder / f"{RANDOM}{name}.onnx")
         onnx_file(folder / ONNX)
         yield
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.inputs.array_file import check_finite
+from lme.inputs.onnx_file import TRAINED
+from lme.inputs.onnx_graph import check_finite
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
-from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD, TRAINED
+from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD
 
 _POLICY = "main/pi"  # the scope of the policy; the checkpoint also has critics and target networks
 _LAYERS = ("conv1d", "conv1d_1", "conv1d_2", "dense", "dense_1", "dense_2", "dense_3", "dense_4")

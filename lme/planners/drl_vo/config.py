@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lme.errors import InputError, require
-from lme.planners.drl_vo.network import BATCH_NORMS
+from lme.errors import require
 
 
 @dataclass(slots=True)
 class DrlVoConfig:
     """Network, its observation, and the meaning of its outputs."""
 
-    weights: str | None = None  # path of an .npz
-    batch_norm: str = "sample"  # "sample": statistics of the current feature maps; "running": of the training
+    weights: str | None = None  # path of an ONNX file
     deterministic: bool = False  # the mean of the action; false: draw it
     sweep_rate: float = 20.0  # [Hz]
     fov: float = math.pi  # [rad] of the sweeps
@@ -39,7 +37,3 @@ class DrlVoConfig:
         require("planner.no_return", self.no_return, at_least=0.0, at_most=self.range_max)
         if self.v_free is not None:
             require("planner.v_free", self.v_free, above=0.0)
-        if self.batch_norm not in BATCH_NORMS:
-            raise InputError(
-                f"planner.batch_norm is {self.batch_norm!r}: must be one of {', '.join(BATCH_NORMS)}"
-            )
