@@ -13,6 +13,7 @@ from lme.planners.dclp.leveldb import masked
 from lme.planners.dclp.weights import SHAPES, TOLD, write_weights
 from lme.planners.drl_vo import architecture
 from lme.planners.drl_vo import graph as drl_vo
+from lme.planners.ipaprec import weights as ipaprec
 from lme.planners.lics import weights as lics
 
 MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
@@ -80,6 +81,22 @@ def lics_file(path, seed=0):
     return path
 
 
+def random_ipaprec(sectors=32, seed=0):
+    """Weights of a network of MAER-Nav's kind that are so large that all inputs matter."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: (rng.normal(size=shape) / np.sqrt(shape[0] if shape else 10)).astype(np.float32)
+        for name, shape in ipaprec.shapes(sectors).items()
+    }
+
+
+def ipaprec_file(path, sectors=32, seed=0):
+    """A weight file of a random network of MAER-Nav's kind."""
+    with path.open("wb") as file:
+        ipaprec.write_weights(random_ipaprec(sectors, seed), file)
+    return path
+
+
 def onnx_file(path, inputs=("scan", "target"), seed=0, hidden=8, outputs=2, dtype=1):
     """An ONNX file of a random perceptron of one hidden layer.
 
@@ -116,12 +133,13 @@ def onnx_file(path, inputs=("scan", "target"), seed=0, hidden=8, outputs=2, dtyp
     return path
 
 
-def checkpoint(prefix, weights, changed=None, crc=None, header=b"\x08\x01"):
+def checkpoint(prefix, weights, changed=None, crc=None, header=b"\x08\x01", names=None):
     """A TensorFlow V2 checkpoint of these weights and of a critic's. Returns the prefix.
 
     changed: entries that differ, by tensor: (dtype, shape, offset, size). crc: instead of every right one.
+    names: of the tensors, by ours; None: those of DRL-DCLP.
     """
-    tensors = {theirs: weights[ours] for ours, theirs in tensor_names().items()}
+    tensors = {theirs: weights[ours] for ours, theirs in (names or tensor_names()).items()}
     tensors = {name: array[None] if _is_convolution(name) else array for name, array in tensors.items()}
     tensors["main/values/q1/dense/bias"] = np.arange(3, dtype=np.float32)
     data, entries = b"", {b"": header}

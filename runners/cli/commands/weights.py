@@ -60,6 +60,13 @@ def _lics(path: Path) -> tuple[Arrays, Write]:
     return import_state(path), write_weights
 
 
+def _ipaprec(path: Path, sectors: int, unit: float | None = None) -> tuple[Arrays, Write]:
+    from lme.planners.ipaprec.importing import import_checkpoint
+    from lme.planners.ipaprec.weights import write_weights
+
+    return import_checkpoint(path, sectors), partial(write_weights, unit=unit)
+
+
 _DRL_VO = "guide=global_path planner=drl_vo_barn"
 NETWORKS = {
     "dclp": ForeignNetwork(
@@ -76,6 +83,16 @@ NETWORKS = {
         partial(_drl_vo, batch_norm="running"),
     ),
     "lics": ForeignNetwork("the transformer_99.pth of LiCS-KI", "guide=global_planner planner=lics", _lics),
+    "maer_nav": ForeignNetwork(
+        "a TensorFlow V2 checkpoint of MAER-Nav",
+        "guide=target planner=maer_nav",
+        partial(_ipaprec, sectors=32),
+    ),
+    "drl_nsuo": ForeignNetwork(
+        "the TensorFlow V2 checkpoint of DRL-NSUO",
+        "guide=target planner=drl_nsuo",
+        partial(_ipaprec, sectors=30, unit=0.2),
+    ),
 }
 
 

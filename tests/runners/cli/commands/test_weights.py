@@ -6,10 +6,11 @@ from lme.errors import InputError
 from lme.guides.lme.weight_files import REGISTERED, find_network
 from lme.inputs.onnx_graph import read_weights
 from lme.planners.dclp.weights import SHAPES, SIGNATURE
+from lme.planners.ipaprec.importing import tensor_names
 from runners.cli.commands import weights
 from runners.config.build import navigator
 from tests.composing import jobs_of
-from tests.networks import checkpoint, random_drl_vo, random_weights
+from tests.networks import checkpoint, random_drl_vo, random_ipaprec, random_weights
 from tests.torch_archives import archive
 
 
@@ -42,6 +43,14 @@ def test_an_imported_network_of_drl_vo_drives_along_a_path(tmp_path, capsys):
     assert "lme eval guide=global_path planner=drl_vo_barn planner.weights=drl_vo" in out
     with jobs_of("eval", "planner=drl_vo_barn", "planner.weights=drl_vo") as job:
         navigator(job("guide=global_path").config)
+
+
+@pytest.mark.parametrize(("network", "sectors"), [("maer_nav", 32), ("drl_nsuo", 30)])
+def test_the_other_networks_of_the_laboratory_drive_as_systems(tmp_path, network, sectors):
+    prefix = checkpoint(tmp_path / "model-36", random_ipaprec(sectors), names=tensor_names())
+    assert weights.main(["import", network, str(prefix)]) == 0
+    with jobs_of("eval", f"system={network}") as job:
+        navigator(job().config)
 
 
 def test_the_default_name_and_a_second_import(source):
