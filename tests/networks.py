@@ -1,18 +1,19 @@
-"""Random networks for tests: DRL-DCLP, as weights and TensorFlow checkpoints; DRL-VO; LiCS; of subgoals; in ONNX."""
+"""Random networks for tests, as weights, as files, and as TensorFlow checkpoints."""
 
 import numpy as np
 import pytest
 
 from lme.errors import InputError
 from lme.guides.learned_subgoal import weights as subgoal
-from lme.inputs.array_file import write_arrays
+from lme.inputs.onnx_file import TRAINED, SignedNetwork
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c
 from lme.planners.dclp.leveldb import masked
-from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED, write_weights
+from lme.planners.dclp.weights import SHAPES, TOLD, write_weights
 from lme.planners.drl_vo import architecture
-from lme.planners.drl_vo import weights as drl_vo
+from lme.planners.drl_vo import graph as drl_vo
+from lme.planners.ipaprec import weights as ipaprec
 from lme.planners.lics import weights as lics
 
 MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
@@ -28,6 +29,13 @@ def random_weights(seed=0):
         for name, shape in SHAPES.items()
     }
     return {**weights, TRAINED: np.array([[0.0, 100.0]] * 7, np.float32)}
+
+
+def signed(signature, path, write_weights, weights):
+    """The network of a kind with these weights, which are left in a file at the path."""
+    with path.open("wb") as file:
+        write_weights(weights, file)
+    return SignedNetwork(path, signature)
 
 
 def network_file(path, seed=0, trained=None):
@@ -47,7 +55,7 @@ def random_subgoal(seed=0):
         name: (rng.normal(size=shape) / np.sqrt(shape[0])).astype(np.float32)
         for name, shape in subgoal.SHAPES.items()
     }
-    return {**made, subgoal.TRAINED: np.array([[0.0, 100.0]] * len(subgoal.TOLD), np.float32)}
+    return {**made, TRAINED: np.array([[0.0, 100.0]] * len(subgoal.TOLD), np.float32)}
 
 
 def subgoal_file(path, seed=0):
@@ -69,7 +77,23 @@ def random_lics(seed=0):
 def lics_file(path, seed=0):
     """A weight file of a random LiCS network."""
     with path.open("wb") as file:
-        write_arrays(random_lics(seed), file)
+        lics.write_weights(random_lics(seed), file)
+    return path
+
+
+def random_ipaprec(sectors=32, seed=0):
+    """Weights of a network of MAER-Nav's kind that are so large that all inputs matter."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: (rng.normal(size=shape) / np.sqrt(shape[0] if shape else 10)).astype(np.float32)
+        for name, shape in ipaprec.shapes(sectors).items()
+    }
+
+
+def ipaprec_file(path, sectors=32, seed=0):
+    """A weight file of a random network of MAER-Nav's kind."""
+    with path.open("wb") as file:
+        ipaprec.write_weights(random_ipaprec(sectors, seed), file)
     return path
 
 
@@ -109,12 +133,13 @@ def onnx_file(path, inputs=("scan", "target"), seed=0, hidden=8, outputs=2, dtyp
     return path
 
 
-def checkpoint(prefix, weights, changed=None, crc=None, header=b"\x08\x01"):
+def checkpoint(prefix, weights, changed=None, crc=None, header=b"\x08\x01", names=None):
     """A TensorFlow V2 checkpoint of these weights and of a critic's. Returns the prefix.
 
     changed: entries that differ, by tensor: (dtype, shape, offset, size). crc: instead of every right one.
+    names: of the tensors, by ours; None: those of DRL-DCLP.
     """
-    tensors = {theirs: weights[ours] for ours, theirs in tensor_names().items()}
+    tensors = {theirs: weights[ours] for ours, theirs in (names or tensor_names()).items()}
     tensors = {name: array[None] if _is_convolution(name) else array for name, array in tensors.items()}
     tensors["main/values/q1/dense/bias"] = np.arange(3, dtype=np.float32)
     data, entries = b"", {b"": header}
@@ -188,7 +213,7 @@ def random_drl_vo(sizes=TINY, seed=0):
     for name, shape in architecture.shapes(sizes).items():
         draw = rng.uniform(0.5, 1.5, shape) if name.endswith("running_var") else rng.normal(size=shape)
         made[name] = (draw / np.sqrt(max(np.prod(shape[1:]), 1))).astype(np.float32)
-    return {**made, drl_vo.TRAINED: np.array([0.5, 2.0], np.float32)}
+    return {**made, TRAINED: np.array([0.5, 2.0], np.float32)}
 
 
 def drl_vo_file(path, seed=0):

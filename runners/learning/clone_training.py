@@ -147,7 +147,7 @@ def _write(path: Path, lessons: list[LessonResult], failures: bool) -> None:
             "actions": np.concatenate([lesson.actions for lesson in used]),
             "outcomes": np.array(ends, np.float32),
         }
-        np.savez(draft, **arrays)  # type: ignore[arg-type]  # as in lme.planners.dclp.weights
+        np.savez(draft, **arrays)  # type: ignore[arg-type]  # mypy takes names for `allow_pickle`
 
 
 def _read(path: Path) -> Data:

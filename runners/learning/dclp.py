@@ -1,4 +1,4 @@
-"""DRL-DCLP's network in torch: the same layers and the same numbers as `lme.planners.dclp.network`."""
+"""DRL-DCLP's network in torch: the same layers and the same numbers as `lme.planners.dclp.weights` writes."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from lme.inputs.onnx_file import TRAINED
+from lme.inputs.onnx_graph import read_weights
 from lme.planners.dclp.interface import DclpConfig, DclpInterface, told_values
-from lme.planners.dclp.network import DISTANCE, LEAST_DISTANCE, SLOPE
 from lme.planners.dclp.weights import (
     COMPONENTS,
     CONVOLUTIONS,
+    DISTANCE,
     LAYERS,
+    LEAST_DISTANCE,
     MIXTURE,
     SHAPES,
+    SIGNATURE,
+    SLOPE,
     STATE_INPUTS,
     TOLD,
-    TRAINED,
-    read_weights,
     write_weights,
 )
 from lme.robots import Robot
@@ -163,7 +166,7 @@ class DclpNetwork(DclpBody):
     @staticmethod
     def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
         """Read the arrays of `SHAPES` in a file. Raises InputError."""
-        return read_weights(path)
+        return read_weights(path, SIGNATURE.what, SHAPES)
 
     @staticmethod
     def write(weights: Mapping[str, NDArray[np.float32]], file: IO[bytes]) -> None:

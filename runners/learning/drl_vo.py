@@ -1,4 +1,4 @@
-"""DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.graph`."""
+"""DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.graph` writes."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from lme.inputs.onnx_file import TRAINED
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual, Sizes
 from lme.planners.drl_vo.config import DrlVoConfig
+from lme.planners.drl_vo.graph import TOLD, read_weights, write_weights
 from lme.planners.drl_vo.interface import DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
-from lme.planners.drl_vo.weights import TOLD, TRAINED, read_weights, write_weights
 from lme.robots import Robot
 from runners.learning.mixture import MixtureBatch
 

@@ -51,7 +51,7 @@ class Distribution(Protocol):
 
 
 class Learnable(Protocol):
-    """Network in torch, a `torch.nn.Module`, that a planner or a guide runs in NumPy or onnxruntime.
+    """Network in torch, a `torch.nn.Module`, that a planner or a guide runs in onnxruntime.
 
     Its interface has `features`; `__call__` takes these arrays as float32 with a batch axis in front.
     A network with normalisation starts in the mode `eval`; only a learner that fits it switches to `train` and back.

@@ -24,7 +24,7 @@ from runners.workers.lessons import Lesson, LessonResult
 from runners.workers.progress import LearnProgress
 from runners.workers.trials import extremes
 
-CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.npz"
+CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.onnx"
 _GUIDES = 0x6775  # seeds the draw of guides separately from the episodes
 
 Row = dict[str, float]

@@ -1,4 +1,4 @@
-"""Subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.network`."""
+"""Subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.weights` writes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,9 @@ from torch import Tensor, nn
 
 from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, mirrored_bearings
 from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, told_values
-from lme.guides.learned_subgoal.network import SLOPE
-from lme.guides.learned_subgoal.weights import (
-    LAYERS,
-    SHAPES,
-    TOLD,
-    TRAINED,
-    read_weights,
-    write_weights,
-)
+from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, SIGNATURE, SLOPE, TOLD, write_weights
+from lme.inputs.onnx_file import TRAINED
+from lme.inputs.onnx_graph import read_weights
 from lme.robots import Robot
 from runners.learning.choices import ChoiceBatch
 
@@ -138,7 +132,7 @@ class SubgoalNetwork(SubgoalBody):
     @staticmethod
     def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
         """Read the arrays of `SHAPES` in a file. Raises InputError."""
-        return read_weights(path)
+        return read_weights(path, SIGNATURE.what, SHAPES)
 
     @staticmethod
     def write(weights: Mapping[str, NDArray[np.float32]], file: IO[bytes]) -> None:

@@ -119,14 +119,11 @@ def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
 
 
 def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
-    """Return a file and those that it refers to: the picture of a ROS map, the weights beside an ONNX file."""
+    """Return a file and, for a ROS map, its picture."""
     picture = picture_of(path)
     if picture is not None:
         place = name.parent / (picture if is_beside(picture) else Path(picture).name)
         return {str(name): path, str(place): path.parent / expanded(picture)}
-    if path.suffix == ".onnx":
-        beside = sorted(path.parent.glob(f"{path.stem}*data"))
-        return {str(name): path, **{str(name.parent / each.name): each for each in beside if each.is_file()}}
     return {str(name): path}
 
 

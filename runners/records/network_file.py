@@ -1,4 +1,4 @@
-"""Files of a learned network: `weights.npz` and its card, in the run's directory and under its name."""
+"""Files of a learned network: `weights.onnx` and its card, in the run's directory and under its name."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from runners.records.versions import versions
 from runners.records.whole_file import replacing, write_atomically
 
 CARD = "card.yaml"  # in the run's directory; NAME.card.yaml next to the registered network
-_PACKAGES = ("numpy", "numba", "torch")
+_PACKAGES = ("numpy", "numba", "torch", "onnxruntime")
 
 
 def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:
-    """Copy the network of a run to outputs/weights/NAME.npz and write its card next to both.
+    """Copy the network of a run to outputs/weights/NAME.onnx and write its card next to both.
 
     about: entries of the card. use: command that drives with the network. Returns the files in `run_dir`.
     Raises OSError.
@@ -29,7 +29,7 @@ def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> li
     content = {"name": name, **about, "versions": versions(*_PACKAGES)}
     text = f"# Written by lme learn; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
     REGISTERED.mkdir(parents=True, exist_ok=True)
-    with replacing(REGISTERED / f"{name}.npz") as draft:
+    with replacing(REGISTERED / f"{name}.onnx") as draft:
         shutil.copyfile(run_dir / NETWORK, draft)
     for path in (run_dir / CARD, _card(name)):
         write_atomically(path, text)
@@ -38,8 +38,8 @@ def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> li
 
 def check_name(name: str, training: str) -> None:
     """Raise InputError unless `name` is free, or holds a network of the same training. training: its fingerprint."""
-    registered_name.check_name(name, ".npz", "a network", shipped_networks())
-    path = REGISTERED / f"{name}.npz"
+    registered_name.check_name(name, ".onnx", "a network", shipped_networks())
+    path = REGISTERED / f"{name}.onnx"
     if path.exists() and read_key(_card(name), "training") != training:
         raise InputError(f"name is {name!r}: {path} holds another network; choose another name")
 

@@ -1,4 +1,4 @@
-"""Names in outputs/weights/: NAME.yaml for learned parameters, NAME.npz for networks."""
+"""Names in outputs/weights/: NAME.yaml for learned parameters, NAME.onnx for networks."""
 
 from __future__ import annotations
 

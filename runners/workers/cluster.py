@@ -37,7 +37,7 @@ _CONNECT_S = 5.0
 _NO_WORKER_S = 30  # the run ends if a cluster on this machine has had no worker for this long
 _WITHOUT_DASK = "add resume=true, and executor=process to continue without dask"
 _BATCHES_PER_WORKER = 4  # of a short list, so that the last batches end at about the same time
-_NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit of a result
+_NUMERIC = ("numpy", "numba", "scipy", "onnxruntime")  # packages that may change the last bit of a result
 
 
 @dataclass(slots=True)

@@ -21,7 +21,7 @@ from runners.config import build, catalogue
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
-from tests.networks import drl_vo_file, lics_file, network_file, onnx_file, subgoal_file
+from tests.networks import drl_vo_file, ipaprec_file, lics_file, network_file, onnx_file, subgoal_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
 CATALOGUE = catalogue.shipped()
@@ -40,6 +40,8 @@ NETWORKS = {
     "dclp": network_file,
     "drl_vo": drl_vo_file,
     "lics": lics_file,
+    "maer_nav": ipaprec_file,
+    "drl_nsuo": functools.partial(ipaprec_file, sectors=30),
 }  # by the first words of the planners' names
 ONNX, RANDOM = "onnx.onnx", "random_"
 TUNED_FOR = {
@@ -102,9 +104,9 @@ def network(tmp_path_factory):
         folder = tmp_path_factory.mktemp("weights")
         patch.setattr(weight_files, "REGISTERED", folder)
         for name, write in NETWORKS.items():
-            write(folder / f"{name}.npz")
+            write(folder / f"{name}.onnx")
         for name in LEARNED_GUIDES:
-            subgoal_file(folder / f"{RANDOM}{name}.npz")
+            subgoal_file(folder / f"{RANDOM}{name}.onnx")
         onnx_file(folder / ONNX)
         yield
 

@@ -166,16 +166,19 @@ def _read_robot(folder: Path) -> None:
 
 
 def _networks(folder: Path) -> None:
-    networks.network_file(folder / "dclp.npz")
-    networks.drl_vo_file(folder / "drl_vo.npz")
+    networks.network_file(folder / "dclp.onnx")
+    networks.drl_vo_file(folder / "drl_vo.onnx")
 
 
 def _read_networks(folder: Path) -> None:
-    from lme.planners.dclp.weights import read_weights as dclp
-    from lme.planners.drl_vo.weights import read_weights as drl_vo
+    from lme.inputs.onnx_file import SignedNetwork
+    from lme.inputs.onnx_graph import read_weights
+    from lme.planners.dclp.weights import SIGNATURE
+    from lme.planners.drl_vo import graph
 
-    dclp(folder / "dclp.npz")
-    drl_vo(folder / "drl_vo.npz")
+    SignedNetwork(folder / "dclp.onnx", SIGNATURE)
+    SignedNetwork(folder / "drl_vo.onnx", graph.SIGNATURE)
+    read_weights(folder / "dclp.onnx", SIGNATURE.what)
 
 
 def _checkpoint(folder: Path) -> None:

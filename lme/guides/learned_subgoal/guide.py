@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, warn_if_untrained
-from lme.guides.learned_subgoal.network import SubgoalPolicy, draw
-from lme.guides.learned_subgoal.weights import TRAINED, read_weights
+from lme.guides.learned_subgoal.network import draw
+from lme.guides.learned_subgoal.weights import SIGNATURE
+from lme.inputs.onnx_file import SignedNetwork
 from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 
-SHIPPED = "learned_subgoal.npz"  # `lme learn experiment=learn/learned_subgoal` made it
+SHIPPED = "learned_subgoal.onnx"  # `lme learn experiment=learn/learned_subgoal` made it
 
 
 class LearnedSubgoal:
@@ -27,11 +28,10 @@ class LearnedSubgoal:
 
     def __init__(self, config: LearnedSubgoalConfig, robot: Robot) -> None:
         shipped = resource_dir("conf") / "network" / SHIPPED
-        weights = read_weights(shipped if config.weights is None else Path(config.weights))
-        self._network = SubgoalPolicy(weights)
+        self._network = SignedNetwork(shipped if config.weights is None else Path(config.weights), SIGNATURE)
         self._interface = SubgoalInterface(config, robot)
         self._left = 0
-        warn_if_untrained(robot, weights[TRAINED])
+        warn_if_untrained(robot, self._network.trained)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` draws the candidates."""
@@ -42,7 +42,8 @@ class LearnedSubgoal:
         """Return the subgoal chosen now or in one of the last control periods."""
         if self._left == 0:
             seen = self._interface.features(observation, observation.target)
-            self._interface.choose(draw(self._network.logits(*seen), self._rng))
+            (logits,) = self._network.answer(*seen)
+            self._interface.choose(draw(logits, self._rng))
             self._left = self._interface.steps
         self._left -= 1
         return self._interface.guidance(observation)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lme.errors import require
 from lme.geometry.straight_ways import straight_ways
@@ -44,7 +43,7 @@ class LearnedSubgoalConfig:
 
 
 class SubgoalFeatures(NamedTuple):
-    """Inputs of the network, as `SubgoalPolicy.logits` takes them.
+    """Inputs of the network, in the order of its signature.
 
     scan (BEARINGS,): nearest return about each bearing, 1 for `REACH` or none. free (CANDIDATES,): 1 for candidates to
     which the robot can turn and drive straight, 0 for others. state (STATE_INPUTS,): distance, cos and sin of the
@@ -128,8 +127,8 @@ def told_values(robot: Robot) -> Floats:
     return np.array([*robot.limits.bounds, 2 * (half_length + rounding), 2 * (half_width + rounding)])
 
 
-def warn_if_untrained(robot: Robot, trained: NDArray[np.float32]) -> None:
-    """Warn if the network was not trained for such a robot. trained: (6, 2), as `TRAINED`."""
+def warn_if_untrained(robot: Robot, trained: Floats) -> None:
+    """Warn if the network was not trained for such a robot. trained: (6, 2), lowest and highest values of `TOLD`."""
     for key, value, (low, high) in zip(TOLD, told_values(robot), trained, strict=True):
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"

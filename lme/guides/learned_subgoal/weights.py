@@ -1,26 +1,23 @@
-"""The weights of a subgoal network in a file: an .npz with the arrays of `SHAPES` and `TRAINED`, float32."""
+"""Layers of a subgoal network, and its weights in an ONNX file: two hidden layers, and a logit for every candidate."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import math
 from typing import IO
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES
-from lme.inputs.array_file import Arrays, read_arrays, write_arrays
-
-Weights = Arrays
+from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES, RANGES
+from lme.inputs.onnx_file import TRAINED, Arrays, Shape, Signature
+from lme.inputs.onnx_graph import OnnxGraph
 
 STATE_INPUTS = 11  # target 3, twist 2, limits 4, last subgoal 2
 HIDDEN = (128, 128)  # ASSUMED
 LAYERS = ("hidden_1", "hidden_2", "output")
+SLOPE = 0.2  # of the leaky ReLU
 
 
-def _shapes() -> dict[str, tuple[int, ...]]:
+def _shapes() -> dict[str, Shape]:
     widths = (2 * BEARINGS + STATE_INPUTS, *HIDDEN, CANDIDATES)
-    shapes: dict[str, tuple[int, ...]] = {}
+    shapes: dict[str, Shape] = {}
     for layer, rows, columns in zip(LAYERS, widths[:-1], widths[1:], strict=True):
         shapes |= {f"{layer}.kernel": (rows, columns), f"{layer}.bias": (columns,)}
     return shapes
@@ -28,15 +25,23 @@ def _shapes() -> dict[str, tuple[int, ...]]:
 
 SHAPES = _shapes()  # of every array of the network by its name; a kernel is (inputs, outputs)
 TOLD = ("v_max", "omega_max", "alpha_v", "alpha_omega", "length", "width")  # of a robot, SI units
-TRAINED = "trained"  # lowest and highest values of TOLD in the training: (6, 2)
-_FILE = {**SHAPES, TRAINED: (len(TOLD), 2)}
+SIGNATURE = Signature(
+    "learned_subgoal",
+    "a subgoal network",
+    {"scan": (BEARINGS,), "free": (CANDIDATES,), "state": (STATE_INPUTS,)},
+    {"logits": (CANDIDATES,)},  # −inf for candidates that are not free
+    (len(TOLD), 2),  # lowest and highest values of TOLD
+)
 
 
-def write_weights(weights: Weights, file: IO[bytes]) -> None:
-    """Write the arrays of `SHAPES` and `TRAINED` as .npz. The same weights give the same bytes."""
-    write_arrays({name: weights[name] for name in _FILE}, file)
-
-
-def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """Read the arrays of `SHAPES` and `TRAINED` from a file. Raises InputError as `read_arrays` does."""
-    return read_arrays(path, _FILE, "a subgoal network")
+def write_weights(weights: Arrays, file: IO[bytes]) -> None:
+    """Write the arrays of `SHAPES` and `TRAINED` as an ONNX file. The same weights give the same bytes."""
+    graph = OnnxGraph({name: weights[name] for name in SHAPES})
+    ways = graph.node("ReduceMean", graph.reshape("free", BEARINGS, len(RANGES)), axes=[1], keepdims=0)
+    x = graph.reshape(graph.node("Concat", "scan", ways, "state", axis=0), 1, -1)
+    for layer in LAYERS[:-1]:
+        x = graph.node("LeakyRelu", graph.linear(x, f"{layer}.kernel", f"{layer}.bias"), alpha=SLOPE)
+    output = graph.reshape(graph.linear(x, f"{LAYERS[-1]}.kernel", f"{LAYERS[-1]}.bias"), CANDIDATES)
+    is_free = graph.node("Greater", "free", graph.constant(0.0))
+    graph.node("Where", is_free, output, graph.constant(-math.inf), output="logits")
+    file.write(graph.model(SIGNATURE, weights[TRAINED]))

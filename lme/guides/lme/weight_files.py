@@ -13,7 +13,7 @@ from lme.inputs.resources import resource_dir
 
 PUBLISHED = "published"  # the paper's weight set
 WEIGHTS = "weights.yaml"  # in the directory of a training run
-NETWORK = "weights.npz"  # in the directory of a run of lme learn
+NETWORK = "weights.onnx"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"
 IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
 
@@ -73,16 +73,22 @@ def find_network(weights: str, key: str = "planner.weights") -> Path:
 
     key: the config key of `weights`, for the error. Raises InputError if there is none.
     """
-    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
+    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.onnx"))}
     networks = {**registered, **shipped_networks()}
     path = expanded(weights)
     if path.is_dir():
         path = path / NETWORK
-    if weights in networks or path.is_file():
+    if weights in networks or (path.is_file() and path.suffix != ".npz"):
         return networks.get(weights, path)
+    for former in (path.with_suffix(".npz"), REGISTERED / f"{weights}.npz"):
+        if former.is_file():
+            raise InputError(
+                f"{key} is {weights!r}: {former} is of an earlier lme; networks are ONNX files now: import or learn it "
+                "again"
+            )
     raise InputError(
         f"{key} is {weights!r}: {nearest(weights, networks)}must be one of {', '.join(networks)}, the directory of a "
-        f"run of lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
+        f"run of lme learn, or the path of an ONNX file; `{IMPORT_NETWORK}` makes one"
     )
 
 
@@ -93,7 +99,7 @@ def shipped_weights() -> dict[str, Path]:
 
 def shipped_networks() -> dict[str, Path]:
     """Networks that ship with lme, by name."""
-    return _shipped("network", "npz")
+    return _shipped("network", "onnx")
 
 
 def _shipped(folder: str, ending: str) -> dict[str, Path]:

@@ -7,7 +7,6 @@ raw tensors. Source: tensorflow/core/protobuf/tensor_bundle.proto.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,13 +15,13 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import read_bytes
+from lme.inputs.protobuf import fields
 from lme.planners.dclp import leveldb
 from lme.planners.dclp.kernels.crc32c import crc32c
 
 INDEX, SHARD = ".index", ".data-00000-of-00001"
 _SIZE_MAX = 64 * 2**20  # [bytes] of either file; the published checkpoint has 1.8 MB
 _FLOAT = 1  # DT_FLOAT
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # wire types of protocol buffers
 _LITTLE = 0
 
 
@@ -84,51 +83,30 @@ def _read(path: Path) -> bytes:
 
 def _check_header(message: bytes) -> None:
     """Raise ValueError unless the bundle has one shard and is little-endian."""
-    fields = dict(_fields(message))
-    if fields.get(1, 0) != 1 or fields.get(2, _LITTLE) != _LITTLE:
+    header = dict(fields(message))
+    if header.get(1, 0) != 1 or header.get(2, _LITTLE) != _LITTLE:
         raise ValueError("a checkpoint must have one shard and be little-endian")
 
 
 def _entry(message: bytes) -> BundleEntry:
-    fields = dict(_fields(message))
-    if 7 in fields:
+    entry = dict(fields(message))
+    if 7 in entry:
         raise ValueError("a tensor is cut into slices")
-    numbers = [fields.get(field, 0) for field in (1, 3, 4, 5, 6)]
-    shape = fields.get(2, b"")
-    if not isinstance(shape, bytes) or not all(isinstance(number, int) for number in numbers):
+    numbers = [entry.get(field, 0) for field in (1, 3, 4, 5, 6)]
+    shape = entry.get(2, memoryview(b""))
+    if isinstance(shape, int) or not all(isinstance(number, int) for number in numbers):
         raise ValueError("an entry is malformed")
     dtype, shard, offset, size, crc = (int(number) for number in numbers)
     return BundleEntry(dtype, _shape(shape), shard, offset, size, crc)
 
 
-def _shape(message: bytes) -> tuple[int, ...]:
+def _shape(message: memoryview) -> tuple[int, ...]:
     """Sizes in a TensorShapeProto."""
     sizes = []
-    for field, dimension in _fields(message):
-        if field == 2 and isinstance(dimension, bytes):
-            size = dict(_fields(dimension)).get(1, 0)
+    for field, dimension in fields(message):
+        if field == 2 and not isinstance(dimension, int):
+            size = dict(fields(dimension)).get(1, 0)
             if not isinstance(size, int):
                 raise ValueError("a shape is malformed")
             sizes.append(size)
     return tuple(sizes)
-
-
-def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Numbers and values of the fields of a protocol buffer."""
-    at = 0
-    while at < len(message):
-        tag, at = leveldb.varint(message, at)
-        kind = tag & 7
-        if kind == _VARINT:
-            value, at = leveldb.varint(message, at)
-            yield tag >> 3, value
-            continue
-        if kind not in (_FIXED64, _BYTES, _FIXED32):
-            raise ValueError("an entry is malformed")
-        size = 8 if kind == _FIXED64 else 4
-        if kind == _BYTES:
-            size, at = leveldb.varint(message, at)
-        raw, at = message[at : at + size], at + size
-        if at > len(message):
-            raise ValueError("an entry is cut off")
-        yield tag >> 3, raw if kind == _BYTES else int.from_bytes(raw, "little")

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.inputs.array_file import check_finite
+from lme.inputs.onnx_file import TRAINED, Shape
+from lme.inputs.onnx_graph import check_finite
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
-from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD, TRAINED
+from lme.planners.dclp.weights import LAYERS, SHAPES, SIGNATURE, TOLD
 
 _POLICY = "main/pi"  # the scope of the policy; the checkpoint also has critics and target networks
 _LAYERS = ("conv1d", "conv1d_1", "conv1d_2", "dense", "dense_1", "dense_2", "dense_3", "dense_4")
@@ -39,30 +41,36 @@ def tensor_names() -> dict[str, str]:
 def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
     """Return the policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES` and `TRAINED`.
 
-    path: the common prefix of the checkpoint's files, or one of them. Every tensor's checksum is verified, also
-    those of the critics. Raises InputError, naming file and tensor.
+    path: as for `read_policy`, whose errors are raised.
+    """
+    weights = read_policy(path, tensor_names(), SHAPES, SIGNATURE.what)
+    return {**weights, TRAINED: np.array([_PUBLISHED[key] for key in TOLD], np.float32)}
+
+
+def read_policy(
+    path: Path, names: Mapping[str, str], shapes: Mapping[str, Shape], what: str
+) -> dict[str, NDArray[np.float32]]:
+    """Return arrays of these shapes, by our names, from a TensorFlow V2 checkpoint.
+
+    path: the common prefix of the checkpoint's files, or one of them. names: of the tensors, by our names. Every
+    tensor's checksum is verified, also those of the critics. Raises InputError, naming file and tensor.
     """
     prefix = checkpoint_prefix(path)
-    entries, names = read_entries(prefix), tensor_names()
+    entries = read_entries(prefix)
     for name, tensor in names.items():
         # Kernels of convolutions have an axis of length 1 in the checkpoint.
-        wanted = (
-            SHAPES[name]
-            if not name.startswith("convolution") or name.endswith("bias")
-            else (1, *SHAPES[name])
-        )
+        convolution = name.startswith("convolution") and name.endswith("kernel")
+        wanted = (1, *shapes[name]) if convolution else shapes[name]
         found = entries[tensor].shape if tensor in entries else None
         if found != wanted:
-            what = "is missing" if found is None else f"has the shape {found}"
+            state = "is missing" if found is None else f"has the shape {found}"
             raise InputError(
-                f"{prefix}{INDEX}: {tensor} {what}: a DCLP network has one of {wanted}; is this its checkpoint?"
+                f"{prefix}{INDEX}: {tensor} {state}: {what} has one of {wanted}; is this its checkpoint?"
             )
     # Read and verify everything, but keep only the arrays of the policy.
     tensors = read_tensors(prefix, entries)
     check_finite({tensor: tensors[tensor] for tensor in names.values()}, f"{prefix}{SHARD}")
-    weights = {name: tensors[tensor].reshape(SHAPES[name]) for name, tensor in names.items()}
-    weights[TRAINED] = np.array([_PUBLISHED[key] for key in TOLD], np.float32)
-    return weights
+    return {name: tensors[tensor].reshape(shapes[name]) for name, tensor in names.items()}
 
 
 def checkpoint_prefix(path: Path) -> Path:

@@ -8,12 +8,11 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lme.errors import config_key, require
 from lme.planners.commands import limited
-from lme.planners.dclp.observation import DIRECTIONS, nearest_by_direction
-from lme.planners.dclp.weights import DIRECTION_INPUTS, TOLD
+from lme.planners.dclp.observation import nearest_by_direction
+from lme.planners.dclp.weights import DIRECTION_INPUTS, DIRECTIONS, TOLD
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
@@ -70,7 +69,11 @@ class DclpConfig:
 
 
 class DclpFeatures(NamedTuple):
-    """Inputs of the network, as `DclpPolicy.mixture` takes them. directions: (90, 6). state: (8,)."""
+    """Inputs of the network, in the order of its signature.
+
+    directions: (90, 6) of cos, sin, distance [m], length ahead, length behind, half width [m]. state: (8,) of distance
+    and bearing of the target, v, ω, and the limits of v, ω and their accelerations, in SI units.
+    """
 
     directions: Floats
     state: Floats
@@ -144,8 +147,11 @@ def told_values(told: Told) -> Floats:
     return np.array([_number(getattr(told, key)) for key in TOLD])
 
 
-def warn_if_untrained(told: Told, trained: NDArray[np.float32]) -> None:
-    """Warn if the network was not trained for a robot as described to it. trained: (7, 2), as `TRAINED`."""
+def warn_if_untrained(told: Told, trained: Floats) -> None:
+    """Warn if the network was not trained for a robot as described to it.
+
+    trained: (7, 2), lowest and highest values of `TOLD`.
+    """
     for key, value, (low, high) in zip(TOLD, told_values(told), trained, strict=True):
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lme.errors import InputError
+from lme.inputs.protobuf import varint
 from lme.planners.dclp.kernels.crc32c import crc32c
 
 _FOOTER, _HANDLES = 48, 40  # [bytes]
 _MAGIC = 0xDB4775248B80FB57
 _TRAILER = 5  # [bytes] type and checksum after each block
 _PLAIN = 0  # type of a block that is not compressed
-_VARINT_MAX = 10  # [bytes] of 64 bits
 _MASK_DELTA = 0xA282EAD8
 
 
@@ -37,19 +37,6 @@ def entries(data: bytes, place: str) -> Iterator[tuple[bytes, bytes]]:
 def masked(crc: int) -> int:
     """Return a checksum in its stored form, which keeps checksums of data with checksums from being trivial."""
     return (((crc >> 15) | (crc << 17)) + _MASK_DELTA) & 0xFFFFFFFF
-
-
-def varint(data: bytes, at: int) -> tuple[int, int]:
-    """Read the varint at `at`; return it and the position after it. Raises ValueError if it is cut off."""
-    number = 0
-    for i in range(_VARINT_MAX):
-        if at + i >= len(data):
-            break
-        byte = data[at + i]
-        number |= (byte & 0x7F) << (7 * i)
-        if byte < 0x80:
-            return number, at + i + 1
-    raise ValueError("a number is cut off")
 
 
 def _handle(data: bytes, at: int) -> tuple[tuple[int, int], int]:

@@ -9,9 +9,9 @@ import numpy as np
 
 from lme.geometry.points import beam_directions
 from lme.planners.dclp.kernels.nearest_returns import nearest_returns
+from lme.planners.dclp.weights import DIRECTIONS
 from lme.types import Floats, Ints, LaserScan, Pose
 
-DIRECTIONS = 90
 _SECTOR = math.tau / DIRECTIONS
 _RIGHT = -math.pi / 2  # [rad] bearing of the first direction; the network's x is to the right, its y ahead
 _EDGE = 1e-6  # [rad] a beam on the edge of two sectors belongs to the second one, whatever the rounding

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from lme.inputs.onnx_file import SignedNetwork
 from lme.inputs.resources import resource_dir
 from lme.planners.dclp.interface import DclpConfig, DclpFeatures, DclpInterface, warn_if_untrained
-from lme.planners.dclp.network import DclpPolicy, draw
-from lme.planners.dclp.weights import TRAINED, read_weights
+from lme.planners.dclp.network import Mixture, draw
+from lme.planners.dclp.weights import SIGNATURE
 from lme.robots import Robot
 from lme.types import Guidance, Observation, Twist
 
-SHIPPED = "dclp_jackal.npz"  # in conf/network/; lme learn made it
+SHIPPED = "dclp_jackal.onnx"  # in conf/network/; lme learn made it
 
 
 class Dclp:
@@ -27,11 +28,11 @@ class Dclp:
     Config = DclpConfig
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
-        weights = _weights(config.weights)
-        self._network = DclpPolicy(weights)
+        shipped = resource_dir("conf") / "network" / SHIPPED
+        self._network = SignedNetwork(shipped if config.weights is None else Path(config.weights), SIGNATURE)
         self.interface = DclpInterface(config, robot)
         self.seen: DclpFeatures | None = None  # inputs of the network at the last step
-        warn_if_untrained(self.interface.told, weights[TRAINED])
+        warn_if_untrained(self.interface.told, self._network.trained)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode with the generator that draws the mixture's components."""
@@ -40,8 +41,6 @@ class Dclp:
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
         self.seen = self.interface.features(observation, self.interface.goal(guidance))
-        return self.interface.command(draw(self._network.mixture(*self.seen), self._rng), observation)
-
-
-def _weights(path: str | None) -> dict[str, np.typing.NDArray[np.float32]]:
-    return read_weights(Path(path) if path is not None else resource_dir("conf") / "network" / SHIPPED)
+        return self.interface.command(
+            draw(Mixture(*self._network.answer(*self.seen)), self._rng), observation
+        )

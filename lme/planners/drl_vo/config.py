@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lme.errors import argument_error, require
-from lme.planners.drl_vo.network import BATCH_NORMS
+from lme.errors import require
 
 
 @dataclass(slots=True)
@@ -14,7 +13,6 @@ class DrlVoConfig:
     """Network, its observation, and the meaning of its outputs."""
 
     weights: str | None
-    batch_norm: str
     deterministic: bool
     sweep_rate: float
     fov: float
@@ -39,7 +37,3 @@ class DrlVoConfig:
         require("no_return", self.no_return, at_least=0.0, at_most=self.range_max)
         if self.v_free is not None:
             require("v_free", self.v_free, above=0.0)
-        if self.batch_norm not in BATCH_NORMS:
-            raise argument_error(
-                f"batch_norm is {self.batch_norm!r}: must be one of {', '.join(BATCH_NORMS)}"
-            )

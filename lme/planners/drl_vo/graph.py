@@ -1,59 +1,80 @@
-"""The DRL-VO network as an ONNX model."""
+"""The DRL-VO network of any size as an ONNX file.
+
+Names and shapes of the weights are those of the policy's `state_dict` in Stable-Baselines3.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import IO
 
-from lme.inputs.array_file import Arrays
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.inputs.onnx_file import TRAINED, Arrays, Signature
+from lme.inputs.onnx_graph import OnnxGraph
+from lme.inputs.onnx_graph import read_weights as read_arrays
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual
 
-IMAGE_INPUT, GOAL_INPUT, OUTPUT = "image", "goal", "action"
-_OPSET, _IR = 17, 8  # of 2022: every onnxruntime since 1.12 reads them
+TOLD = ("v_max", "omega_max")  # of the planner: the greatest commands that it gives
+SIGNATURE = Signature(
+    "drl_vo",
+    "a DRL-VO network",
+    {
+        "image": (net.IMAGE, net.SIDE, net.SIDE),
+        "goal": (net.GOAL,),
+    },  # `observation.image_of`; look-ahead distances
+    {"means": (net.ACTIONS,), "deviations": (net.ACTIONS,)},
+    (len(TOLD),),  # the greatest values of TOLD
+)
 _EPSILON = 1e-5  # of the norms, PyTorch's default
 
 
-def onnx_model(weights: Arrays, batch_norm: str) -> bytes:
-    """Return the network from image (1, 3, 80, 80) and goal (1, 2) to the action's means (1, 2), as ONNX.
+def write_weights(weights: Arrays, file: IO[bytes], batch_norm: str = "running") -> None:
+    """Write a network as an ONNX file. The same weights give the same bytes.
 
-    weights: the arrays that `architecture` lists. batch_norm: "sample" or "running".
+    weights: the arrays that `architecture` lists, and `TRAINED`. batch_norm: "sample" normalises by mean and variance
+    of each feature map itself, "running" by those of the training. Raises InputError, naming the array, if one is
+    missing or has another shape.
     """
-    return _Graph(weights, batch_norm).model()
+    sizes = net.checked_sizes({name: array.shape for name, array in weights.items()}, "weights")
+    graph = _Graph({name: weights[name] for name in net.shapes(sizes)}, batch_norm)
+    graph.add_network()
+    file.write(graph.model(SIGNATURE, weights[TRAINED]))
 
 
-class _Graph:
-    """Nodes and weights of the model. Methods add nodes and return the name of their output."""
+def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
+    """Read the arrays that `architecture` lists from a file that `write_weights` made, to train them on.
+
+    Raises InputError, naming file and array, for a file that cannot be read, and for other arrays.
+    """
+    arrays = read_arrays(path, SIGNATURE.what)
+    sizes = net.checked_sizes({name: array.shape for name, array in arrays.items()}, str(path))
+    return {name: arrays[name] for name in net.shapes(sizes)}
+
+
+class _Graph(OnnxGraph):
+    """Graph with the parts of a DRL-VO network."""
 
     def __init__(self, weights: Arrays, batch_norm: str) -> None:
-        import onnx
-
-        self._onnx = onnx
-        self._weights = weights
+        super().__init__(weights)
         self._sample = batch_norm == "sample"
-        self._nodes: list[Any] = []
-        self._tensors: list[Any] = []
 
-    def model(self) -> bytes:
-        onnx, helper = self._onnx, self._onnx.helper
-        self._network()
-        inputs = (IMAGE_INPUT, (1, net.IMAGE, net.SIDE, net.SIDE)), (GOAL_INPUT, (1, net.GOAL))
-        given = [helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shape) for name, shape in inputs]
-        answer = [helper.make_tensor_value_info(OUTPUT, onnx.TensorProto.FLOAT, (1, net.ACTIONS))]
-        graph = helper.make_graph(self._nodes, "drl_vo", given, answer, self._tensors)
-        opset = [helper.make_opsetid("", _OPSET)]
-        made: bytes = helper.make_model(graph, opset_imports=opset, ir_version=_IR).SerializeToString()
-        return made
-
-    def _network(self) -> None:
-        stem = self._relu(self._normed(net.STEM, IMAGE_INPUT))
-        stem = self._node("MaxPool", stem, kernel_shape=[3, 3], pads=[1] * 4)
+    def add_network(self) -> None:
+        """Add all layers, from image and goal to the means and deviations of the action."""
+        image = self.reshape("image", 1, net.IMAGE, net.SIDE, net.SIDE)
+        stem = self._relu(self._normed(net.STEM, image))
+        stem = self.node("MaxPool", stem, kernel_shape=[3, 3], pads=[1] * 4)
         first = self._residual(net.LAYER_1_1, self._residual(net.LAYER_1_0, stem))
         second = self._residual(net.REFINEMENT_2, self._residual(net.LAYER_2, first), first)
         third = self._residual(net.REFINEMENT_3, self._residual(net.LAYER_3, second), stem)
-        mean = self._node("Flatten", self._node("GlobalAveragePool", third))
-        features = self._relu(self._linear(net.FEATURES, self._node("Concat", mean, GOAL_INPUT, axis=1)))
-        hidden = self._node("Tanh", self._linear(net.HIDDEN, features))
-        self._linear(net.ACTION, hidden, OUTPUT)
+        mean = self.node("Flatten", self.node("GlobalAveragePool", third))
+        joint = self.node("Concat", mean, self.reshape("goal", 1, net.GOAL), axis=1)
+        features = self._relu(self._linear(net.FEATURES, joint))
+        hidden = self.node("Tanh", self._linear(net.HIDDEN, features))
+        self.reshape(self._linear(net.ACTION, hidden), net.ACTIONS, output="means")
+        self.node("Exp", net.LOG_STD, output="deviations")
 
     def _residual(self, residual: Residual, x: str, start: str | None = None) -> str:
         """Add a residual block. start: the input of its shortcut, if not x."""
@@ -61,36 +82,21 @@ class _Graph:
         inside = self._relu(self._normed(second, self._relu(self._normed(first, x))))
         start = start or x
         shortcut = self._normed(residual.shortcut, start) if residual.shortcut else start
-        return self._relu(self._node("Add", self._normed(third, inside), shortcut))
+        return self._relu(self.node("Add", self._normed(third, inside), shortcut))
 
     def _normed(self, layer: Convolution, x: str) -> str:
         """Add a convolution and its norm. For a single sample, batch norm is instance norm."""
-        given = self._weight_inputs(
-            f"{net.EXTRACTOR}{layer.name}", "weight", *(["bias"] if layer.bias else [])
-        )
+        parts = ("weight", "bias") if layer.bias else ("weight",)
+        weights = [f"{net.EXTRACTOR}{layer.name}.{part}" for part in parts]
         pads, strides = [layer.kernel // 2] * 4, [layer.stride] * 2
-        x = self._node("Conv", x, *given, kernel_shape=[layer.kernel] * 2, pads=pads, strides=strides)
-        norm = f"{net.EXTRACTOR}{layer.norm}"
+        x = self.node("Conv", x, *weights, kernel_shape=[layer.kernel] * 2, pads=pads, strides=strides)
+        scale, bias, *statistics = (f"{net.EXTRACTOR}{layer.norm}.{part}" for part in net.NORM)
         if self._sample:
-            scale_and_bias = self._weight_inputs(norm, "weight", "bias")
-            return self._node("InstanceNormalization", x, *scale_and_bias, epsilon=_EPSILON)
-        statistics = self._weight_inputs(norm, "weight", "bias", "running_mean", "running_var")
-        return self._node("BatchNormalization", x, *statistics, epsilon=_EPSILON)
+            return self.node("InstanceNormalization", x, scale, bias, epsilon=_EPSILON)
+        return self.node("BatchNormalization", x, scale, bias, *statistics, epsilon=_EPSILON)
 
-    def _linear(self, name: str, x: str, output: str | None = None) -> str:
-        return self._node("Gemm", x, *self._weight_inputs(name, "weight", "bias"), output=output, transB=1)
+    def _linear(self, name: str, x: str) -> str:
+        return self.linear(x, f"{name}.weight", f"{name}.bias", by_rows=True)
 
     def _relu(self, x: str) -> str:
-        return self._node("Relu", x)
-
-    def _weight_inputs(self, layer: str, *parts: str) -> list[str]:
-        """Add a layer's weights to the model and return their names."""
-        names = [f"{layer}.{part}" for part in parts]
-        for name in names:
-            self._tensors.append(self._onnx.numpy_helper.from_array(self._weights[name], name))
-        return names
-
-    def _node(self, kind: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
-        output = output or f"{kind}_{len(self._nodes)}"
-        self._nodes.append(self._onnx.helper.make_node(kind, list(inputs), [output], **attributes))
-        return output
+        return self.node("Relu", x)

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.inputs.array_file import check_finite
 from lme.inputs.guarded_file import check_regular
+from lme.inputs.onnx_file import TRAINED
+from lme.inputs.onnx_graph import check_finite
 from lme.planners.drl_vo.architecture import Shape, checked_sizes, shapes
+from lme.planners.drl_vo.graph import TOLD
 from lme.planners.drl_vo.torch_file import DAMAGE, DamagedError, TorchFile
-from lme.planners.drl_vo.weights import TOLD, TRAINED
 
 POLICY = "policy.pth"
 _PUBLISHED = {"v_max": 0.5, "omega_max": 2.0}  # [m/s, rad/s] the authors' training environment

@@ -43,7 +43,7 @@ class Sweeps:
 
     def add(self, scan: LaserScan, mount_yaw: float) -> None:
         """Pool a scan: the least and the mean range in each bin, from the right to the left."""
-        beams, bins = _binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
+        beams, bins = binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
         ranges = np.where(has_return(scan), np.minimum(scan.ranges, self._range_max), self._no_return)[beams]
         counts = np.bincount(bins, minlength=BINS)
         least, mean = np.full(BINS, math.inf), np.bincount(bins, ranges, BINS) / np.maximum(counts, 1)
@@ -74,7 +74,7 @@ def velocity_maps(pedestrians: Floats) -> Floats:
 
 def free_ahead(scan: LaserScan, mount_yaw: float) -> float:
     """Least range within 45° of straight ahead [m]; inf without a return there."""
-    beams, _ = _binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), 2 * _FRONT)
+    beams, _ = binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), 2 * _FRONT)
     seen = beams[has_return(scan)[beams]]
     return float(scan.ranges[seen].min(initial=math.inf))
 
@@ -92,10 +92,12 @@ def has_return(scan: LaserScan) -> Bools:
 
 
 @lru_cache(maxsize=16)
-def _binned(angle_min: float, angle_increment: float, num_beams: int, fov: float) -> tuple[Ints, Ints]:
+def binned(
+    angle_min: float, angle_increment: float, num_beams: int, fov: float, bins: int = BINS
+) -> tuple[Ints, Ints]:
     """Return the beams within `fov`, centred straight ahead, and their bins, from the right to the left."""
     angles = angle_min + angle_increment * np.arange(num_beams)
     angles = (angles + math.pi + _EDGE) % math.tau - math.pi  # a beam straight back is the first one
     beams = np.flatnonzero(np.abs(angles - _EDGE) <= fov / 2 + _EDGE)
-    bins = np.floor((angles[beams] + fov / 2) / (fov / BINS)).astype(np.int64)
-    return beams, np.clip(bins, 0, BINS - 1)
+    found = np.floor((angles[beams] + fov / 2) / (fov / bins)).astype(np.int64)
+    return beams, np.clip(found, 0, bins - 1)

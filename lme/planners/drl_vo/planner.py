@@ -6,16 +6,14 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lme.errors import argument_error, config_key
-from lme.inputs.array_file import Arrays
+from lme.inputs.onnx_file import SignedNetwork
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
+from lme.planners.drl_vo.graph import SIGNATURE, TOLD
 from lme.planners.drl_vo.interface import DrlVoFeatures, DrlVoInterface
-from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.observation import image_of
-from lme.planners.drl_vo.weights import TOLD, TRAINED, read_weights
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
@@ -35,13 +33,12 @@ class DrlVo:
     Config = DrlVoConfig
 
     def __init__(self, config: DrlVoConfig, robot: Robot) -> None:
-        weights = _weights(config.weights)
         self._config = config
         self._robot = robot
-        self._network = DrlVoPolicy(weights, config.batch_norm)
+        self._network = SignedNetwork(_path(config.weights), SIGNATURE)
         self.interface = DrlVoInterface(config, robot)
         self.seen: DrlVoFeatures | None = None  # inputs of the network at the last step
-        _warn_if_untrained(config, robot, weights[TRAINED])
+        _warn_if_untrained(config, robot, self._network.trained)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sweeps and the sub-goal; `rng` draws the actions."""
@@ -60,23 +57,23 @@ class DrlVo:
     def _output(self, features: DrlVoFeatures) -> Floats:
         """Return the network's output: (2,) in [−1, 1]."""
         image = image_of(features.sweeps, features.pedestrians)
-        answer = self._network.means(image, features.goal)
+        answer, deviations = self._network.answer(image, features.goal)
         if not self._config.deterministic:
-            answer = answer + self._network.deviations * self._rng.standard_normal(2)
+            answer = answer + deviations * self._rng.standard_normal(2)
         clipped: Floats = np.clip(answer, -1.0, 1.0)
         return clipped
 
 
-def _weights(path: str | None) -> Arrays:
+def _path(path: str | None) -> Path:
     if path is None:
         raise argument_error(
             "weights is null: the authors' network does not ship with lme; import their archive with "
             "`lme weights import drl_vo PATH NAME`, then set weights=NAME; or use planner=drl_vo_small"
         )
-    return read_weights(Path(path))
+    return Path(path)
 
 
-def _warn_if_untrained(config: DrlVoConfig, robot: Robot, trained: NDArray[np.float32]) -> None:
+def _warn_if_untrained(config: DrlVoConfig, robot: Robot, trained: Floats) -> None:
     for key, limit in zip(TOLD, trained.tolist(), strict=True):
         commanded, reached = getattr(config, key), getattr(robot, key)
         said = f"this DRL-VO network was trained for commands of up to {limit:.3g}"

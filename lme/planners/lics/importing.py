@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.inputs.array_file import check_finite
 from lme.inputs.guarded_file import check_regular
+from lme.inputs.onnx_graph import check_finite
 from lme.planners.drl_vo.torch_file import DAMAGE, TorchFile
-from lme.planners.lics.weights import SHAPES, WHAT
+from lme.planners.lics.weights import SHAPES, SIGNATURE
 
 
 def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
@@ -38,6 +38,6 @@ def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except DAMAGE as error:
-        raise InputError(f"{path}: is not {WHAT} that PyTorch saved ({error})") from None
+        raise InputError(f"{path}: is not {SIGNATURE.what} that PyTorch saved ({error})") from None
     check_finite(weights, str(path))
     return weights

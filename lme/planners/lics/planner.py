@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import require
+from lme.inputs.onnx_file import SignedNetwork
 from lme.inputs.resources import resource_dir
 from lme.planners.commands import limited
-from lme.planners.lics.network import LicsPolicy
 from lme.planners.lics.observation import FRONT, direction_along, sweep
-from lme.planners.lics.weights import read_weights
+from lme.planners.lics.weights import SIGNATURE
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
-SHIPPED = "lics_ki.npz"  # in conf/network/
+SHIPPED = "lics_ki.onnx"  # in conf/network/
 
 
 @dataclass(slots=True)
@@ -50,7 +50,7 @@ class Lics:
 
     def __init__(self, config: LicsConfig, robot: Robot) -> None:
         path = Path(config.weights) if config.weights else resource_dir("conf") / "network" / SHIPPED
-        self._network = LicsPolicy(read_weights(path))
+        self._network = SignedNetwork(path, SIGNATURE)
         self._config = config
         self._robot = robot
 
@@ -65,7 +65,8 @@ class Lics:
         if not guidance.blocked:
             path = guidance.path if guidance.path is not None else guidance.subgoal[None]
             self._direction = direction_along(path, config.los)
-        v, omega = self._network.velocity(ranges, self._direction).tolist()
+        (velocity,) = self._network.answer(ranges, self._direction)
+        v, omega = velocity.tolist()
         v *= config.max_v * min(float(ranges[FRONT].min()) / config.threshold_dist, 1.0)
         v, omega = min(max(v, config.min_v), config.max_v), omega * config.max_w
         omega = min(max(omega, -config.max_w), config.max_w)

@@ -1,4 +1,4 @@
-"""Layers of the LiCS network, and its weights in a file: an .npz with the arrays of `SHAPES`, float32.
+"""Layers of the LiCS network, and its weights in an ONNX file.
 
 The network reads a sweep as 36 tokens of 20 beams, and the direction of the goal as two tokens of one number. Names
 and shapes are those of the authors' `state_dict`: three layers of an encoder, in which the tokens of the sweep attend
@@ -7,21 +7,18 @@ to each other, three of a decoder, in which those of the goal attend to them, an
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import IO
 
-import numpy as np
-from numpy.typing import NDArray
+from lme.inputs.onnx_file import Arrays, Shape, Signature
+from lme.inputs.onnx_graph import OnnxGraph
 
-from lme.inputs.array_file import read_arrays
-
-WHAT = "a LiCS network"
 BEAMS, PATCHES, GOAL = 720, 36, 2
 WIDTH, HEADS, HIDDEN, LAYERS = 32, 4, 256, 3
 ENCODER, DECODER = ("encoder.layers", "self_attn"), ("decoder.layers", "encoder_attn")
 
 
-def _shapes() -> dict[str, tuple[int, ...]]:
-    shapes: dict[str, tuple[int, ...]] = {
+def _shapes() -> dict[str, Shape]:
+    shapes: dict[str, Shape] = {
         "encoder.embedding.pos_embed": (PATCHES, WIDTH),
         "encoder.embedding.linear.weight": (WIDTH, BEAMS // PATCHES),
         "encoder.embedding.linear.bias": (WIDTH,),
@@ -45,12 +42,59 @@ def _shapes() -> dict[str, tuple[int, ...]]:
 
 
 SHAPES = _shapes()  # of every array of the network by its name; a weight is (outputs, inputs)
+SIGNATURE = Signature(
+    "lics",
+    "a LiCS network",
+    {"ranges": (BEAMS,), "direction": (GOAL,)},  # [m], from the right to the left; unit vector to the goal
+    {"velocity": (2,)},  # shares of the greatest v and ω
+)
+_NORM_EPSILON = 1e-5  # PyTorch's default of a layer norm
 
 
-def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """Read the arrays of `SHAPES` from a file that `array_file.write_arrays` made.
+def write_weights(weights: Arrays, file: IO[bytes]) -> None:
+    """Write the arrays of `SHAPES` as an ONNX file. The same weights give the same bytes."""
+    graph = OnnxGraph({name: weights[name] for name in SHAPES})
+    sweep = _linear(graph, graph.reshape("ranges", PATCHES, BEAMS // PATCHES), "encoder.embedding.linear")
+    sweep = graph.node("Add", sweep, "encoder.embedding.pos_embed")
+    for k in range(LAYERS):
+        sweep = _layer(graph, f"{ENCODER[0]}.{k}", ENCODER[1], sweep, sweep)
+    goal = _linear(graph, graph.reshape("direction", GOAL, 1), "decoder.linear")
+    for k in range(LAYERS):
+        goal = _layer(graph, f"{DECODER[0]}.{k}", DECODER[1], goal, sweep)
+    velocity = _linear(graph, graph.reshape(goal, 1, GOAL * WIDTH), "prediction_head")
+    graph.reshape(velocity, 2, output="velocity")
+    file.write(graph.model(SIGNATURE))
 
-    Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
-    shapes, and values that are not finite. No array is created before its shape is known to be right.
-    """
-    return read_arrays(path, SHAPES, WHAT)
+
+def _layer(graph: OnnxGraph, name: str, attention: str, tokens: str, attended: str) -> str:
+    """Add attention to tokens, then two dense layers for each token, both with shortcuts and norms."""
+    # Softmax of query · key / √W weighs the values; each head has its own part of the W columns. As in the authors'
+    # code, the root is that of W, not of a head's width.
+    sources = {"q": tokens, "k": attended, "v": attended}
+    q, k, v = (
+        graph.reshape(_product(graph, x, f"{name}.{attention}.{part}_proj"), -1, HEADS, WIDTH // HEADS)
+        for part, x in sources.items()
+    )
+    q, v = (graph.node("Transpose", x, perm=[1, 0, 2]) for x in (q, v))
+    scores = graph.node("MatMul", q, graph.node("Transpose", k, perm=[1, 2, 0]))
+    shares = graph.node("Softmax", graph.node("Mul", scores, graph.constant(WIDTH**-0.5)), axis=-1)
+    mixed = graph.node("Transpose", graph.node("MatMul", shares, v), perm=[1, 0, 2])
+    mixed = _product(graph, graph.reshape(mixed, -1, WIDTH), f"{name}.{attention}.out_proj")
+    tokens = _normed(graph, graph.node("Add", tokens, mixed), f"{name}.{attention}_layer_norm")
+    forward = f"{name}.PositionWiseFeedForward"
+    wide = graph.node("Relu", _linear(graph, tokens, f"{forward}.w_1"))
+    return _normed(
+        graph, graph.node("Add", tokens, _linear(graph, wide, f"{forward}.w_2")), f"{name}.final_layer_norm"
+    )
+
+
+def _linear(graph: OnnxGraph, x: str, name: str) -> str:
+    return graph.linear(x, f"{name}.weight", f"{name}.bias", by_rows=True)
+
+
+def _product(graph: OnnxGraph, x: str, name: str) -> str:
+    return graph.node("Gemm", x, f"{name}.weight", transB=1)
+
+
+def _normed(graph: OnnxGraph, x: str, name: str) -> str:
+    return graph.node("LayerNormalization", x, f"{name}.weight", f"{name}.bias", epsilon=_NORM_EPSILON)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import expanded
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
-    from lme.inputs.array_file import Arrays
+    from lme.inputs.onnx_file import Arrays
 
 EXAMPLES = (
     "lme weights",
@@ -23,41 +24,75 @@ EXAMPLES = (
 )
 
 
+Write = Callable[["Arrays", IO[bytes]], None]
+
+
 class ForeignNetwork(NamedTuple):
     """A network that its authors published. source: its file. drive: the guide and planner that it belongs to.
 
-    read: returns the weights in the authors' file, and those of them that this project keeps. Raises InputError.
+    read: returns those weights in the authors' file that this project keeps, and how to write them as an ONNX file.
+    Raises InputError.
     """
 
     source: str
     drive: str
-    read: Callable[[Path], Arrays]
+    read: Callable[[Path], tuple[Arrays, Write]]
 
 
-def _dclp(path: Path) -> Arrays:
+def _dclp(path: Path) -> tuple[Arrays, Write]:
     from lme.planners.dclp.importing import import_checkpoint
+    from lme.planners.dclp.weights import write_weights
 
-    return import_checkpoint(path)
+    return import_checkpoint(path), write_weights
 
 
-def _drl_vo(path: Path) -> Arrays:
+def _drl_vo(path: Path, batch_norm: str = "sample") -> tuple[Arrays, Write]:
+    from lme.planners.drl_vo.graph import write_weights
     from lme.planners.drl_vo.importing import import_archive
 
-    return import_archive(path)
+    return import_archive(path), partial(write_weights, batch_norm=batch_norm)
 
 
-def _lics(path: Path) -> Arrays:
+def _lics(path: Path) -> tuple[Arrays, Write]:
     from lme.planners.lics.importing import import_state
+    from lme.planners.lics.weights import write_weights
 
-    return import_state(path)
+    return import_state(path), write_weights
 
 
+def _ipaprec(path: Path, sectors: int, unit: float | None = None) -> tuple[Arrays, Write]:
+    from lme.planners.ipaprec.importing import import_checkpoint
+    from lme.planners.ipaprec.weights import write_weights
+
+    return import_checkpoint(path, sectors), partial(write_weights, unit=unit)
+
+
+_DRL_VO = "guide=global_path planner=drl_vo_barn"
 NETWORKS = {
     "dclp": ForeignNetwork(
         "the TensorFlow V2 checkpoint of DRL-DCLP", "guide=target planner=dclp_barn", _dclp
     ),
-    "drl_vo": ForeignNetwork("the drl_vo.zip of DRL-VO", "guide=global_path planner=drl_vo_barn", _drl_vo),
+    "drl_vo": ForeignNetwork(
+        "the drl_vo.zip of DRL-VO, normalised as it ran for the authors, by the current maps",
+        _DRL_VO,
+        _drl_vo,
+    ),
+    "drl_vo_running": ForeignNetwork(
+        "the same file, normalised by the statistics of its training",
+        _DRL_VO,
+        partial(_drl_vo, batch_norm="running"),
+    ),
     "lics": ForeignNetwork("the transformer_99.pth of LiCS-KI", "guide=global_planner planner=lics", _lics),
+    "maer_nav": ForeignNetwork(
+        "a TensorFlow V2 checkpoint of MAER-Nav",
+        "guide=target planner=maer_nav",
+        partial(_ipaprec, sectors=32),
+    ),
+    "drl_nsuo": ForeignNetwork(
+        "the TensorFlow V2 checkpoint of DRL-NSUO",
+        "guide=target planner=drl_nsuo",
+        partial(_ipaprec, sectors=30, unit=0.2),
+    ),
 }
 
 
@@ -93,19 +128,19 @@ def _list(_: argparse.Namespace) -> None:
         print(f"{name:<24}  weights={name}, ships with lme")
     for name, path in shipped_networks().items():
         print(f"{name:<24}  {_key(path)}={name}, ships with lme")
-    for path in (*sorted(REGISTERED.glob("*.yaml")), *sorted(REGISTERED.glob("*.npz"))):
+    for path in (*sorted(REGISTERED.glob("*.yaml")), *sorted(REGISTERED.glob("*.onnx"))):
         print(f"{path.stem:<24}  {_key(path)}={path.stem}, {path}")
 
 
 def _key(path: Path) -> str:
     """Return the key that takes a file of parameters, of a guide's network, or of a planner's network."""
-    from lme.guides.learned_subgoal.weights import SHAPES
-    from lme.inputs.array_file import read_shapes
+    from lme.guides.learned_subgoal.weights import SIGNATURE
+    from lme.inputs.onnx_file import KIND, OnnxNetwork
 
-    if path.suffix != ".npz":
+    if path.suffix != ".onnx":
         return "weights"
     try:
-        of_guide = SHAPES.items() <= read_shapes(path, "a network").items()
+        of_guide = OnnxNetwork(path).metadata.get(KIND) == SIGNATURE.kind
     except InputError:  # a damaged file is listed, too
         of_guide = False
     return "guide.weights" if of_guide else "planner.weights"
@@ -113,21 +148,20 @@ def _key(path: Path) -> str:
 
 def _import(arguments: argparse.Namespace) -> None:
     from lme.guides.lme.weight_files import REGISTERED, shipped_networks
-    from lme.inputs.array_file import write_arrays
     from runners.config.quoting import lme_command, override
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing
 
     # Check the name and the authors' file before anything is written.
     name = arguments.name or arguments.network
-    check_name(name, ".npz", "a network", shipped_networks(), "NAME")
-    path = REGISTERED / f"{name}.npz"
+    check_name(name, ".onnx", "a network", shipped_networks(), "NAME")
+    path = REGISTERED / f"{name}.onnx"
     network = NETWORKS[arguments.network]
-    weights = network.read(expanded(arguments.path))
+    weights, write = network.read(expanded(arguments.path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as draft, draft.open("wb") as file:
-            write_arrays(weights, file)
+            write(weights, file)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     count = sum(array.size for array in weights.values())

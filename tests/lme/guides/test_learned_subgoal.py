@@ -18,15 +18,17 @@ from lme.guides.learned_subgoal.candidates import (
 )
 from lme.guides.learned_subgoal.interface import REACH, SubgoalInterface
 from lme.guides.learned_subgoal.kernels import nearest_by_sector
-from lme.guides.learned_subgoal.network import SLOPE, SubgoalPolicy, draw
-from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, TRAINED, read_weights
+from lme.guides.learned_subgoal.network import draw
+from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, SIGNATURE, SLOPE, write_weights
+from lme.inputs.onnx_file import TRAINED
+from lme.inputs.onnx_graph import read_weights
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple
 from lme.simulation.fast import FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import CLUTTER, observation, room, stage, task
-from tests.networks import random_subgoal, refused, subgoal_file
+from tests.networks import network_file, random_subgoal, refused, signed, subgoal_file
 from tests.oracles import nearest_by_sector_slow
 from tests.tolerances import FLOAT32_LAYER, KERNEL, MIRROR
 
@@ -84,7 +86,7 @@ def test_the_state_by_hand():
 def test_shut_in_all_candidates_count_as_free_and_the_guide_says_that_it_is_blocked(tmp_path):
     shut = room(0.45)
     assert features(shut).free.all()
-    guidance = guide(subgoal_file(tmp_path / "w.npz")).guide(sight(shut))
+    guidance = guide(subgoal_file(tmp_path / "w.onnx")).guide(sight(shut))
     assert guidance.blocked
 
 
@@ -98,7 +100,7 @@ def test_a_mirrored_scene_has_mirrored_features():
     np.testing.assert_array_equal(other.free, grid)
 
 
-def test_the_network_by_hand():
+def test_the_network_by_hand(tmp_path):
     weights = random_subgoal()
     rng = np.random.default_rng(1)
     scan, free, state = rng.random(BEARINGS), rng.integers(0, 2, CANDIDATES) * 1.0, rng.normal(size=11)
@@ -107,7 +109,7 @@ def test_the_network_by_hand():
         values = values @ weights[f"{layer}.kernel"] + weights[f"{layer}.bias"]
         if layer != LAYERS[-1]:
             values = np.where(values > 0.0, values, SLOPE * values)
-    logits = SubgoalPolicy(weights).logits(scan, free, state)
+    logits = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, weights).answer(scan, free, state)[0]
     assert np.isneginf(logits[free == 0.0]).all()
     assert logits[free > 0.0] == pytest.approx(values[free > 0.0], abs=10 * FLOAT32_LAYER)
 
@@ -129,7 +131,7 @@ def guide(path, robot=ROBOT, seed=0, **settings):
 
 def test_a_subgoal_stays_in_place_until_the_next_choice(tmp_path):
     """At 5 Hz and one second: the sixth step chooses again. The world frame shows that the subgoal does not move."""
-    made = guide(subgoal_file(tmp_path / "w.npz"), period=1.0)
+    made = guide(subgoal_file(tmp_path / "w.onnx"), period=1.0)
     simulator = FastSimulator(load_settings("sim/fast"), ROBOT)
     seen = simulator.reset(task(CLUTTER), np.random.default_rng(0))
     places, switched = [], []
@@ -151,10 +153,10 @@ def test_a_subgoal_stays_in_place_until_the_next_choice(tmp_path):
 
 
 def test_a_loaded_file_drives_the_same_to_the_last_bit(tmp_path):
-    path = subgoal_file(tmp_path / "w.npz", seed=3)
-    again = tmp_path / "again.npz"
+    path = subgoal_file(tmp_path / "w.onnx", seed=3)
+    again = tmp_path / "again.onnx"
     again.write_bytes(path.read_bytes())
-    for name, array in read_weights(path).items():
+    for name, array in read_weights(path, SIGNATURE.what, SHAPES).items():
         np.testing.assert_array_equal(array, {**random_subgoal(3)}[name])
     drives = []
     for file in (path, again):
@@ -173,19 +175,18 @@ def test_a_loaded_file_drives_the_same_to_the_last_bit(tmp_path):
 
 
 def test_a_wrong_file_is_one_line(tmp_path):
-    path = tmp_path / "w.npz"
-    weights = random_subgoal()
-    del weights["output.bias"]
-    np.savez(path, **weights)
-    assert "output.bias is missing: must hold the weights of a subgoal network" in refused(read_weights, path)
-    assert set(SHAPES) | {TRAINED} == set(random_subgoal())
+    path = network_file(tmp_path / "w.onnx")
+    assert "is of the kind 'dclp': must be a subgoal network" in refused(guide, path)
+    assert "hidden_1.kernel is missing: must be float32 (107, 128)" in refused(
+        lambda path: read_weights(path, SIGNATURE.what, SHAPES), path
+    )
 
 
 def test_a_robot_that_the_network_was_not_trained_for_is_warned_of(tmp_path):
     weights = random_subgoal()
     weights[TRAINED][0] = [1.0, 2.0]
-    path = tmp_path / "w.npz"
-    np.savez(path, **weights)
+    path = tmp_path / "w.onnx"
+    signed(SIGNATURE, path, write_weights, weights)
     with pytest.warns(UserWarning, match="robot has v_max 0.5: this subgoal network was trained for 1 to 2"):
         guide(path)
     with warnings.catch_warnings():

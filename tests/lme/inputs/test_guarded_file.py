@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 from lme.errors import InputError
-from lme.inputs.array_file import read_shapes as read_array_shapes
 from lme.inputs.guarded_file import (
     SafeLoader,
     check_structure,
@@ -20,6 +19,8 @@ from lme.inputs.guarded_file import (
     read_text,
     read_yaml,
 )
+from lme.inputs.onnx_file import OnnxNetwork
+from lme.inputs.onnx_graph import read_weights
 from lme.planners.drl_vo.importing import import_archive
 from lme.planners.lics.importing import import_state
 from lme.worlds.barn.files import read_world
@@ -34,7 +35,7 @@ from tests.places import ROOT
 READERS = {  # of a whole file, by a name that it takes
     "a.yaml": (read_yaml, read_floor_plan),
     "a.png": (brightness, is_picture, read_floor_plan),
-    "a.npz": (lambda path: read_array_shapes(path, "a network"),),
+    "a.onnx": (OnnxNetwork, lambda path: read_weights(path, "a network")),
     "a.pth": (import_state, import_archive),
     "a.world": (read_world,),
     "a.bag": (Bag,),

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_robot, load_settings
+from lme.inputs.onnx_file import TRAINED
 from lme.planners.dclp.interface import DclpInterface
-from lme.planners.dclp.network import DclpPolicy
-from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED
+from lme.planners.dclp.network import Mixture
+from lme.planners.dclp.weights import SHAPES, SIGNATURE, TOLD, write_weights
 from lme.robots import Footprint
 from lme.types import Twist
 from runners.config.schema import RobotRanges
 from runners.workers.trials import extremes
 from tests.builders import observation, stage
-from tests.networks import random_weights
+from tests.networks import random_weights, signed
 from tests.tolerances import FLOAT32_LAYER, NETWORK
 
 torch = pytest.importorskip("torch")
@@ -59,13 +60,13 @@ def test_the_file_says_what_the_network_was_trained_for(network):
     assert spans["half_width"] == pytest.approx([0.1, 0.2])
 
 
-def test_the_torch_network_answers_as_the_planner_does(network):
+def test_the_torch_network_answers_as_the_planner_does(network, tmp_path):
     directions, state = inputs(5)
     with torch.no_grad():
         output = network(*tensors((directions, state)))
-    own = DclpPolicy(network.weights())
+    own = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, network.weights())
     for i in range(5):
-        answer = own.mixture(directions[i], state[i])
+        answer = Mixture(*own.answer(directions[i], state[i]))
         assert output.logits[i].numpy() == pytest.approx(answer.logits, abs=NETWORK)
         assert output.mu[i].tanh().numpy() == pytest.approx(answer.means, abs=NETWORK)
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_robot, load_settings
-from lme.planners.drl_vo.architecture import Sizes
+from lme.inputs.onnx_file import TRAINED, SignedNetwork
+from lme.planners.drl_vo.architecture import Sizes, shapes
+from lme.planners.drl_vo.graph import SIGNATURE, read_weights, write_weights
 from lme.planners.drl_vo.interface import PEDESTRIANS, DrlVoInterface
-from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.observation import image_of
-from lme.planners.drl_vo.weights import TRAINED, file_shapes, read_weights
 from lme.types import LaserScan, Twist
 from tests.builders import observation, stage
-from tests.networks import TINY, random_drl_vo
+from tests.networks import TINY, random_drl_vo, signed
 from tests.tolerances import FLOAT32_LAYER, KERNEL, NETWORK
 
 torch = pytest.importorskip("torch")
@@ -45,7 +45,7 @@ def test_weights_of_any_size_go_in_and_come_out_unchanged(network):
         wanted = random_drl_vo(sizes)
         network.load(wanted)
         found = network.weights()
-        assert {name: array.shape for name, array in found.items()} == file_shapes(sizes)
+        assert {name: array.shape for name, array in found.items()} == {**shapes(sizes), TRAINED: (2,)}
         for name in set(wanted) - {TRAINED}:
             np.testing.assert_array_equal(found[name], wanted[name])
 
@@ -53,24 +53,24 @@ def test_weights_of_any_size_go_in_and_come_out_unchanged(network):
 def test_a_new_one_is_small_and_says_what_it_was_trained_for(tmp_path):
     made = DrlVoNetwork()
     made.trained_for(load_settings("planner/drl_vo", v_max=1.5, omega_max=0.75), [load_robot("jackal")])
-    with (tmp_path / "w.npz").open("wb") as file:
+    with (tmp_path / "w.onnx").open("wb") as file:
         made.write(made.weights(), file)
-    weights = read_weights(tmp_path / "w.npz")
-    assert {name: array.shape for name, array in weights.items()} == file_shapes(SMALL)
-    assert weights[TRAINED].tolist() == [1.5, 0.75]
+    weights = read_weights(tmp_path / "w.onnx")
+    assert {name: array.shape for name, array in weights.items()} == shapes(SMALL)
+    assert SignedNetwork(tmp_path / "w.onnx", SIGNATURE).trained.tolist() == [1.5, 0.75]
 
 
-def test_the_torch_network_answers_as_the_planner_does(network):
+def test_the_torch_network_answers_as_the_planner_does(network, tmp_path):
     sweeps, people, goals = inputs(5)
     with torch.no_grad():
         answer = network(*tensors((sweeps, people, goals)))
-    own = DrlVoPolicy(network.weights(), "running")
+    own = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, network.weights())
     for i in range(5):
-        means = own.means(image_of(sweeps[i], people[i]), goals[i])
+        means = own.answer(image_of(sweeps[i], people[i]), goals[i])[0]
         assert answer.mu[i, 0].tanh().numpy() == pytest.approx(np.clip(means, -1.0, 1.0), abs=2e-3)
 
 
-def test_the_torch_network_with_fitted_norms_answers_as_the_planner_does(network):
+def test_the_torch_network_with_fitted_norms_answers_as_the_planner_does(network, tmp_path):
     sweeps, people, goals = inputs(16)
     network.train()
     for _ in range(3):
@@ -79,8 +79,8 @@ def test_the_torch_network_with_fitted_norms_answers_as_the_planner_does(network
     with torch.no_grad():
         network.output.weight *= 0.1  # so that no answer is cut off
         answer = network(*tensors((sweeps, people, goals)))
-    own = DrlVoPolicy(network.weights(), "running")
-    means = [own.means(image_of(sweeps[i], people[i]), goals[i]) for i in range(16)]
+    own = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, network.weights())
+    means = [own.answer(image_of(sweeps[i], people[i]), goals[i])[0] for i in range(16)]
     assert answer.mu[:, 0].tanh().numpy() == pytest.approx(np.array(means), abs=NETWORK)
 
 

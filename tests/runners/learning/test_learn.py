@@ -14,8 +14,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from lme.guides.learned_subgoal.weights import read_weights as read_subgoal_weights
-from lme.planners.dclp.weights import read_weights
+from lme.inputs.onnx_graph import read_weights
 from runners.cli.main import main
 from tests.composing import last_of_each
 from tests.networks import network_file, subgoal_file
@@ -75,7 +74,7 @@ def learned(tmp_path_factory):
 def test_a_run_leaves_its_network_card_curves_and_evaluation(learned):
     names = {path.name for path in learned.iterdir()}
     assert names >= {
-        "weights.npz",
+        "weights.onnx",
         "card.yaml",
         "curves.csv",
         "curves.png",
@@ -103,12 +102,12 @@ def test_the_card_says_what_the_network_is(learned):
         "best_success": max(row["success"] for row in curves(learned)),
     }
     assert card["held_out"]["barn"]["episodes"] == 2
-    assert set(card["versions"]) == {"python", "lme", "numpy", "numba", "torch"}
+    assert set(card["versions"]) == {"python", "lme", "numpy", "numba", "torch", "onnxruntime"}
 
 
 def test_the_network_drives_by_name_and_by_run(learned, monkeypatch):
     monkeypatch.chdir(learned.parent)
-    (name,) = (path.stem for path in Path("outputs/weights").glob("*.npz"))
+    (name,) = (path.stem for path in Path("outputs/weights").glob("*.onnx"))
     assert yaml.safe_load(Path(f"outputs/weights/{name}.card.yaml").read_text())["name"] == name
     words = ["guide=target", "planner=dclp", "map=barn", *SHORT[1:5], "executor=serial"]
     found = []
@@ -169,9 +168,7 @@ def test_killed_and_resumed_it_ends_as_the_uninterrupted_one(learned):
     words = [*IN_PROCESS, "guides={target:0.5,lme:0.5}"]
     rows = killed_and_resumed(words, lambda: Path("killed/data/round_001.npz").is_file())
     assert without_time(rows) == without_time(curves(learned))
-    ours, theirs = read_weights(Path("killed/weights.npz")), read_weights(learned / "weights.npz")
-    for name, array in ours.items():
-        np.testing.assert_array_equal(array, theirs[name])
+    assert Path("killed/weights.onnx").read_bytes() == (learned / "weights.onnx").read_bytes()
 
 
 def test_a_finished_run_resumed_adds_nothing(learned, monkeypatch):
@@ -182,10 +179,10 @@ def test_a_finished_run_resumed_adds_nothing(learned, monkeypatch):
 
 
 def test_learning_continues_from_a_network_with_robots_that_differ():
-    network_file(Path("mine.npz"))
+    network_file(Path("mine.onnx"))
     words = [
         "learner.rounds=1",
-        "start=mine.npz",
+        "start=mine.onnx",
         "name=next",
         "robots.v_max=[0.5,2]",
         "robots.length=[0.3,0.6]",
@@ -200,8 +197,11 @@ def test_learning_continues_from_a_network_with_robots_that_differ():
     assert len(set(state[firsts, 4])) == len(set(directions[firsts, 0, 3])) == len(ends)
     assert 0.5 <= state[:, 4].min() <= state[:, 4].max() <= 2.0
     assert 0.15 <= directions[:, :, 3].min() <= directions[:, :, 3].max() <= 0.3
-    assert Path("outputs/weights/next.npz").is_file()
-    trained, before = read_weights(Path("run/weights.npz")), read_weights(Path("mine.npz"))
+    assert Path("outputs/weights/next.onnx").is_file()
+    trained, before = (
+        read_weights(Path("run/weights.onnx"), "a network"),
+        read_weights(Path("mine.onnx"), "a network"),
+    )
     shift = np.abs(trained["dense_1.kernel"] - before["dense_1.kernel"]).max()
     assert 0 < shift < 0.02, "three updates change little"
 
@@ -219,12 +219,15 @@ def test_learning_continues_from_a_network_with_robots_that_differ():
     ids=["ppo", "sac"],
 )
 def test_reinforcement_from_a_network(words, points, losses):
-    network_file(Path("mine.npz"))
-    assert main(["learn", *words, "start=mine.npz", "hydra.run.dir=run"]) == 0
+    network_file(Path("mine.onnx"))
+    assert main(["learn", *words, "start=mine.onnx", "hydra.run.dir=run"]) == 0
     rows = curves(Path("run"))
     assert [row["steps"] for row in rows] == points
     assert all(np.isfinite(rows[-1][name]) for name in (*losses, "steps_per_s"))
-    trained, before = read_weights(Path("run/network.npz")), read_weights(Path("mine.npz"))
+    trained, before = (
+        read_weights(Path("run/network.onnx"), "a network"),
+        read_weights(Path("mine.onnx"), "a network"),
+    )
     assert 0 < np.abs(trained["dense_1.kernel"] - before["dense_1.kernel"]).max() < 0.05
     card = yaml.safe_load(Path("run/card.yaml").read_text())
     assert card["last"]["steps"] == points[-1]
@@ -234,15 +237,15 @@ def test_reinforcement_from_a_network(words, points, losses):
 
 @pytest.mark.parametrize("planner", ["simple", "dclp"])
 def test_a_guide_learns_subgoals_for_a_planner(planner, capsys):
-    subgoal_file(Path("mine.npz"))
+    subgoal_file(Path("mine.onnx"))
     words = last_of_each(
-        *SUBGOALS, f"planner={planner}", "start=mine.npz", "name=subgoals", "device=cpu", "robot.v_max=1.5"
+        *SUBGOALS, f"planner={planner}", "start=mine.onnx", "name=subgoals", "device=cpu", "robot.v_max=1.5"
     )
     assert main(["learn", *words, "hydra.run.dir=run"]) == 0
     rows = curves(Path("run"))
     assert [row["steps"] for row in rows] == [0, 64, 128]
     assert all(np.isfinite(rows[-1][name]) for name in ("loss_policy", "loss_value", "kl", "steps_per_s"))
-    trained, before = (read_subgoal_weights(Path(name)) for name in ("run/network.npz", "mine.npz"))
+    trained, before = (read_weights(Path(name), "a network") for name in ("run/network.onnx", "mine.onnx"))
     assert 0 < np.abs(trained["output.kernel"] - before["output.kernel"]).max() < 0.05
     card = yaml.safe_load(Path("run/card.yaml").read_text())
     assert (card["guide"], card["planner"]) == ("learned_subgoal", planner)
@@ -309,7 +312,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
 )  # fmt: skip
 def test_a_mistake_in_learn_is_one_line_and_writes_nothing(words, said, capsys):
     Path("outputs/weights").mkdir(parents=True)
-    network_file(Path("outputs/weights/taken.npz"))
+    network_file(Path("outputs/weights/taken.onnx"))
     before = sorted(Path().rglob("*"))
     base = SHORT if words[0].startswith("learner=") else IN_PROCESS  # which has keys of the clone
     assert main(["learn", *last_of_each(*base, *words)]) == 2

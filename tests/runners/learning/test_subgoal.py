@@ -6,14 +6,14 @@ import pytest
 from lme.config.presets import load_robot, load_settings
 from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES, RANGES, candidates
 from lme.guides.learned_subgoal.interface import SubgoalInterface
-from lme.guides.learned_subgoal.network import SubgoalPolicy
-from lme.guides.learned_subgoal.weights import SHAPES, STATE_INPUTS, TOLD, TRAINED
+from lme.guides.learned_subgoal.weights import SHAPES, SIGNATURE, STATE_INPUTS, TOLD, write_weights
+from lme.inputs.onnx_file import TRAINED
 from lme.simulation.fast import FastSimulator
 from lme.worlds.world import World
 from runners.config.schema import RobotRanges
 from runners.workers.trials import extremes
 from tests.builders import CLUTTER, stage, task
-from tests.networks import random_subgoal
+from tests.networks import random_subgoal, signed
 from tests.tolerances import FLOAT32_LAYER, NETWORK
 
 torch = pytest.importorskip("torch")
@@ -57,21 +57,24 @@ def test_the_file_says_what_the_network_was_trained_for(network):
     assert spans["length"] == pytest.approx([0.3, 0.6])
 
 
-def test_the_torch_network_answers_as_the_guide_does(network):
+def test_the_torch_network_answers_as_the_guide_does(network, tmp_path):
     arrays = inputs(5)
     with torch.no_grad():
         answer = network(*tensors(arrays)).logits.numpy()
-    own = SubgoalPolicy(network.weights())
+    own = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, network.weights())
     for i in range(5):
-        logits = own.logits(*(array[i] for array in arrays))
+        (logits,) = own.answer(*(array[i] for array in arrays))
         np.testing.assert_array_equal(np.isneginf(answer[i]), np.isneginf(logits))
         free = np.isfinite(logits)
         assert answer[i, free] == pytest.approx(logits[free], abs=NETWORK)
 
 
-def test_sharpness_multiplies_the_logits(network):
+def test_sharpness_multiplies_the_logits(network, tmp_path):
     one = [array[0] for array in inputs(1)]
-    sharp, plain = (SubgoalPolicy(network.weights(factor)).logits(*one) for factor in (3.0, 1.0))
+    sharp, plain = (
+        signed(SIGNATURE, tmp_path / "w.onnx", write_weights, network.weights(factor)).answer(*one)[0]
+        for factor in (3.0, 1.0)
+    )
     free = np.isfinite(plain)
     assert sharp[free] == pytest.approx(3.0 * plain[free], abs=NETWORK)
 

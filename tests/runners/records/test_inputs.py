@@ -91,8 +91,8 @@ def test_a_ros_map_is_kept_with_its_picture(job, tmp_path, image, copied):
     [
         ("map", "path", "tracks.txt"),
         ("planner", "path", "policy.onnx"),
-        ("planner", "weights", "net.npz"),
-        ("guide", "weights", "net.npz"),
+        ("planner", "weights", "net.onnx"),
+        ("guide", "weights", "net.onnx"),
         ("planner", "table_of_mine", "table.csv"),
     ],
 )

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
+from lme.inputs.onnx_file import TRAINED
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries
 from lme.planners.dclp.importing import import_checkpoint
-from lme.planners.dclp.network import DclpPolicy
-from lme.planners.dclp.weights import SHAPES, TRAINED
-from tests.networks import checkpoint, random_weights, refused, table
+from lme.planners.dclp.weights import SHAPES, SIGNATURE, write_weights
+from tests.networks import checkpoint, random_weights, refused, signed, table
 
 REAL = os.environ.get("DCLP_CHECKPOINT")
 BIAS = "main/pi/conv1d/bias"
@@ -139,7 +139,7 @@ def test_noise_in_place_of_entries_never_gives_a_traceback(tmp_path):
 
 
 @pytest.mark.skipif(REAL is None, reason="DCLP_CHECKPOINT does not name the published checkpoint")
-def test_the_published_checkpoint():
+def test_the_published_checkpoint(tmp_path):
     prefix = Path(REAL)
     assert len(read_entries(prefix)) == 88
     weights = import_checkpoint(prefix)
@@ -150,9 +150,8 @@ def test_the_published_checkpoint():
     seen[:, 0], seen[:, 1], seen[:, 2] = np.cos(angles), np.sin(angles), 5.0
     seen[:, 3:] = 0.21, 0.21, 0.2128
     state = np.array([8.0, 0.0, 1.0, 0.0, 2.0, 1.57, 3.0, 3.0])
-    means = DclpPolicy(weights).mixture(seen, state).means
+    network = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, weights)
+    _, means = network.answer(seen, state)
     assert means[:, 0].min() > 0.5  # with nothing around, it drives ahead,
     state[1] = 1.0
-    assert (
-        DclpPolicy(weights).mixture(seen, state).means[:, 1].mean() > 0.5
-    )  # and turns left to a target there
+    assert network.answer(seen, state)[1][:, 1].mean() > 0.5  # and turns left to a target there

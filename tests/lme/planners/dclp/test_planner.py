@@ -1,19 +1,22 @@
 """DRL-DCLP with random weights: what the network is given, what is done with its answer, and what is refused."""
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.planners.dclp.network import DclpPolicy, Mixture, draw
+from lme.inputs.onnx_file import SignedNetwork
+from lme.planners.dclp.network import Mixture, draw
 from lme.planners.dclp.planner import Dclp
+from lme.planners.dclp.weights import SIGNATURE, write_weights
 from lme.robots import Footprint
 from lme.types import Guidance, Twist
 from tests import oracles
 from tests.builders import observation, stage
-from tests.networks import network_file, random_weights
+from tests.networks import network_file, random_weights, signed
 from tests.tolerances import KERNEL, NETWORK
 
 TOLD = {"alpha_v": 3.0, "alpha_omega": 2.5}
@@ -21,7 +24,7 @@ TOLD = {"alpha_v": 3.0, "alpha_omega": 2.5}
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    return str(network_file(tmp_path_factory.mktemp("weights") / "random.npz"))
+    return str(network_file(tmp_path_factory.mktemp("weights") / "random.onnx"))
 
 
 class Recorder:
@@ -30,9 +33,9 @@ class Recorder:
     def __init__(self, means):
         self.means = np.full((4, 2), means)
 
-    def mixture(self, directions, state):
+    def answer(self, directions, state):
         self.directions, self.state = directions.copy(), state
-        return Mixture(np.zeros(4), self.means)
+        return np.zeros(4), self.means
 
 
 def made(file, robot, means=(0.5, -0.25), **settings):
@@ -42,7 +45,7 @@ def made(file, robot, means=(0.5, -0.25), **settings):
     return planner, network
 
 
-def test_the_network_by_hand():
+def test_the_network_by_hand(tmp_path):
     """The layers in float64, one after the other."""
     weights, rng = random_weights(), np.random.default_rng(1)
     directions, state = rng.uniform(0.1, 3.0, (90, 6)), rng.normal(size=8)
@@ -57,16 +60,17 @@ def test_the_network_by_hand():
     for name in ("dense_1", "dense_2", "dense_3", "dense_4"):
         x = layer(x, name)
     out = layer(x, "output", 1.0).reshape(4, 5)
-    mixture = DclpPolicy(weights).mixture(directions, state)
+    network = signed(SIGNATURE, tmp_path / "w.onnx", write_weights, weights)
+    mixture = Mixture(*network.answer(directions, state))
     assert mixture.logits == pytest.approx(out[:, 0], abs=NETWORK)
     assert mixture.means == pytest.approx(np.tanh(out[:, 1:3]), abs=NETWORK)
 
 
-def test_the_order_of_the_directions_means_nothing():
-    network, rng = DclpPolicy(random_weights()), np.random.default_rng(2)
+def test_the_order_of_the_directions_means_nothing(file):
+    network, rng = SignedNetwork(Path(file), SIGNATURE), np.random.default_rng(2)
     directions, state = rng.uniform(0.1, 3.0, (90, 6)), rng.normal(size=8)
-    one, other = network.mixture(directions, state), network.mixture(rng.permutation(directions), state)
-    np.testing.assert_array_equal(one.means, other.means)
+    one, other = network.answer(directions, state), network.answer(rng.permutation(directions), state)
+    np.testing.assert_array_equal(one[1], other[1])
 
 
 def test_components_are_drawn_by_their_probability():
@@ -123,8 +127,8 @@ def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, block
 
 
 def test_weights_that_do_not_exist(tmp_path):
-    with pytest.raises(InputError, match=r"none\.npz: cannot be read"):
-        Dclp(load_settings("planner/dclp", weights=str(tmp_path / "none.npz")), stage())
+    with pytest.raises(InputError, match=r"none\.onnx: cannot be read"):
+        Dclp(load_settings("planner/dclp", weights=str(tmp_path / "none.onnx")), stage())
 
 
 @pytest.mark.parametrize(
@@ -147,7 +151,7 @@ def test_settings_that_cannot_be(settings, says):
 
 
 def test_a_robot_outside_of_the_training_is_named(tmp_path):
-    file = str(network_file(tmp_path / "narrow.npz", trained={"alpha_v": (0.5, 5.0)}))
+    file = str(network_file(tmp_path / "narrow.onnx", trained={"alpha_v": (0.5, 5.0)}))
     with pytest.warns(UserWarning, match=r"told\.alpha_v is 20: .* trained for 0\.5 to 5"):
         Dclp(load_settings("planner/dclp", weights=file), stage(alpha_v=20.0))
     with warnings.catch_warnings():

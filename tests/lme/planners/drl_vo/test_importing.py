@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
+from lme.inputs.onnx_file import TRAINED
 from lme.planners.drl_vo.architecture import Sizes, shapes
 from lme.planners.drl_vo.importing import import_archive
 from lme.planners.drl_vo.torch_file import PICKLE_MAX
-from lme.planners.drl_vo.weights import TRAINED, file_shapes
 from tests.networks import TINY, random_drl_vo, refused
 from tests.torch_archives import FLOAT, REBUILD, archive, name_of, number, state, tensor, text, zipped
 
@@ -23,7 +23,7 @@ KEY = str(list(WEIGHTS).index(BIAS))  # of its numbers
 
 def test_the_actors_tensors_come_back(tmp_path):
     weights = import_archive(archive(tmp_path / "drl_vo.zip", WEIGHTS))
-    assert list(weights) == list(file_shapes(TINY))
+    assert list(weights) == [*shapes(TINY), TRAINED]
     assert weights.pop(TRAINED).tolist() == [0.5, 2.0]
     for name, array in weights.items():
         assert array.dtype == np.float32

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from lme.guides.lme.weight_files import find_network
+from lme.inputs.onnx_graph import read_weights
 from lme.planners.lics.importing import import_state
-from lme.planners.lics.weights import SHAPES, read_weights
+from lme.planners.lics.weights import SHAPES, SIGNATURE
 from tests.networks import random_lics, refused
 from tests.torch_archives import saved, zipped
 
@@ -50,6 +51,6 @@ def test_what_is_not_such_a_network_is_refused(tmp_path):
 
 @pytest.mark.skipif(not REAL, reason="LICS_STATE names no transformer_99.pth")
 def test_the_shipped_network_is_the_authors():
-    shipped, theirs = read_weights(find_network("lics_ki")), import_state(Path(REAL))
+    shipped, theirs = read_weights(find_network("lics_ki"), SIGNATURE.what), import_state(Path(REAL))
     for name, array in theirs.items():
         np.testing.assert_array_equal(array, shipped[name])

@@ -173,7 +173,7 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
     ("settings", "message"),
     [
         ({"path": None}, "path is null: must be the path of an .onnx file"),
-        ({"path": "missing.onnx"}, "path is missing.onnx: must be the path of an .onnx file"),
+        ({"path": "missing.onnx"}, "path is missing.onnx: cannot be read"),
         ({"scan": {"beams": 7}}, f"scan.beams is 7: must divide the lidar's {BEAMS}"),
     ],
 )
@@ -281,7 +281,7 @@ def test_a_network_with_parts_that_are_not_there_is_refused(altered):
         network.graph.node[0].domain, network.graph.node[0].op_type = "mine", "Foo"
 
     assert "has no operator mine:Foo" in altered(foreign)
-    assert "its weights are in another file, which cannot be read" in altered(lambda network: None, data=b"x")
+    assert "its weights are in another file: export all into one" in altered(lambda network: None, data=b"x")
 
 
 def test_a_network_without_an_input_or_with_another_kind_of_output_is_refused(altered):
@@ -327,5 +327,5 @@ def test_a_scan_with_other_beams_than_the_robots_is_refused(file):
 
 def test_without_onnxruntime_a_line_says_how_to_install_it(file, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "onnxruntime", None)
-    with pytest.raises(InputError, match="the planner onnx needs onnxruntime: pip install"):
+    with pytest.raises(InputError, match="needs onnxruntime: pip install"):
         OnnxPolicy(load_settings("planner/onnx", path=file), ROBOT)

@@ -3,12 +3,14 @@
 import pytest
 
 from lme.errors import InputError
-from lme.guides.lme.weight_files import REGISTERED
-from lme.planners.dclp.weights import SHAPES, read_weights
+from lme.guides.lme.weight_files import REGISTERED, find_network
+from lme.inputs.onnx_graph import read_weights
+from lme.planners.dclp.weights import SHAPES, SIGNATURE
+from lme.planners.ipaprec.importing import tensor_names
 from runners.cli.commands import weights
 from runners.config.build import navigator
 from tests.composing import jobs_of
-from tests.networks import checkpoint, random_drl_vo, random_weights
+from tests.networks import checkpoint, random_drl_vo, random_ipaprec, random_weights
 from tests.torch_archives import archive
 
 
@@ -22,12 +24,12 @@ def source(tmp_path, monkeypatch):
 def test_an_imported_network_is_listed_and_drives(source, capsys):
     assert weights.main(["import", "dclp", str(source), "mine"]) == 0
     assert "planner.weights=mine" in capsys.readouterr().out
-    found, wanted = read_weights(REGISTERED / "mine.npz"), random_weights()
+    found, wanted = read_weights(REGISTERED / "mine.onnx", SIGNATURE.what), random_weights()
     assert all((found[name] == wanted[name]).all() for name in SHAPES)
     assert weights.main([]) == 0
     out = capsys.readouterr().out
     assert "weights=published, ships with lme" in out
-    assert "planner.weights=mine, outputs/weights/mine.npz" in out
+    assert "planner.weights=mine, outputs/weights/mine.onnx" in out
     assert "planner.weights=dclp_jackal, ships with lme" in out
     assert "guide.weights=learned_subgoal, ships with lme" in out
     with jobs_of("eval", "planner=dclp_barn", "planner.weights=mine") as job:
@@ -43,10 +45,18 @@ def test_an_imported_network_of_drl_vo_drives_along_a_path(tmp_path, capsys):
         navigator(job("guide=global_path").config)
 
 
+@pytest.mark.parametrize(("network", "sectors"), [("maer_nav", 32), ("drl_nsuo", 30)])
+def test_the_other_networks_of_the_laboratory_drive_as_systems(tmp_path, network, sectors):
+    prefix = checkpoint(tmp_path / "model-36", random_ipaprec(sectors), names=tensor_names())
+    assert weights.main(["import", network, str(prefix)]) == 0
+    with jobs_of("eval", f"system={network}") as job:
+        navigator(job().config)
+
+
 def test_the_default_name_and_a_second_import(source):
     for _ in range(2):
         assert weights.main(["import", "dclp", str(source)]) == 0
-    assert [path.name for path in REGISTERED.iterdir()] == ["dclp.npz"]
+    assert [path.name for path in REGISTERED.iterdir()] == ["dclp.onnx"]
 
 
 @pytest.mark.parametrize("name", ["a/b", "..", ".hidden", ""])
@@ -59,6 +69,17 @@ def test_nothing_is_written_for_a_checkpoint_that_is_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         weights.main(["import", "dclp", str(tmp_path / "none")])
     assert not REGISTERED.exists()
+
+
+@pytest.mark.parametrize("weights", ["mine", "w.npz", "run"])
+def test_a_network_of_an_earlier_version_is_named(tmp_path, weights):
+    for path in (REGISTERED / "mine.npz", tmp_path / "w.npz", tmp_path / "run" / "weights.npz"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"PK")
+    with pytest.raises(
+        InputError, match=rf"is '{weights}': .*npz is of an earlier lme; networks are ONNX files now"
+    ):
+        find_network(weights)
 
 
 def test_a_network_that_does_not_exist(source):
