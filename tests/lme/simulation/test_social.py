@@ -36,14 +36,19 @@ class Stands:
         return Twist(0.0, 0.0)
 
 
+FAST = FastSimulator, FastConfig(), stage()
+PHYSICS = PhysicsSimulator, PhysicsConfig(), stage()
+SKID = SkidSimulator, SkidConfig(), shipped("jackal_gazebo")
+
+
 def someone(*path, **rules):
     return Mover(path=np.array(path, dtype=float), **{"radius": 0.25, "speed": 1.0, **rules})
 
 
-def drive(*movers, planner=None, simulator=None, **rules):
+def drive(*movers, planner=None, simulated=FAST, **rules):
     """Outcome and measures of a drive from (0, 0) to (4, 0)."""
-    simulator = simulator or FastSimulator(FastConfig(), stage())
-    robot = simulator._robot
+    make, config, robot = simulated
+    simulator = make(config, robot)
     navigator = Navigator(Target(TargetConfig(), robot), planner or Simple(SimpleConfig(), robot))
     company = Company(robot, simulator)
     place = task(World(movers=movers), **{"goal": (4.0, 0.0), "time_limit": 20.0, **rules})
@@ -77,31 +82,24 @@ def test_irregularity_is_the_angle_between_heading_and_goal():
     assert found.path_irregularity_rad == pytest.approx(0.5, abs=1e-9)
 
 
-SIMULATORS = [
-    lambda: FastSimulator(FastConfig(), stage()),
-    lambda: PhysicsSimulator(PhysicsConfig(), stage()),
-    lambda: SkidSimulator(SkidConfig(), shipped("jackal_gazebo")),
-]
-
-
-@pytest.mark.parametrize("made", SIMULATORS)
-def test_a_robot_that_is_walked_into_is_not_to_blame(made):
-    episode, found = drive(someone((3.0, 0.0), (-3.0, 0.0)), planner=Stands(), simulator=made())
+@pytest.mark.parametrize("simulated", [FAST, PHYSICS, SKID])
+def test_a_robot_that_is_walked_into_is_not_to_blame(simulated):
+    episode, found = drive(someone((3.0, 0.0), (-3.0, 0.0)), planner=Stands(), simulated=simulated)
     assert episode.outcome is Outcome.COLLISION
     assert (found.robot_on_person_collision, found.person_on_robot_collision) == (0.0, 1.0)
     assert found.minimum_distance_to_people_m == pytest.approx(0.0, abs=0.02)
 
 
-@pytest.mark.parametrize("made", SIMULATORS)
-def test_a_robot_that_drives_into_someone_who_stands_is(made):
-    episode, found = drive(someone((2.0, 0.05)), simulator=made())
+@pytest.mark.parametrize("simulated", [FAST, PHYSICS, SKID])
+def test_a_robot_that_drives_into_someone_who_stands_is(simulated):
+    episode, found = drive(someone((2.0, 0.05)), simulated=simulated)
     assert episode.outcome is Outcome.COLLISION
     assert (found.robot_on_person_collision, found.person_on_robot_collision) == (1.0, 0.0)
 
 
 def test_a_wall_is_nobodys_fault():
-    simulator = FastSimulator(FastConfig(), stage())
-    robot, company = simulator._robot, None
+    robot = stage()
+    simulator = FastSimulator(FastConfig(), robot)
     company = Company(robot, simulator)
     world = World(segments=np.array([[2.0, -1.0, 2.0, 1.0]]), movers=(someone((0.0, 3.0)),))
     navigator = Navigator(Target(TargetConfig(), robot), Simple(SimpleConfig(), robot))

@@ -1,6 +1,7 @@
 """DRL-DCLP with random weights: what the network is given, what is done with its answer, and what is refused."""
 
 import warnings
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -36,8 +37,9 @@ class Recorder:
 
 
 def made(file, robot, means=(0.5, -0.25), **settings):
-    planner = Dclp(DclpConfig(weights=file, **settings), robot)
-    planner._network = network = Recorder(means)
+    network = Recorder(means)
+    with mock.patch("lme.planners.dclp.planner.DclpPolicy", return_value=network):
+        planner = Dclp(DclpConfig(weights=file, **settings), robot)
     planner.reset(np.random.default_rng(0))
     return planner, network
 
