@@ -5,17 +5,14 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 
 from lme.errors import InputError
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.simulation.crowd import Crowd
 from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.dynabarn import DIFFICULTIES, RADIUS, Dynabarn, DynabarnConfig, crossing
-from runners.config.instantiate import build
 from tests.builders import SHIPPED, navigator, shipped
 from tests.tolerances import KERNEL
 
@@ -146,11 +143,6 @@ def test_the_simulated_robot_meets_the_cylinders():
             hit.append(point_clearance(task.world, simulator.state.pose[:2]))
     assert len(hit) >= 3
     assert min(hit) > robot.footprint.r_max  # no wall is near
-
-
-def test_the_yaml_builds_what_ships():
-    written = yaml.safe_load((resource_dir("conf") / "map" / "dynabarn.yaml").read_text("utf-8"))
-    assert build(written, "map").config == DynabarnConfig()
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,12 @@
 """The traps as a map set, and that they are traps."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-import yaml
 
 from lme.errors import InputError
 from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
@@ -17,7 +14,6 @@ from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
 from lme.worlds.traps import DRAWINGS, KINDS, Traps, TrapsConfig
-from runners.config.instantiate import build
 from tests.builders import SHIPPED, navigator, shipped, stage
 
 ON_THE_WAY = 1.02  # of the straight line: nothing to go around
@@ -119,14 +115,6 @@ def test_lme_escapes(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_tangent_bug_escapes_from_every_trap(kind):
     assert set(outcomes(traps(kind=kind), range(5), bug)) == {Outcome.SUCCESS}
-
-
-def test_every_key_stands_in_the_yaml_with_a_comment():
-    text = (resource_dir("conf") / "map" / "traps.yaml").read_text(encoding="utf-8")
-    written = yaml.safe_load(text)
-    assert set(written) == {"_target_", *(field.name for field in dataclasses.fields(TrapsConfig))}
-    assert all("  # " in line for line in text.splitlines()[2:])
-    assert build(written, "map").config == TrapsConfig()
 
 
 @pytest.mark.parametrize(

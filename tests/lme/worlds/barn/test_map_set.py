@@ -1,14 +1,11 @@
 """The map set: subsets, bad input, tasks, and its YAML."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-import yaml
 
 from lme.errors import InputError
-from lme.inputs.resources import resource_dir
 from lme.worlds.barn.map_set import Barn, BarnConfig
 
 
@@ -24,15 +21,6 @@ def test_a_subset_has_its_worlds():
     assert barn(subset="fresh_hard", count=3).numbers == (1000, 1001, 1002)
     assert barn(worlds=[7, 3]).numbers == (7, 3)
     assert barn(subset="fresh", worlds=[1500]).numbers == (1500,)
-
-
-def test_yaml_has_every_key_with_its_default_and_a_comment():
-    text = (resource_dir("conf") / "map" / "barn.yaml").read_text(encoding="utf-8")
-    values = yaml.safe_load(text)
-    assert values.pop("_target_") == "lme.worlds.barn.Barn"
-    assert BarnConfig(**values) == BarnConfig()
-    assert set(values) == {field.name for field in dataclasses.fields(BarnConfig)}
-    assert all("  # " in line for line in text.splitlines() if line.split(":")[0] in values)
 
 
 def test_schema_composes_with_omegaconf():

@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 
 from lme.errors import InputError
 from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
-from lme.inputs.resources import resource_dir
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
@@ -17,7 +15,6 @@ from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.indoor import Indoor, IndoorConfig
 from lme.worlds.indoor.map_set import KINDS
-from runners.config.instantiate import build
 from tests.builders import SHIPPED, shipped, stage
 from tests.tolerances import KERNEL
 
@@ -62,11 +59,6 @@ def test_tangent_bug_arrives(kind):
     bug = Navigator(TangentBug(TangentBugConfig(), robot), Simple(SimpleConfig(), robot))
     episode = run_episode(task, bug, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
     assert episode.outcome is Outcome.SUCCESS
-
-
-def test_the_yaml_builds_what_ships():
-    written = yaml.safe_load((resource_dir("conf") / "map" / "indoor.yaml").read_text("utf-8"))
-    assert build(written, "map").config == IndoorConfig()
 
 
 @pytest.mark.parametrize(
