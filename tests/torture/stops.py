@@ -151,7 +151,6 @@ def _terminated(kind: Kind, rng: np.random.Generator, seconds: float, used: int,
     folder, process = _started(kind)
     progress = (f"{_PLACE}/**/episodes.jsonl", f"{_PLACE}/study.journal", f"{_PLACE}/data/*.npz")
     _wait(lambda: process.poll() is not None or any(_size(p) for glob in progress for p in folder.glob(glob)))
-    time.sleep(rng.uniform(0.0, 0.3 * seconds))
     had_ended = process.poll() is not None
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGTERM)
