@@ -43,7 +43,7 @@ def require(
         raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, names: Iterable[str]) -> str:
     """Return a hint for an error message: "did you mean NAME? ", or "" if no known name is similar."""
-    close = difflib.get_close_matches(name, sorted(known), n=1)
+    close = difflib.get_close_matches(name, sorted(names), n=1)
     return f"did you mean {close[0]}? " if close else ""

@@ -28,8 +28,8 @@ _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
 _PREFIX = "kernels-"
-_NUMBAS = "numba.core.caching"  # its module that reads and writes the cache
-_KEPT = 3  # versions that are kept, since a checkout may switch back and forth between some
+_NUMBA_CACHING = "numba.core.caching"  # its module that reads and writes the cache
+_MAX_VERSIONS = 3  # versions that are kept, since a checkout may switch back and forth between some
 
 
 def choose(package: Path = _PACKAGE) -> None:
@@ -55,28 +55,28 @@ def choose(package: Path = _PACKAGE) -> None:
 
 def folder(source: Path) -> Path:
     """Return Numba's folder for the kernels of a source file: in NUMBA_CACHE_DIR, named after the file's folder."""
-    chosen = os.environ.get(_VARIABLE)
-    if not chosen:
+    cache_dir = os.environ.get(_VARIABLE)
+    if not cache_dir:
         return source.parent / "__pycache__"
-    return Path(chosen) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
+    return Path(cache_dir) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
 
 
 def _version(package: Path) -> str:
     """A name for the current sources of all kernels."""
-    known = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
         if b"njit" in source:
-            known.update(str(path.relative_to(package)).encode() + b"\0" + source)
-    return known.hexdigest()[:16]
+            digest.update(str(path.relative_to(package)).encode() + b"\0" + source)
+    return digest.hexdigest()[:16]
 
 
 def _candidates(package: Path) -> Iterator[Path]:
     """The possible places of the folder, best first. If NUMBA_CACHE_DIR is set, it is the only one."""
-    given = os.environ.get(_VARIABLE)
-    if given:
+    cache_dir = os.environ.get(_VARIABLE)
+    if cache_dir:
         # A process that has called `choose` hands its own folder to those that it starts.
-        yield Path(given).parent if Path(given).name.startswith(_PREFIX) else Path(given)
+        yield Path(cache_dir).parent if Path(cache_dir).name.startswith(_PREFIX) else Path(cache_dir)
         return
     if os.access(package, os.W_OK):
         yield package / "__pycache__"
@@ -95,21 +95,21 @@ def _private_folder() -> Path:
     folder = Path(tempfile.gettempdir()) / f"{_NAME}-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     status = folder.lstat()
-    ours = status.st_uid == os.getuid() and not status.st_mode & 0o077 and not folder.is_symlink()
-    return folder if ours else Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
+    is_private = status.st_uid == os.getuid() and not status.st_mode & 0o077 and not folder.is_symlink()
+    return folder if is_private else Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
 
 
 def _remove_old(base: Path) -> None:
     """Remove the folders of earlier sources, except the newest."""
     folders = sorted(base.glob(f"{_PREFIX}*"), key=lambda path: path.stat().st_mtime)
-    for old in folders[:-_KEPT]:
+    for old in folders[:-_MAX_VERSIONS]:
         shutil.rmtree(old, ignore_errors=True)
 
 
 def _survive_damage() -> None:
     """Make Numba recompile a kernel whose cache file is damaged, and carry on if a file cannot be written."""
-    if _NUMBAS in sys.modules:
-        _mend(sys.modules[_NUMBAS].IndexDataCacheFile)
+    if _NUMBA_CACHING in sys.modules:
+        _mend(sys.modules[_NUMBA_CACHING].IndexDataCacheFile)
     elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Finder())
 
@@ -119,7 +119,7 @@ class _Finder(MetaPathFinder):
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Return the spec of Numba's caching module, whose loader also patches it; None for any other module."""
-        if name != _NUMBAS:
+        if name != _NUMBA_CACHING:
             return None
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)

@@ -126,10 +126,12 @@ class Observation(NamedTuple):
 
         A stopping check must pass with each of them.
         """
-        last, now = self.last_command, self.twist
-        if last is None or (abs(last.v - now.v) <= _ROUNDING and abs(last.omega - now.omega) <= _ROUNDING):
-            return (now,)
-        return now, last
+        command, measured = self.last_command, self.twist
+        if command is None or (
+            abs(command.v - measured.v) <= _ROUNDING and abs(command.omega - measured.omega) <= _ROUNDING
+        ):
+            return (measured,)
+        return measured, command
 
 
 class Guidance(NamedTuple):

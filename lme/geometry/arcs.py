@@ -24,31 +24,31 @@ def contact_times(
     points: Floats,
     box: tuple[float, float, float],
     margins: Floats,
-    least: Floats,
+    min_distances: Floats,
     horizons: Floats,
 ) -> Floats:
     """Time until the footprint touches a point at constant twist, for each twist: (N,) [s], inf if never.
 
     twists (N, 2) [m/s, rad/s], v ≥ 0; points (M, 2) in the robot frame [m]; box (half_length, half_width,
     rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to SLACK of a point's current
-    distance. least (N,) [s]: any contact before this time may be returned, not only the first. horizons (N,) [s]:
+    distance. min_distances (N,) [s]: any contact before it may be returned, not only the first. horizons (N,) [s]:
     later contacts are ignored. A standing robot touches nothing; for a moving one, a point inside the footprint
     gives 0.
     """
     half_length, half_width, rounding = box
     sizes = float(half_length), float(half_width), float(rounding)
-    times: Floats = first_contacts(twists, points, sizes, margins, least, horizons)
+    times: Floats = first_contacts(twists, points, sizes, margins, min_distances, horizons)
     return times
 
 
 @njit(cache=True, error_model="numpy")
 def clearances(points: Floats, box: tuple[float, float, float]) -> Floats:
     """Distance of each of the (M, 2) points from the footprint [m], negative inside: (M,)."""
-    out = np.empty(len(points))
+    distances = np.empty(len(points))
     for i in range(len(points)):
         dx, dy = max(abs(points[i, 0]) - box[0], 0.0), max(abs(points[i, 1]) - box[1], 0.0)
-        out[i] = math.sqrt(dx * dx + dy * dy) - box[2]
-    return out
+        distances[i] = math.sqrt(dx * dx + dy * dy) - box[2]
+    return distances
 
 
 @njit(cache=True, error_model="numpy")
@@ -57,7 +57,7 @@ def first_contacts(
     points: Floats,
     box: tuple[float, float, float],
     margins: Floats,
-    least: Floats,
+    min_distances: Floats,
     horizons: Floats,
     slack: float = SLACK,
 ) -> Floats:
@@ -69,7 +69,9 @@ def first_contacts(
     near = within_reach(twists, points, box, margins, horizons, slack)
     times = np.empty(len(twists))
     for i in range(len(twists)):
-        times[i] = first_contact(twists[i, 0], twists[i, 1], near, box, margins[i], least[i], horizons[i])
+        times[i] = first_contact(
+            twists[i, 0], twists[i, 1], near, box, margins[i], min_distances[i], horizons[i]
+        )
     return times
 
 
@@ -100,20 +102,22 @@ def first_contact(
     near: tuple[Floats, Floats, Floats],
     box: tuple[float, float, float],
     margin: float,
-    least: float,
+    min_distance: float,
     horizon: float,
 ) -> float:
     """Return the result of `first_contacts` for one twist. near: the points of `within_reach`."""
-    points, ranges, kept = near
+    points, ranges, keep_distances = near
     if v == 0.0 and omega == 0.0:
         return np.inf
     # Straight ahead: the distance until contact, divided by v.
     if abs(omega) < STRAIGHT * v:
-        way: float = _straight(points, ranges, kept, box, margin, (v * least, v * horizon))
-        return way / v
+        distance: float = _straight(
+            points, ranges, keep_distances, box, margin, (v * min_distance, v * horizon)
+        )
+        return distance / v
     # On an arc: the angle about the centre of rotation until contact, divided by |ω|.
-    turns = abs(omega) * least, abs(omega) * horizon
-    turn: float = _turn(points, ranges, kept, box, margin, v / omega, turns)
+    turns = abs(omega) * min_distance, abs(omega) * horizon
+    turn: float = _turn(points, ranges, keep_distances, box, margin, v / omega, turns)
     return turn / abs(omega)
 
 
@@ -133,68 +137,68 @@ def _nearest_first(points, reach):
     ring_of, start = np.empty(len(points), np.int64), np.zeros(_RINGS + 2, np.int64)
     # Ring of each point by its distance; −1 for points out of reach.
     for i in range(len(points)):
-        away = math.sqrt(points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1])
-        ring_of[i] = min(int(away * scale), _RINGS) if away <= reach else -1
+        distance = math.sqrt(points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1])
+        ring_of[i] = min(int(distance * scale), _RINGS) if distance <= reach else -1
     for i in range(len(points)):
         if ring_of[i] >= 0:
             start[ring_of[i] + 1] += 1
     # Counting sort: start[ring] becomes the index of the ring's first point.
     for ring in range(_RINGS + 1):
         start[ring + 1] += start[ring]
-    near, ranges = np.empty((start[_RINGS + 1], 2)), np.empty(start[_RINGS + 1])
+    rings, ranges = np.empty((start[_RINGS + 1], 2)), np.empty(start[_RINGS + 1])
     for i in range(len(points)):
         ring = ring_of[i]
         if ring >= 0:
-            at = start[ring]
-            start[ring] = at + 1
-            near[at, 0], near[at, 1], ranges[at] = points[i, 0], points[i, 1], (ring - EDGE) / scale
-    return near, ranges
+            k = start[ring]
+            start[ring] = k + 1
+            rings[k, 0], rings[k, 1], ranges[k] = points[i, 0], points[i, 1], (ring - EDGE) / scale
+    return rings, ranges
 
 
 @njit(cache=True, error_model="numpy")
-def _rounding(kept, rounding, margin):
+def _rounding(keep_distance, rounding, margin):
     """Rounding of the footprint grown by the margin, limited by the distance that the point must keep [m]."""
-    return rounding + min(margin, kept)
+    return rounding + min(margin, keep_distance)
 
 
 @njit(cache=True, error_model="numpy")
-def _straight(points, ranges, kept, box, margin, limits):
+def _straight(points, ranges, keep_distances, box, margin, limits):
     """Distance straight ahead until contact [m], inf if there is none.
 
-    limits (enough, limit) [m]: the first contact found below `enough` is returned, be it the first of the motion or
+    limits (sufficient, limit) [m]: the first contact below `sufficient` is returned, be it the first of the motion or
     not; contacts beyond `limit` are ignored.
     """
-    enough, limit = limits
+    sufficient, limit = limits
     half_length, half_width, rounding = box
     r_max = math.hypot(half_length, half_width) + rounding + margin
-    best, found = limit, np.inf
+    best, contact = limit, np.inf
     for i in range(len(points)):
         # All points from here on are too far away to be met before the best contact.
         if ranges[i] > best + r_max:
             break
-        if kept[i] <= 0.0:
+        if keep_distances[i] <= 0.0:
             return 0.0
-        r = _rounding(kept[i], rounding, margin)
-        beside = abs(points[i, 1]) - half_width
-        if points[i, 0] <= 0.0 or beside > r:
+        r = _rounding(keep_distances[i], rounding, margin)
+        lateral = abs(points[i, 1]) - half_width
+        if points[i, 0] <= 0.0 or lateral > r:
             continue
         # Front of the footprint at this lateral offset: on the straight edge or on the rounded corner.
-        front = half_length + (r if beside <= 0.0 else math.sqrt(r * r - beside * beside))
-        way = points[i, 0] - front
-        if 0.0 <= way <= best:  # less than 0: beside the footprint, so the robot moves away from it
-            best, found = way, way
-            if way < enough:
+        front = half_length + (r if lateral <= 0.0 else math.sqrt(r * r - lateral * lateral))
+        distance = points[i, 0] - front
+        if 0.0 <= distance <= best:  # less than 0: beside the footprint, so the robot moves away from it
+            best, contact = distance, distance
+            if distance < sufficient:
                 break
-    return found
+    return contact
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(points, ranges, kept, box, margin, radius, limits):
+def _turn(points, ranges, keep_distances, box, margin, radius, limits):
     """Angle about the centre until contact [rad], inf if there is none within a full circle.
 
     limits: as in `_straight`, but angles [rad].
     """
-    enough, limit = limits
+    sufficient, limit = limits
     half_length, half_width, rounding = box
     grown = rounding + margin
     front = half_length + grown
@@ -202,14 +206,14 @@ def _turn(points, ranges, kept, box, margin, radius, limits):
     # Mirror a right turn to a left one; `low` and `high` bound the annulus that the footprint sweeps.
     side, R = math.copysign(1.0, radius), abs(radius)
     low, high = _annulus(R, half_length, half_width, grown)
-    best, found = min(limit, 2.0 * math.pi), np.inf
+    best, contact = min(limit, 2.0 * math.pi), np.inf
     cos, sin = _rotation(best)
     leaving = R > half_width + grown and best <= math.pi
     # From near to far: every contact found shortens the rest of the search.
     for i in range(len(points)):
         if ranges[i] > min(best, 2.0) * R + r_max:  # the chord is at most 2R
             break
-        if kept[i] <= 0.0:
+        if keep_distances[i] <= 0.0:
             return 0.0
         x, y = points[i, 0], side * points[i, 1]
         square = x * x + y * y - 2.0 * R * y  # squared distance from the centre, minus R²
@@ -219,14 +223,14 @@ def _turn(points, ranges, kept, box, margin, radius, limits):
             continue
         if x < 0.0 and leaving and (y > 0.0 or x < -front):  # already behind
             continue
-        r = _rounding(kept[i], rounding, margin)
+        r = _rounding(keep_distances[i], rounding, margin)
         angle = _entry(x, y, square, R, half_length, half_width, r)
         if angle <= best:
-            best, found = angle, angle
-            if angle < enough:
+            best, contact = angle, angle
+            if angle < sufficient:
                 break
             cos, sin = _rotation(best)
-    return found
+    return contact
 
 
 @njit(cache=True, error_model="numpy")
@@ -277,9 +281,9 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
     first = np.inf
     # Front and rear: the circle meets x = ±front at R − y = ±√(R² + square − front²).
     front = half_length + r
-    below = R * R + square - front * front  # (R − y)² where the circle meets x = ±front
-    if below >= 0.0:
-        root = math.sqrt(below)
+    y_square = R * R + square - front * front  # (R − y)² where the circle meets x = ±front
+    if y_square >= 0.0:
+        root = math.sqrt(y_square)
         y_front = (
             (front * front - square) / (R + root) if R > 0.0 else -root
         )  # R − root, without cancellation
@@ -287,12 +291,12 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
             first = min(first, _wrap_positive(psi - math.atan2(front, root)))
         if abs(R + root) <= half_width + EDGE:
             first = min(first, _wrap_positive(psi - math.atan2(-front, -root)))
-    # Left and right side: the circle meets y = left at x² = R² + square − (R − left)².
-    for left in (half_width + r, -half_width - r):
-        beside = x * x + y * y - left * left + 2.0 * R * (left - y)  # x² where the circle meets y = left
-        if 0.0 <= beside <= (half_length + EDGE) ** 2:
-            crossing = math.copysign(math.sqrt(beside), left)
-            first = min(first, _wrap_positive(psi - math.atan2(crossing, R - left)))
+    # Left and right side: the circle meets y = side at x² = R² + square − (R − side)².
+    for side in (half_width + r, -half_width - r):
+        x_square = x * x + y * y - side * side + 2.0 * R * (side - y)
+        if 0.0 <= x_square <= (half_length + EDGE) ** 2:
+            crossing = math.copysign(math.sqrt(x_square), side)
+            first = min(first, _wrap_positive(psi - math.atan2(crossing, R - side)))
     return first
 
 
@@ -303,15 +307,15 @@ def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):
     For the distances ρ of the point and D of the corner from the centre, the angle β between them at contact
     satisfies r² = (ρ − D)² + 4 ρ D sin²(β/2).
     """
-    below = R - half_width
-    D = math.sqrt(half_length * half_length + below * below)
+    to_corner_y = R - half_width
+    D = math.sqrt(half_length * half_length + to_corner_y * to_corner_y)
     # r² = (ρ − D)² + 4 ρ D sin²(β/2), with ρ − D = (ρ² − D²) / (ρ + D) to avoid cancellation.
     squares = x * x + y * y - half_length * half_length - half_width * half_width
     difference = (squares + 2.0 * R * (half_width - y)) / (rho + D)
-    rest, whole = r * r - difference * difference, 4.0 * rho * D
-    if rest < 0.0 or rest > whole:  # the circle misses the disc or is inside it
+    numerator, denominator = r * r - difference * difference, 4.0 * rho * D
+    if numerator < 0.0 or numerator > denominator:  # the circle misses the disc or is inside it
         return np.inf
-    beta, corner = 2.0 * math.asin(math.sqrt(rest / whole)), math.atan2(half_length, below)
+    beta, corner = 2.0 * math.asin(math.sqrt(numerator / denominator)), math.atan2(half_length, to_corner_y)
     return min(_wrap_positive(psi - corner - beta), _wrap_positive(psi + corner - beta))
 
 

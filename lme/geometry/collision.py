@@ -36,7 +36,7 @@ def sweep(
 def sweep_box(poses, half_length, half_width, rounding, circles, edges):
     """Return the result of `sweep` for other kernels, with the box as separate numbers."""
     near_circles, near_edges = _broad_phase(poses, half_length, half_width, rounding, circles, edges)
-    least = np.inf
+    min_clearance = np.inf
     # Distance to the sharp rectangle at each pose, less the rounding of its corners.
     for k in range(len(poses)):
         frame = (poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2]))
@@ -44,10 +44,10 @@ def sweep_box(poses, half_length, half_width, rounding, circles, edges):
             _to_circles(frame, half_length, half_width, circles, near_circles),
             _to_edges(frame, half_length, half_width, edges, near_edges),
         )
-        least = min(least, clearance - rounding)
-        if least <= 0.0:
+        min_clearance = min(min_clearance, clearance - rounding)
+        if min_clearance <= 0.0:
             return 0.0, k
-    return least, -1
+    return min_clearance, -1
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,65 +73,65 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
     r_min = min(half_length, half_width) + rounding
     r_max = math.hypot(half_length, half_width) + rounding
     limit = (max(nearest - r_min, 0.0) + r_max + travel) * (1.0 + 1e-9)
-    return _within(to_circle, limit), _within(to_edge, limit)
+    return _up_to(to_circle, limit), _up_to(to_edge, limit)
 
 
 @njit(cache=True, error_model="numpy")
-def _within(distances, limit):
+def _up_to(distances, limit):
     """Indices of the distances up to the limit. This loop compiles much faster than NumPy's functions."""
-    found = np.empty(len(distances), np.int64)
+    indices = np.empty(len(distances), np.int64)
     count = 0
     for i in range(len(distances)):
-        found[count] = i
+        indices[count] = i
         count += distances[i] <= limit
-    return found[:count]
+    return indices[:count]
 
 
 @njit(cache=True, error_model="numpy")
 def _circle_distances(x, y, circles):
     """Distance from (x, y) to each circle, negative inside."""
-    out = np.empty(len(circles))
+    distances = np.empty(len(circles))
     for i in range(len(circles)):
         dx, dy = circles[i, 0] - x, circles[i, 1] - y
-        out[i] = math.sqrt(dx * dx + dy * dy) - circles[i, 2]
-    return out
+        distances[i] = math.sqrt(dx * dx + dy * dy) - circles[i, 2]
+    return distances
 
 
 @njit(cache=True, error_model="numpy")
 def _edge_distances(x, y, edges):
     """Distance from (x, y) to each edge."""
-    out = np.empty(len(edges))
+    distances = np.empty(len(edges))
     for i in range(len(edges)):
-        out[i] = math.sqrt(point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
-    return out
+        distances[i] = math.sqrt(point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
+    return distances
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circles(frame, half_length, half_width, circles, chosen):
+def _to_circles(frame, half_length, half_width, circles, indices):
     """Distance from the rectangle at `frame` to the nearest of the chosen circles; negative in contact."""
     x, y, cos, sin = frame
-    least = np.inf
-    for i in chosen:
+    nearest = np.inf
+    for i in indices:
         dx, dy = circles[i, 0] - x, circles[i, 1] - y
         outside_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
         outside_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
-        least = min(least, math.sqrt(outside_x * outside_x + outside_y * outside_y) - circles[i, 2])
-    return least
+        nearest = min(nearest, math.sqrt(outside_x * outside_x + outside_y * outside_y) - circles[i, 2])
+    return nearest
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edges(frame, half_length, half_width, edges, chosen):
+def _to_edges(frame, half_length, half_width, edges, indices):
     """Distance from the rectangle at `frame` to the nearest of the chosen edges; 0 where they meet."""
     x, y, cos, sin = frame
-    least = np.inf
-    for i in chosen:
+    min_square = np.inf
+    for i in indices:
         # The segment in the frame of the rectangle.
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
         segment = (cos * ax + sin * ay, cos * ay - sin * ax, cos * bx + sin * by, cos * by - sin * bx)
         if _crosses(segment, half_length, half_width):
             return 0.0
-        least = min(least, _rectangle_to_segment(segment, half_length, half_width))
-    return math.sqrt(least)
+        min_square = min(min_square, _rectangle_to_segment(segment, half_length, half_width))
+    return math.sqrt(min_square)
 
 
 @njit(cache=True, error_model="numpy")
@@ -154,14 +154,14 @@ def _rectangle_to_segment(segment, half_length, half_width):
     It is attained at an end of the segment or at a corner of the rectangle.
     """
     ax, ay, bx, by = segment
-    least = min(
+    min_square = min(
         _point_to_box(ax, ay, half_length, half_width), _point_to_box(bx, by, half_length, half_width)
     )
     # Corners of the rectangle to the segment.
     for x in (-half_length, half_length):
         for y in (-half_width, half_width):
-            least = min(least, point_to_segment(x, y, ax, ay, bx, by))
-    return least
+            min_square = min(min_square, point_to_segment(x, y, ax, ay, bx, by))
+    return min_square
 
 
 @njit(cache=True, error_model="numpy")
@@ -191,8 +191,8 @@ def first_event(travel, goal, tolerance, box, circles, edges):
     """
     # Poses after the arrival do not count.
     arrival = first_within(travel, goal, tolerance)
-    passed = travel[: arrival + 1] if arrival >= 0 else travel
-    clearance, contact = sweep_box(passed, box[0], box[1], box[2], circles, edges)
+    driven_poses = travel[: arrival + 1] if arrival >= 0 else travel
+    clearance, contact = sweep_box(driven_poses, box[0], box[1], box[2], circles, edges)
     if contact >= 0:
         return contact + 1, clearance, True, False
-    return len(passed), clearance, False, arrival >= 0
+    return len(driven_poses), clearance, False, arrival >= 0

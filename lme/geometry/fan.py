@@ -73,15 +73,15 @@ def unsigned_bearing(x: float, y: float) -> float:
     # Reduce the angle to arctan(t), t ≤ 1, and beyond tan(π/8) to arctan((t − 1)/(t + 1)).
     ax, ay = abs(x), abs(y)
     t = min(ax, ay) / max(ax, ay, _TINY)
-    far = t > _TAN_PI_8
-    t = (t - 1.0) / (t + 1.0) if far else t
+    is_large = t > _TAN_PI_8
+    t = (t - 1.0) / (t + 1.0) if is_large else t
     # arctan(t) = t + t z P(z)/Q(z) with z = t².
     z = t * t
     p = (((_ATAN_P[0] * z + _ATAN_P[1]) * z + _ATAN_P[2]) * z + _ATAN_P[3]) * z + _ATAN_P[4]
     q = ((((z + _ATAN_Q[0]) * z + _ATAN_Q[1]) * z + _ATAN_Q[2]) * z + _ATAN_Q[3]) * z + _ATAN_Q[4]
     angle = t + t * (z * p / q)
     # Undo the reductions: eighth, quarter and half of a turn.
-    angle = angle + 0.25 * math.pi if far else angle
+    angle = angle + 0.25 * math.pi if is_large else angle
     angle = 0.5 * math.pi - angle if ay > ax else angle
     return math.pi - angle if x < 0.0 else angle
 
@@ -92,10 +92,10 @@ def direction(turn: float) -> tuple[float, float]:
     turn -= np.floor(turn)
     # Turn the middle of the slice by the rest, with the Taylor series of cosine and sine.
     i = min(int(turn * _SLICES), _SLICES - 1)
-    off = 2.0 * math.pi * (turn - (i + 0.5) / _SLICES)
-    square = off * off
+    remainder = 2.0 * math.pi * (turn - (i + 0.5) / _SLICES)
+    square = remainder * remainder
     cos = 1.0 - square * (0.5 - square / 24.0)
-    sin = off * (1.0 - square * (1.0 / 6.0 - square / 120.0))
+    sin = remainder * (1.0 - square * (1.0 / 6.0 - square / 120.0))
     return _MIDDLES[i, 0] * cos - _MIDDLES[i, 1] * sin, _MIDDLES[i, 1] * cos + _MIDDLES[i, 0] * sin
 
 
@@ -112,22 +112,22 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
         _test_all(arms, rays, radius, blocked)
         return blocked
     # Sort the ends into bins of bearing, and find the bins in the tangent cone of each point.
-    wide = radius + _SLACK * (radius + math.sqrt(sum_ends) + math.sqrt(sum_points))
+    padded = radius + _SLACK * (radius + math.sqrt(sum_ends) + math.sqrt(sum_points))
     axis = (arms[0].sum(), arms[1].sum())  # reference for bearings, so that a narrow fan does not wrap around
     bearing = _bearings(arms, axis)
     low = bearing.min()
     num_bins = len(ends) // _ENDS_PER_BIN + 1
     scale = num_bins / (bearing.max() - low + _SLACK)
-    cones = _cones(rays, axis, wide, low, scale, num_bins)
-    ends_left, arms_left, start, stop, reach = _sort_into_bins(arms, bearing, low, scale, num_bins, wide)
+    cones = _cones(rays, axis, padded, low, scale, num_bins)
+    ends_left, arms_left, start, stop, reach = _sort_into_bins(arms, bearing, low, scale, num_bins, padded)
     # Blocked ends leave their bins, so every pass has fewer of them to test.
     for offset in range(_STRIDE):
-        _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
+        _test_stride(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
     return blocked
 
 
 @njit(cache=True, error_model="numpy")
-def _near(dx, dy, length_square, qx, qy, radius_square):
+def _is_near(dx, dy, length_square, qx, qy, radius_square):
     """Return whether q is nearer than the radius to the segment from the origin to d.
 
     It has no branches, since none could be predicted.
@@ -135,10 +135,10 @@ def _near(dx, dy, length_square, qx, qy, radius_square):
     # Squared distance to the line, replaced by that to the end or to the origin where q projects beyond them.
     along, across, ex, ey = qx * dx + qy * dy, qx * dy - qy * dx, qx - dx, qy - dy
     square, limit = across * across, radius_square * length_square
-    beyond = along >= length_square
-    square, limit = ex * ex + ey * ey if beyond else square, radius_square if beyond else limit
-    behind = along <= 0.0
-    square, limit = qx * qx + qy * qy if behind else square, radius_square if behind else limit
+    past_end = along >= length_square
+    square, limit = ex * ex + ey * ey if past_end else square, radius_square if past_end else limit
+    past_start = along <= 0.0
+    square, limit = qx * qx + qy * qy if past_start else square, radius_square if past_start else limit
     return square < limit
 
 
@@ -148,7 +148,7 @@ def _test_all(arms, rays, radius, blocked):
     radius_square = radius * radius
     for j in range(rays.shape[1]):
         for i in range(len(blocked)):
-            blocked[i] |= _near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
+            blocked[i] |= _is_near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
 
 
 @njit(cache=True, error_model="numpy")
@@ -168,42 +168,42 @@ def _arms(apex, points):
 def _bearings(arms, axis):
     """Diamond angles of the arms relative to the axis: (N,)."""
     ax, ay = axis
-    out = np.empty(arms.shape[1])
-    for i in range(len(out)):
+    bearings = np.empty(arms.shape[1])
+    for i in range(len(bearings)):
         x, y = arms[0, i], arms[1, i]
-        out[i] = diamond(x * ax + y * ay, y * ax - x * ay)
-    return out
+        bearings[i] = diamond(x * ax + y * ay, y * ax - x * ay)
+    return bearings
 
 
 @njit(cache=True, error_model="numpy")
-def _cones(rays, axis, wide, low, scale, num_bins):
-    """First and last bin between the tangents to the disc of radius `wide` around each point: (2, M).
+def _cones(rays, axis, padded, low, scale, num_bins):
+    """First and last bin between the tangents to the disc of radius `padded` around each point: (2, M).
 
-    The tangents are the ray turned by ±asin(wide / length). If the apex is in the disc, the cone covers all bins.
+    The tangents are the ray turned by ±asin(padded / length). If the apex is in the disc, the cone covers all bins.
     If the cone contains the direction opposite to the axis, it wraps around: num_bins is added to its last bin.
     It has no branches, so the loop is vectorised.
     """
     ax, ay = axis
     top = float(num_bins)
-    out = np.empty((2, rays.shape[1]), np.int32)
+    bins = np.empty((2, rays.shape[1]), np.int32)
     for j in range(rays.shape[1]):
         x, y = rays[0, j], rays[1, j]
-        # The ray in the frame of the axis, turned by ∓α: cos = length · cos α, wide = length · sin α.
+        # The ray in the frame of the axis, turned by ∓α: cos = length · cos α, padded = length · sin α.
         u, v = x * ax + y * ay, y * ax - x * ay
-        square = rays[2, j] - wide * wide
+        square = rays[2, j] - padded * padded
         cos = math.sqrt(max(square, 0.0))
-        first = (diamond(u * cos + v * wide, v * cos - u * wide) - low) * scale
-        last = (diamond(u * cos - v * wide, v * cos + u * wide) - low) * scale
+        first_bin = (diamond(u * cos + v * padded, v * cos - u * padded) - low) * scale
+        last_bin = (diamond(u * cos - v * padded, v * cos + u * padded) - low) * scale
         # Limit the cone to existing bins; one that wraps around ends in the next turn.
-        wrap = top if first > last else 0.0
-        first, last = min(max(first, 0.0), top), min(max(last, -1.0), top - 1.0) + wrap
-        out[0, j] = int(first) if square > 0.0 else 0
-        out[1, j] = int(last) if square > 0.0 else num_bins - 1
-    return out
+        wrap = top if first_bin > last_bin else 0.0
+        first_bin, last_bin = min(max(first_bin, 0.0), top), min(max(last_bin, -1.0), top - 1.0) + wrap
+        bins[0, j] = int(first_bin) if square > 0.0 else 0
+        bins[1, j] = int(last_bin) if square > 0.0 else num_bins - 1
+    return bins
 
 
 @njit(cache=True, error_model="numpy")
-def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
+def _sort_into_bins(arms, bearing, low, scale, num_bins, padded):
     """Sort the ends into bins by counting.
 
     Returns the sorted indices (N,), the sorted arms (4, N), the start (num_bins + 1,) and the stop (num_bins,) of
@@ -225,17 +225,17 @@ def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
     sorted_arms = np.empty((4, len(bearing)))
     for i in range(len(bearing)):
         k = bin_of[i]
-        slot, far = stop[k], (math.sqrt(arms[2, i]) + wide) ** 2
+        slot, far_square = stop[k], (math.sqrt(arms[2, i]) + padded) ** 2
         ends[slot] = i
         sorted_arms[0, slot], sorted_arms[1, slot] = arms[0, i], arms[1, i]
-        sorted_arms[2, slot], sorted_arms[3, slot] = arms[2, i], far
+        sorted_arms[2, slot], sorted_arms[3, slot] = arms[2, i], far_square
         stop[k] = slot + 1
-        reach[k] = max(reach[k], far)
+        reach[k] = max(reach[k], far_square)
     return ends, sorted_arms, start, stop, reach
 
 
 @njit(cache=True, error_model="numpy")
-def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
+def _test_stride(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
     """Test every `_STRIDE`-th point from `offset` on against the ends in its bins, and remove blocked ends."""
     num_bins, radius_square = len(reach), radius * radius
     farthest = 0.0
@@ -246,19 +246,19 @@ def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
         if square >= farthest:
             continue
         # Bins of the point's cone; the first bin follows the last one.
-        for turned in range(cones[0, j], cones[1, j] + 1):
-            k = turned if turned < num_bins else turned - num_bins
+        for unwrapped in range(cones[0, j], cones[1, j] + 1):
+            k = unwrapped if unwrapped < num_bins else unwrapped - num_bins
             if square >= reach[k]:
                 continue
             # Move the ends that stay to the front of the bin, and recompute its reach.
-            before, left = stop[k], start[k]
+            bin_stop, free_slot = stop[k], start[k]
             reach[k] = 0.0
-            for i in range(start[k], before):
-                end, x, y, length_square, far = ends[i], arms[0, i], arms[1, i], arms[2, i], arms[3, i]
-                near = _near(x, y, length_square, qx, qy, radius_square)
-                blocked[end] |= near
-                ends[left], arms[0, left], arms[1, left] = end, x, y
-                arms[2, left], arms[3, left] = length_square, far
-                left += not near
-                reach[k] = max(reach[k], 0.0 if near else far)
-            stop[k] = left
+            for i in range(start[k], bin_stop):
+                end, x, y, length_square, far_square = ends[i], arms[0, i], arms[1, i], arms[2, i], arms[3, i]
+                is_blocked = _is_near(x, y, length_square, qx, qy, radius_square)
+                blocked[end] |= is_blocked
+                ends[free_slot], arms[0, free_slot], arms[1, free_slot] = end, x, y
+                arms[2, free_slot], arms[3, free_slot] = length_square, far_square
+                free_slot += not is_blocked
+                reach[k] = max(reach[k], 0.0 if is_blocked else far_square)
+            stop[k] = free_slot

@@ -46,10 +46,12 @@ def compose(pose: Pose, child: Pose) -> Pose:
     return Pose(x, y, wrap_angle(pose[2] + child[2]))
 
 
-def between(a: Pose, b: Pose, share: float) -> Pose:
-    """Interpolate between the poses `a` (share 0) and `b` (share 1), turning the shorter way."""
+def between(a: Pose, b: Pose, fraction: float) -> Pose:
+    """Interpolate between the poses `a` (fraction 0) and `b` (fraction 1), turning the shorter way."""
     turn = wrap_angle(b.yaw - a.yaw)
-    return Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
+    return Pose(
+        a.x + fraction * (b.x - a.x), a.y + fraction * (b.y - a.y), wrap_angle(a.yaw + fraction * turn)
+    )
 
 
 def _coordinates(points: Floats) -> Any:

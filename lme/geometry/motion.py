@@ -39,13 +39,13 @@ def drive(
     x, y = pose[0], pose[1]
     travelled = 0.0
     for k in range(steps):
-        until = dt * (k + 1) / steps
+        end_time = dt * (k + 1) / steps
         # Midpoint rule: the distance of the step is driven along the heading at its middle.
         middle = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, dt * (k + 0.5) / steps)
-        total = _ramp_integral(twist[0], v_goal, alpha_v, until)
+        total = _ramp_integral(twist[0], v_goal, alpha_v, end_time)
         x += (total - travelled) * math.cos(middle)
         y += (total - travelled) * math.sin(middle)
-        yaw = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, until)
+        yaw = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, end_time)
         travelled = total
         poses[k, 0], poses[k, 1], poses[k, 2] = x, y, yaw
     return poses, (_ramp(twist[0], v_goal, alpha_v, dt), _ramp(twist[1], omega_goal, alpha_omega, dt))
@@ -125,22 +125,26 @@ def _ramp_integral(start: float, goal: float, rate: float, time: float) -> float
 
 
 @njit(cache=True, error_model="numpy")
-def movers_among(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Bools, Floats]:
+def movers_among(
+    points: Floats, scan_points: Floats, people: Floats, max_radius: float
+) -> tuple[Bools, Floats]:
     """Find the points (M, 2) that belong to movers: a mask (M,), and the movers (P, 5) with their radii [m].
 
-    seen (S, 2): points of the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
-    radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
+    scan_points (S, 2): the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's radius
+    is the distance to the nearest point of the scan, at most `max_radius`; points up to `_SKIN` farther belong to it.
     """
     movers = np.empty((len(people), 5))
-    own = np.zeros(len(points), np.bool_)
+    is_mover = np.zeros(len(points), np.bool_)
     for n in range(len(people)):
         # Radius of the mover: distance from its centre to the nearest point of the scan.
-        square = most * most
-        for m in range(len(seen)):
-            square = min(square, (seen[m, 0] - people[n, 0]) ** 2 + (seen[m, 1] - people[n, 1]) ** 2)
+        square = max_radius * max_radius
+        for m in range(len(scan_points)):
+            square = min(
+                square, (scan_points[m, 0] - people[n, 0]) ** 2 + (scan_points[m, 1] - people[n, 1]) ** 2
+            )
         movers[n, :4], movers[n, 4] = people[n], math.sqrt(square)
         # Its own points lie at most `_SKIN` beyond that radius.
         for m in range(len(points)):
             dx, dy = points[m, 0] - people[n, 0], points[m, 1] - people[n, 1]
-            own[m] = own[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN
-    return own, movers
+            is_mover[m] = is_mover[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN
+    return is_mover, movers

@@ -18,12 +18,12 @@ _PARALLEL = 1e-10
 
 
 @njit(cache=True, error_model="numpy")
-def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, share, line):
+def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, responsibility, line):
     """Write the half-plane of velocities that meet no disc within `horizon` [s] into `line` (4,).
 
     relative: (x, y) of the other disc's centre from ours [m]; velocity, other_velocity: (vx, vy) [m/s]. reach: sum of
-    the radii [m]; discs that overlap must come apart within `dt` [s]. share: our part of the evasion, ½ if the other
-    disc does as much.
+    the radii [m]; discs that overlap must come apart within `dt` [s]. responsibility: our part of the evasion, ½ if the
+    other disc does as much.
     """
     # Relative velocity, and its offset from the disc that cuts off the cone of forbidden velocities.
     vx, vy = velocity[0] - other_velocity[0], velocity[1] - other_velocity[1]
@@ -42,8 +42,8 @@ def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, share, l
         if length > 0.0:
             nx, ny = wx / length, wy / length
         else:  # exactly at the middle: any side
-            away = math.sqrt(square)
-            nx, ny = (-x / away, -y / away) if away > 0.0 else (1.0, 0.0)
+            distance = math.sqrt(square)
+            nx, ny = (-x / distance, -y / distance) if distance > 0.0 else (1.0, 0.0)
         dx, dy = ny, -nx
         depth = reach / horizon - length
         ux, uy = depth * nx, depth * ny
@@ -56,8 +56,8 @@ def beside_disc(relative, velocity, other_velocity, reach, horizon, dt, share, l
         # u leads to the foot of the relative velocity on the leg.
         along = vx * dx + vy * dy
         ux, uy = along * dx - vx, along * dy - vy
-    # Our share of u shifts the border: it passes through velocity + share · u.
-    line[0], line[1] = velocity[0] + share * ux, velocity[1] + share * uy
+    # Our share of u shifts the border: it passes through velocity + responsibility · u.
+    line[0], line[1] = velocity[0] + responsibility * ux, velocity[1] + responsibility * uy
     line[2], line[3] = dx, dy
 
 
@@ -69,21 +69,23 @@ def before_point(x, y, radius, horizon, line):
     [s]. Where the point is the nearest of a convex obstacle, this keeps it off the whole obstacle. The velocity 0 is
     always permitted, also in contact.
     """
-    away = math.sqrt(x * x + y * y)
-    nx, ny = (x / away, y / away) if away > 0.0 else (1.0, 0.0)
+    distance = math.sqrt(x * x + y * y)
+    nx, ny = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
     # Greatest speed towards the point; the border is perpendicular to that direction.
-    most = max(away - radius, 0.0) / horizon
-    line[0], line[1], line[2], line[3] = most * nx, most * ny, -ny, nx
+    max_approach = max(distance - radius, 0.0) / horizon
+    line[0], line[1], line[2], line[3] = max_approach * nx, max_approach * ny, -ny, nx
 
 
 @njit(cache=True, error_model="numpy")
-def best_velocity(lines: Floats, hard: int, v_max: float, wanted: tuple[float, float]) -> tuple[float, float]:
+def best_velocity(
+    lines: Floats, hard: int, v_max: float, preferred: tuple[float, float]
+) -> tuple[float, float]:
     """Permitted velocity nearest to the wanted one [m/s]; the wanted one is first shortened to `v_max`.
 
     lines (L, 4): half-planes; the first `hard` permit the velocity 0 and are never violated. If the others have no
     velocity in common, the greatest violation of any of them is made as small as possible.
     """
-    x, y = wanted
+    x, y = preferred
     length = math.sqrt(x * x + y * y)
     if length > v_max:
         x, y = x * v_max / length, y * v_max / length

@@ -35,10 +35,10 @@ def scan_points(
     # Sort by diamond angle, which rises with the bearing and needs no arctangent.
     points, keys = _hits(ranges, directions, np.float32(range_min), np.float32(range_max), mount)
     order = _order(keys)
-    out = np.empty((len(order), 2))
+    sorted_points = np.empty((len(order), 2))
     for i in range(len(order)):
-        out[i, 0], out[i, 1] = points[order[i], 0], points[order[i], 1]
-    return out
+        sorted_points[i, 0], sorted_points[i, 1] = points[order[i], 0], points[order[i], 1]
+    return sorted_points
 
 
 @njit(cache=True, error_model="numpy")

@@ -39,8 +39,8 @@ def edge_grid(edges: Floats) -> EdgeGrid:
     side = math.sqrt((high - low).prod() / len(edges))
     columns, rows = (math.ceil(span / side) for span in (high - low).tolist())
     frame = (float(low[0]), float(low[1]), side, rows, columns)
-    starts, found = _by_cell(edges, *frame)
-    return EdgeGrid(frame, starts, found)
+    starts, cell_edges = _sort_by_cell(edges, *frame)
+    return EdgeGrid(frame, starts, cell_edges)
 
 
 def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -> Floats:
@@ -51,30 +51,30 @@ def near_edges(grid: EdgeGrid, poses: Floats, box: tuple[float, float, float]) -
     half_length, half_width, rounding = box
     r_min = min(half_length, half_width) + rounding
     r_max = math.hypot(half_length, half_width) + rounding
-    near: Floats = _near_edges(poses, float(r_min), float(r_max), *grid)
-    return near
+    candidates: Floats = _near_edges(poses, float(r_min), float(r_max), *grid)
+    return candidates
 
 
 @njit(cache=True, error_model="numpy")
-def _by_cell(edges, low_x, low_y, side, rows, columns):
+def _sort_by_cell(edges, low_x, low_y, side, rows, columns):
     """Compute `starts` and `edges` of an `EdgeGrid`."""
     starts = np.zeros(rows * columns + 1, np.int64)
     # Count the edges of each cell; the sums are where the cells start.
     for i in range(len(edges)):
         for row in _rows(edges, i, low_y, side, rows):
-            first, last = _columns(edges, i, row, low_x, low_y, side, columns)
-            for column in range(first, last):
+            first_column, last_column = _columns(edges, i, row, low_x, low_y, side, columns)
+            for column in range(first_column, last_column):
                 starts[row * columns + column + 1] += 1
     starts = np.cumsum(starts)
     # Copy each edge to all cells that it touches.
-    found, filled = np.empty((starts[-1], 4)), starts.copy()
+    cell_edges, filled = np.empty((starts[-1], 4)), starts.copy()
     for i in range(len(edges)):
         for row in _rows(edges, i, low_y, side, rows):
-            first, last = _columns(edges, i, row, low_x, low_y, side, columns)
-            for k in range(row * columns + first, row * columns + last):
-                found[filled[k]] = edges[i]
+            first_column, last_column = _columns(edges, i, row, low_x, low_y, side, columns)
+            for k in range(row * columns + first_column, row * columns + last_column):
+                cell_edges[filled[k]] = edges[i]
                 filled[k] += 1
-    return starts, found
+    return starts, cell_edges
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,9 +102,9 @@ def _columns(edges, i, row, low_x, low_y, side, columns):
 
 
 @njit(cache=True, error_model="numpy")
-def _cell(place, low, side, count):
+def _cell(coordinate, low, side, count):
     """Index of the row or column that contains a coordinate, or of the nearest one."""
-    return min(max(math.floor((place - low) / side), 0), count - 1)
+    return min(max(math.floor((coordinate - low) / side), 0), count - 1)
 
 
 @njit(cache=True, error_model="numpy")
@@ -117,7 +117,7 @@ def _near_edges(poses, r_min, r_max, frame, starts, edges):
     # The clearance at the middle pose is at most gap − r_min, so farther edges cannot be the nearest.
     gap = nearest(x, y, frame, starts, edges)
     limit = (max(gap - r_min, 0.0) + r_max + travel) * (1.0 + 1e-6)
-    return edges[_within(x, y, limit, frame, starts, edges)]
+    return edges[_edges_within(x, y, limit, frame, starts, edges)]
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,32 +128,32 @@ def nearest(x, y, frame, starts, edges):
     low_x, low_y, side, rows, columns = frame
     reach, farthest = 2.0 * side, math.hypot(abs(x - low_x), abs(y - low_y)) + side * (rows + columns)
     # Double the window until it holds an edge.
-    within = _within(x, y, reach, frame, starts, edges)
-    while len(within) == 0 and reach < farthest:  # ends for any number, also inf and NaN
+    indices = _edges_within(x, y, reach, frame, starts, edges)
+    while len(indices) == 0 and reach < farthest:  # ends for any number, also inf and NaN
         reach *= 2.0
-        within = _within(x, y, reach, frame, starts, edges)
-    least = np.inf
-    for i in within:
-        least = min(least, point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
-    return math.sqrt(least)
+        indices = _edges_within(x, y, reach, frame, starts, edges)
+    square = np.inf
+    for i in indices:
+        square = min(square, point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
+    return math.sqrt(square)
 
 
 @njit(cache=True, error_model="numpy")
-def _within(x, y, limit, frame, starts, edges):
+def _edges_within(x, y, limit, frame, starts, edges):
     """Indices of the edges within `limit` of (x, y)."""
     low_x, low_y, side, rows, columns = frame
-    found, count = np.empty(64, np.int64), 0
-    first, last = _cell(x - limit, low_x, side, columns), _cell(x + limit, low_x, side, columns)
+    indices, count = np.empty(64, np.int64), 0
+    first_column, last_column = _cell(x - limit, low_x, side, columns), _cell(x + limit, low_x, side, columns)
     # Exact distances of the edges in the cells of the window.
     for row in range(_cell(y - limit, low_y, side, rows), _cell(y + limit, low_y, side, rows) + 1):
-        for i in range(starts[row * columns + first], starts[row * columns + last + 1]):
-            apart = point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3])
-            if apart <= limit * limit:
-                if count == len(found):
-                    found = np.concatenate((found, np.empty_like(found)))
-                found[count] = i
+        for i in range(starts[row * columns + first_column], starts[row * columns + last_column + 1]):
+            square = point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3])
+            if square <= limit * limit:
+                if count == len(indices):
+                    indices = np.concatenate((indices, np.empty_like(indices)))
+                indices[count] = i
                 count += 1
-    return found[:count]
+    return indices[:count]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -166,19 +166,19 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
     low_x, low_y, side, rows, columns = frame
     dx, dy = turn[0] * beam[0] - turn[1] * beam[1], turn[1] * beam[0] + turn[0] * beam[1]
     # Start cell, metres from border to border, and metres to the first border in each direction.
-    across, up = (x - low_x) / side, (y - low_y) / side
-    column, row = math.floor(across), math.floor(up)
+    cell_x, cell_y = (x - low_x) / side, (y - low_y) / side
+    column, row = math.floor(cell_x), math.floor(cell_y)
     per_column, per_row = side / max(abs(dx), 1e-300), side / max(abs(dy), 1e-300)
-    at_column = (column + 1 - across if dx > 0.0 else across - column) * per_column
-    at_row = (row + 1 - up if dy > 0.0 else up - row) * per_row
+    at_column = (column + 1 - cell_x if dx > 0.0 else cell_x - column) * per_column
+    at_row = (row + 1 - cell_y if dy > 0.0 else cell_y - row) * per_row
     next_column, next_row = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
     is_inside = 0 <= column < columns and 0 <= row < rows
     # From outside the grid, all edges are tested at once.
     k = row * columns + column
-    first, last = (starts[k], starts[k + 1]) if is_inside else (0, len(edges))
+    start, stop = (starts[k], starts[k + 1]) if is_inside else (0, len(edges))
     # Test the edges of one cell after another, until a hit lies in the cell itself.
     while True:
-        far = _first_of(x, y, turn, beam, dx, dy, far, edges, first, last)
+        far = _first_hit_among(x, y, turn, beam, dx, dy, far, edges, start, stop)
         if not is_inside or far < min(at_column, at_row) - _SURE:
             return far
         if at_column < at_row:
@@ -190,14 +190,14 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
         if not (0 <= column < columns and 0 <= row < rows):
             return far
         k = row * columns + column
-        first, last = starts[k], starts[k + 1]
+        start, stop = starts[k], starts[k + 1]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
-    """Return the result of `first_hit` among edges first…last − 1. dx, dy: the beam's direction in the world."""
+def _first_hit_among(x, y, turn, beam, dx, dy, nearest, edges, start, stop):
+    """Return the result of `first_hit` among edges start…stop − 1. dx, dy: the beam's direction in the world."""
     cos, sin = turn
-    for i in range(first, last):
+    for i in range(start, stop):
         ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
         # Skip edges that are surely on one side of the beam's line.
         start_side, end_side = ax * dy - ay * dx, bx * dy - by * dx
@@ -211,7 +211,7 @@ def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
         if (across_start > 0.0) != (across_end > 0.0):
             distance = (start_x * end_y - start_y * end_x) / (across_start - across_end)
             # by rounding, an edge behind may seem to be met where its line and the beam's are one
-            behind = ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
-            if distance >= 0.0 and not behind:
-                far = min(far, distance)
-    return far
+            is_behind = ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
+            if distance >= 0.0 and not is_behind:
+                nearest = min(nearest, distance)
+    return nearest

@@ -82,9 +82,9 @@ def _lattice_of(buffer: bytes) -> Lattice:
     if not counts.all() or (counts + 2).prod() > _MOST_CELLS:
         return NO_LATTICE
     side = float(((high - low) / counts).max())  # more exact than the shortest edge
-    places = (edges - np.tile(low, 2)) / side
-    nodes = np.rint(places)
-    if not np.abs(places - nodes).max() <= _MISFIT:
+    node_coordinates = (edges - np.tile(low, 2)) / side
+    nodes = np.rint(node_coordinates)
+    if not np.abs(node_coordinates - nodes).max() <= _MISFIT:
         return NO_LATTICE
     columns, rows = (int(count) + 2 for count in counts)  # with a free cell all around
     frame = (float(low[0]) - side, float(low[1]) - side, side, rows, columns)
@@ -118,28 +118,28 @@ def _sides(nodes, rows, columns):
 def _rectangles(uprights, levels):
     """Compute `rectangles` of a `Lattice`."""
     rows, columns = len(uprights), levels.shape[1]
-    out = np.empty((4, rows * columns), np.uint16)
+    rectangles = np.empty((4, rows * columns), np.uint16)
     for quadrant in range(4):
-        _grow(quadrant, uprights, levels, out[quadrant])
-    return out
+        _grow(quadrant, uprights, levels, rectangles[quadrant])
+    return rectangles
 
 
 @njit(cache=True, error_model="numpy")
-def _grow(quadrant, uprights, levels, out):
+def _grow(quadrant, uprights, levels, rectangles):
     """Compute a quadrant's rectangles: each is a neighbour's and one more row or column, or the cell alone.
 
     Rows and columns are counted in the direction of the quadrant, from the last to the first.
     """
     rows, columns = len(uprights), levels.shape[1]
     left, down = quadrant & 1, quadrant >> 1
-    wide, high = np.zeros((2, 2, columns + 1), np.int64)  # in the last row and in this one
+    widths, heights = np.zeros((2, 2, columns + 1), np.int64)  # in the last row and in this one
     open_rows = np.zeros(
         columns, np.int64
     )  # rows from the cell on, without an edge between them or to the next column
     for a in range(rows - 1, -1, -1):
         row = rows - 1 - a if down else a
         open_columns = 0
-        wide[0], high[0] = wide[1], high[1]
+        widths[0], heights[0] = widths[1], heights[1]
         for b in range(columns - 1, -1, -1):
             column = columns - 1 - b if left else b
             # Edges towards the next column and the next row.
@@ -149,21 +149,21 @@ def _grow(quadrant, uprights, levels, out):
             # Extend the next column's rectangle by this cell's column, or the next row's by its row; keep the better.
             w, h = 1, 1
             if not wall:
-                w, h = min(wide[1, b + 1] + 1, SPAN_MAX), min(high[1, b + 1], open_rows[b])
+                w, h = min(widths[1, b + 1] + 1, SPAN_MAX), min(heights[1, b + 1], open_rows[b])
             if not lid:
-                other_w, other_h = min(wide[0, b], open_columns), min(high[0, b] + 1, SPAN_MAX)
+                other_w, other_h = min(widths[0, b], open_columns), min(heights[0, b] + 1, SPAN_MAX)
                 if _worth(other_w, other_h) > _worth(w, h):
                     w, h = other_w, other_h
-            wide[1, b], high[1, b] = w, h
+            widths[1, b], heights[1, b] = w, h
             # Edges on the two sides by which a beam enters the cell.
             entry = (uprights[row, column + left] != FREE) + 2 * (levels[row + down, column] != FREE)
-            out[row * columns + column] = w | h << SPAN_BITS | entry << 2 * SPAN_BITS
+            rectangles[row * columns + column] = w | h << SPAN_BITS | entry << 2 * SPAN_BITS
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _worth(wide, high):
+def _worth(width, height):
     """Rough measure of how far beams of all directions go in a rectangle."""
-    return wide * high / (wide + high)
+    return width * height / (width + height)
 
 
 @njit(cache=True, error_model="numpy")
@@ -177,18 +177,18 @@ def cast_lattice(
     turn = (math.cos(heading), math.sin(heading))
     rates, quadrants = _rates(turn, table, 1.0 / frame[2])
     ranges = np.full(len(rates), np.float32(range_max), np.float32)
-    doubtful, last = np.ones(len(rates), np.bool_), 0
+    doubtful, stop = np.ones(len(rates), np.bool_), 0
     if _is_sure(x, y, frame, uprights, levels):
-        while last < len(rates):
+        while stop < len(rates):
             # Neighbouring beams of one quadrant walk together.
-            first = last
-            while last < len(rates) and quadrants[last] == quadrants[first]:
-                last += 1
-            quadrant = int64(quadrants[first])
-            steps, ends = _walk(x, y, range_max, frame, quadrant, rectangles[quadrant], rates[first:last])
-            beams = table[:, first:last]
+            start = stop
+            while stop < len(rates) and quadrants[stop] == quadrants[start]:
+                stop += 1
+            quadrant = int64(quadrants[start])
+            steps, ends = _walk(x, y, range_max, frame, quadrant, rectangles[quadrant], rates[start:stop])
+            beams = table[:, start:stop]
             sides = (quadrant & 1, quadrant >> 1, uprights, levels)
-            _meet(x, y, turn, beams, sides, edges, steps, ends, ranges[first:last], doubtful[first:last])
+            _hit_edges(x, y, turn, beams, sides, edges, steps, ends, ranges[start:stop], doubtful[start:stop])
     # Doubtful beams go through the grid of edges.
     for i in range(len(rates)):
         if doubtful[i]:
@@ -198,7 +198,7 @@ def cast_lattice(
 
 
 @njit(cache=True, error_model="numpy")
-def _rates(turn, table, per):
+def _rates(turn, table, cells_per_metre):
     """Columns and rows per metre, metres per column and per row of each beam: (B, 4); and its quadrant (B,)."""
     rates, quadrants = np.empty((table.shape[1], 4)), np.empty(table.shape[1], np.uint8)
     for i in range(table.shape[1]):
@@ -206,8 +206,8 @@ def _rates(turn, table, per):
             turn[0] * table[0, i] - turn[1] * table[1, i],
             turn[1] * table[0, i] + turn[0] * table[1, i],
         )
-        across, up = abs(dx) * per, abs(dy) * per
-        rates[i, 0], rates[i, 1], rates[i, 2], rates[i, 3] = across, up, 1.0 / across, 1.0 / up
+        columns, rows = abs(dx) * cells_per_metre, abs(dy) * cells_per_metre
+        rates[i, 0], rates[i, 1], rates[i, 2], rates[i, 3] = columns, rows, 1.0 / columns, 1.0 / rows
         quadrants[i] = (dx < 0.0) + 2 * (dy < 0.0)
     return rates, quadrants
 
@@ -216,15 +216,15 @@ def _rates(turn, table, per):
 def _is_sure(x, y, frame, uprights, levels):
     """Return whether (x, y) is inside the lattice, and surely in one cell or where the choice does not matter."""
     low_x, low_y, side, rows, columns = frame
-    across, up = (x - low_x) / side, (y - low_y) / side
-    if not (1.0 < across < columns - 1.0 and 1.0 < up < rows - 1.0):
+    cell_x, cell_y = (x - low_x) / side, (y - low_y) / side
+    if not (1.0 < cell_x < columns - 1.0 and 1.0 < cell_y < rows - 1.0):
         return False
-    column, row, line, level = int(across), int(up), round(across), round(up)
+    column, row, line, level = int(cell_x), int(cell_y), round(cell_x), round(cell_y)
     # Close to a line between cells, the choice matters if an edge lies on it nearby.
     for k in range(-1, 2):
-        if abs(across - line) < _NODE and uprights[row + k, line] != FREE:
+        if abs(cell_x - line) < _NODE and uprights[row + k, line] != FREE:
             return False
-        if abs(up - level) < _NODE and levels[level, column + k] != FREE:
+        if abs(cell_y - level) < _NODE and levels[level, column + k] != FREE:
             return False
     return True
 
@@ -255,7 +255,7 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
         count += min(rates[i, 0], rates[i, 1]) * side >= _ALONG
     reach = range_max + _SLACK
     while count > 0:
-        left = 0
+        remaining = 0
         for j in range(count):
             i = uint64(walking[uint64(j)])
             column, row, entry = int64(steps[i, 0]), int64(steps[i, 1]), int64(steps[i, 2])
@@ -263,23 +263,23 @@ def _walk(x, y, range_max, frame, quadrant, free, rates):
             to_column, to_row = column + (entry & SPAN_MAX), row + (entry >> SPAN_BITS & SPAN_MAX)
             at_column, at_row = (to_column - x) * rates[i, 2], (to_row - y) * rates[i, 3]
             upright, distance = at_column < at_row, min(at_column, at_row)
-            across, up = x + distance * rates[i, 0], y + distance * rates[i, 1]
+            cell_x, cell_y = x + distance * rates[i, 0], y + distance * rates[i, 1]
             # Enter the cell behind that side; close to a node it is not sure which one this is.
-            column, row = to_column if upright else int64(across), int64(up) if upright else to_row
-            along = up if upright else across
-            sure = abs(along - np.floor(along + 0.5)) > _NODE
+            column, row = to_column if upright else int64(cell_x), int64(cell_y) if upright else to_row
+            along = cell_y if upright else cell_x
+            is_sure = abs(along - np.floor(along + 0.5)) > _NODE
             entry = int64(free[uint64(origin + row * next_row + column * next_column)])
             wall = entry >> (2 * SPAN_BITS if upright else 2 * SPAN_BITS + 1) & 1
             steps[i, 0], steps[i, 1], steps[i, 2] = column, row, entry
-            ends[i] = upright * _UPRIGHT + sure * _SURE + wall * _WALL
-            walking[uint64(left)] = i
-            left += (wall == 0) & sure & (distance <= reach)
-        count = left
+            ends[i] = upright * _UPRIGHT + is_sure * _SURE + wall * _WALL
+            walking[uint64(remaining)] = i
+            remaining += (wall == 0) & is_sure & (distance <= reach)
+        count = remaining
     return steps, ends
 
 
 @njit(cache=True, error_model="numpy")
-def _meet(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
+def _hit_edges(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
     """Shorten the ranges of a quadrant's beams to the edges where they ended, and clear `doubtful` for sure ones.
 
     The arithmetic of a hit is that of `lme.perception.raycast`.

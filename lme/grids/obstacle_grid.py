@@ -61,7 +61,7 @@ def observe(
             i, j = lattice(x / grid[2]) - grid[0], lattice(y / grid[2]) - grid[1]
             if 0 <= i < hits.shape[0] and 0 <= j < hits.shape[1]:
                 if hits[i, j] == 0 and ranges[k] <= spans[2]:
-                    _press(costs, stamp, i, j)
+                    _raise_costs(costs, stamp, i, j)
                     hits[i, j] = number
                 elif hits[i, j] != 0 and (
                     keep > 0 or ranges[k] <= spans[2]
@@ -72,7 +72,7 @@ def observe(
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
             length = min(ranges[k], range_max, spans[3])
-            _free(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
+            _clear_beam(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
 
 
 @njit(cache=True, error_model="numpy")
@@ -82,11 +82,11 @@ def inflate(hits: Hits, stamp: Ints, costs: Costs) -> None:
     for i in range(hits.shape[0]):
         for j in range(hits.shape[1]):
             if hits[i, j] != 0:
-                _press(costs, stamp, i, j)
+                _raise_costs(costs, stamp, i, j)
 
 
 @njit(cache=True, error_model="numpy")
-def _press(costs, stamp, i, j):
+def _raise_costs(costs, stamp, i, j):
     """Raise the costs around cell (i, j) to those of the stamp."""
     for k in range(len(stamp)):
         a, b = i + stamp[k, 0], j + stamp[k, 1]
@@ -95,8 +95,8 @@ def _press(costs, stamp, i, j):
 
 
 @njit(cache=True, error_model="numpy")
-def _free(hits, grid, since, pose, cos, sin, length):
-    """Clear the cells that a beam passes, except those hit since scan `since`.
+def _clear_beam(hits, grid, first_scan, pose, cos, sin, length):
+    """Clear the cells that a beam passes, except those hit in scan `first_scan` or later.
 
     Source: Amanatides & Woo 1987, "A fast voxel traversal algorithm".
     """
@@ -112,7 +112,7 @@ def _free(hits, grid, since, pose, cos, sin, length):
     entered = 0.0
     # Go from cell to cell; the beam enters the current one at `entered`.
     while entered < reach:
-        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < since:
+        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < first_scan:
             hits[a, b] = 0
         entered = min(next_i, next_j)
         if next_i < next_j:
@@ -130,8 +130,8 @@ def draw_discs(hits: Hits, grid: Grid, discs: Floats) -> None:
         for i in range(lattice(x - reach), lattice(x + reach) + 1):
             for j in range(lattice(y - reach), lattice(y + reach) + 1):
                 # Distance from the centre to the nearest point of the cell.
-                away = math.hypot(max(abs(i - x) - 0.5, 0.0), max(abs(j - y) - 0.5, 0.0))
-                if away <= reach:
+                distance = math.hypot(max(abs(i - x) - 0.5, 0.0), max(abs(j - y) - 0.5, 0.0))
+                if distance <= reach:
                     _occupy(hits, grid, i, j)
 
 
@@ -154,13 +154,13 @@ def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
 
     A line of cells changes sides where it crosses an edge.
     """
-    cell, rows, last = grid[2], hits.shape[0], len(polygon) - 1
+    cell, rows, last_corner = grid[2], hits.shape[0], len(polygon) - 1
     low = max(lattice(polygon[:, 1].min() / cell) - grid[1], 0)
     high = min(lattice(polygon[:, 1].max() / cell) - grid[1], hits.shape[1] - 1)
     # [i, j]: whether line j of cells crosses an edge between its cells i − 1 and i
     changes = np.zeros((rows + 1, max(high - low + 1, 0)), np.bool_)
     for k in range(len(polygon)):
-        (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last else 0]
+        (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last_corner else 0]
         first = max(lattice(min(y0, y1) / cell) - grid[1], low)
         for j in range(first, min(lattice(max(y0, y1) / cell) - grid[1], high) + 1):
             y = (j + grid[1]) * cell

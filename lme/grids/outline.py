@@ -32,8 +32,8 @@ def outline_cells(
     Cells are indices of the flat array, corners are listed twice. Returns -1 if a corner is outside the array.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    count, last = 0, len(outline) - 1
-    i, j = _corner(outline, last, pose, cos, sin, grid)
+    count, last_corner = 0, len(outline) - 1
+    i, j = _corner(outline, last_corner, pose, cos, sin, grid)
     # Draw the side from each corner to the next, beginning with the last corner.
     for k in range(len(outline)):
         a, b = _corner(outline, k, pose, cos, sin, grid)
@@ -109,15 +109,15 @@ def _line(i, j, a, b, columns, cells, count):
     along, across = (columns if a > i else -columns), (1 if b > j else -1)
     if dj > di:
         along, across = across, along
-    most, least = max(di, dj), min(di, dj)
-    error, cell = most // 2, i * columns + j
-    for _ in range(most + 1):
+    major, minor = max(di, dj), min(di, dj)
+    error, cell = major // 2, i * columns + j
+    for _ in range(major + 1):
         cells[count] = cell
         count += 1
         # Step across whenever the error reaches a whole cell.
-        error += least
-        if error >= most:
-            error -= most
+        error += minor
+        if error >= major:
+            error -= major
             cell += across
         cell += along
     return count

@@ -47,9 +47,9 @@ def _farthest(points, reach):
     """Distance from the origin to the farthest point within `reach`, 0 without points [m]; it bounds the grid."""
     square = 0.0
     for i in range(len(points)):
-        away = points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1]
-        if square < away <= reach * reach:
-            square = away
+        point_square = points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1]
+        if square < point_square <= reach * reach:
+            square = point_square
     return math.sqrt(square)
 
 
@@ -71,10 +71,10 @@ def polar_density(
         # Sectors whose centres are within asin(radius / d) of the cell's direction, or a quarter turn if d ≤ radius.
         middle = (math.atan2(cells[i, 1], cells[i, 0]) + yaw) / alpha
         half = math.asin(radius / distance) / alpha if distance > radius else 0.25 * num_sectors
-        first, last = math.ceil(middle - half), math.floor(middle + half)
-        if first > last:  # the cell is narrower than a sector and between two centres
-            first = last = _nearest(middle)
-        for k in range(first, last + 1):
+        first_sector, last_sector = math.ceil(middle - half), math.floor(middle + half)
+        if first_sector > last_sector:  # the cell is narrower than a sector and between two centres
+            first_sector = last_sector = _nearest(middle)
+        for k in range(first_sector, last_sector + 1):
             density[k % num_sectors] += weight
     return density
 
@@ -106,11 +106,11 @@ def masked(blocked: Bools, yaw: float, right: float, left: float) -> Bools:
     """Masked polar histogram (third stage): blocked, or outside [right, left] about the heading `yaw` [rad]."""
     num_sectors = len(blocked)
     alpha = 2.0 * math.pi / num_sectors
-    out = np.empty(num_sectors, np.bool_)
+    mask = np.empty(num_sectors, np.bool_)
     for k in range(num_sectors):
         bearing = _remainder(k * alpha - yaw, 2.0 * math.pi)
-        out[k] = blocked[k] or bearing < right or bearing > left
-    return out
+        mask[k] = blocked[k] or bearing < right or bearing > left
+    return mask
 
 
 @njit(cache=True, error_model="numpy")
@@ -127,7 +127,7 @@ def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
         edge += 1
     if edge == num_sectors:
         return np.array([target])
-    out = np.empty(3 * num_sectors)
+    directions = np.empty(3 * num_sectors)
     count, k = 0, edge
     while k < edge + num_sectors:
         if blocked[k % num_sectors]:
@@ -137,8 +137,8 @@ def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
         first = k
         while not blocked[k % num_sectors]:
             k += 1
-        count = _offer(first, k - 1, target, wide, num_sectors, out, count)
-    return out[:count]
+        count = _append_valley(first, k - 1, target, wide, num_sectors, directions, count)
+    return directions[:count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -150,35 +150,35 @@ def cheapest(
     costs (μ1, μ2, μ3); towards: directions of the target, of the heading, of the previous choice. All directions
     are in sectors; n: number of sectors.
     """
-    best, least, apart = -1, np.inf, np.inf
+    best, lowest, gap = -1, np.inf, np.inf
     for i in range(len(candidates)):
         # Weighted sum of the differences from the target, the heading and the previous choice.
         cost = 0.0
         for j in range(3):
             cost += costs[j] * abs(_remainder(candidates[i] - towards[j], float(n)))
-        aside = abs(_remainder(candidates[i] - towards[0], float(n)))
-        if cost < least - 1e-9 or (cost < least + 1e-9 and aside < apart - 1e-9):  # tolerance for rounding
-            best, least, apart = i, cost, aside
+        offset = abs(_remainder(candidates[i] - towards[0], float(n)))
+        if cost < lowest - 1e-9 or (cost < lowest + 1e-9 and offset < gap - 1e-9):  # tolerance for rounding
+            best, lowest, gap = i, cost, offset
     return best
 
 
 @njit(cache=True, error_model="numpy")
-def _offer(first, last, target, wide, num_sectors, out, count):
-    """Append the candidates of the valley from sector `first` to `last`; return the new number of candidates."""
+def _append_valley(first_sector, last_sector, target, wide_valley, num_sectors, directions, count):
+    """Append the candidates of a valley, given by its first and last sector; return the new number of candidates."""
     # A narrow valley gives its middle.
-    if last - first + 1 < wide:
-        out[count] = 0.5 * (first + last)
+    if last_sector - first_sector + 1 < wide_valley:
+        directions[count] = 0.5 * (first_sector + last_sector)
         return count + 1
     # A wide one gives a direction near either edge, and the target's between them.
-    right, left = first + 0.5 * wide, last - 0.5 * wide
+    right, left = first_sector + 0.5 * wide_valley, last_sector - 0.5 * wide_valley
     if right >= left:
-        out[count] = 0.5 * (first + last)
+        directions[count] = 0.5 * (first_sector + last_sector)
         return count + 1
-    out[count], out[count + 1] = right, left
-    middle = 0.5 * (first + last)
+    directions[count], directions[count + 1] = right, left
+    middle = 0.5 * (first_sector + last_sector)
     ahead = middle + _remainder(target - middle, float(num_sectors))
     if right < ahead < left:
-        out[count + 2] = ahead
+        directions[count + 2] = ahead
         return count + 3
     return count + 2
 

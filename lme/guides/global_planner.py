@@ -64,12 +64,12 @@ class GlobalPlanner(GlobalPath):
         self._stamps: dict[int, Ints] = {}
         self.cell_costs = _cell_costs(config)
 
-    def _updated(self, observation: Observation) -> Costmap:
+    def _update_costmap(self, observation: Observation) -> Costmap:
         """Return the map with this scan; it will be inflated for the current speed."""
-        costmap = super()._updated(observation)
-        config, slow = self._inflation, self._inflation.costmap.inflation_radius
-        share = min(max(observation.twist.v / config.full_speed, 0.0), 1.0)
-        radius = round((slow + share * (config.fast_inflation_radius - slow)) / _ROUNDED)
+        costmap = super()._update_costmap(observation)
+        config, slow_radius = self._inflation, self._inflation.costmap.inflation_radius
+        fraction = min(max(observation.twist.v / config.full_speed, 0.0), 1.0)
+        radius = round((slow_radius + fraction * (config.fast_inflation_radius - slow_radius)) / _ROUNDED)
         if radius not in self._stamps:
             inflated = replace(config.costmap, inflation_radius=radius * _ROUNDED)
             self._stamps[radius] = stamp(inflated, self._r_min)

@@ -124,9 +124,9 @@ class Fleet:
         timing = (self.robot.dt, float(config.max_step), config.even_ramp)
         advance(states, self._bodies, self._places, commands, *timing)
         self._steps += 1
-        before, self._distances = self._distances, distances(self._places.goals, states.poses)
+        previous, self._distances = self._distances, distances(self._places.goals, states.poses)
         outcomes = states.outcomes.copy()
-        rewards = self._reward.of(before, self._distances, outcomes)
+        rewards = self._reward.of(previous, self._distances, outcomes)
         views, (ended,) = self._views(np.arange(self.num_envs)), np.nonzero(outcomes)
         last_views, results = views.of(ended), [self._result(int(i)) for i in ended]
         if len(ended):
@@ -140,7 +140,7 @@ class Fleet:
     def _begin(self, i: int, world: int | None = None) -> Task:
         """Put robot i at the start of its next episode."""
         task, robot = self._episodes.draw(self._rngs[i], world)
-        self._place(i, task)
+        self._copy_world(i, task)
         hull, bodies, states = robot.hull, self._bodies, self._states
         bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits.bounds, hull.box, hull.r_max
         self._slowest[i] = robot.limits.v_min
@@ -151,7 +151,7 @@ class Fleet:
         self._distances[i] = distances(self._places.goals[i : i + 1], states.poses[i : i + 1])[0]
         return task
 
-    def _place(self, i: int, task: Task) -> None:
+    def _copy_world(self, i: int, task: Task) -> None:
         """Copy the world of robot i into the shared arrays, which grow if it has more obstacles than any before."""
         obstacles = (task.world.circles, task.world.edges)
         if task.world.movers:
@@ -168,19 +168,19 @@ class Fleet:
         places.starts[i], places.goals[i] = task.start[:2], task.goal
         places.rules[i] = task.goal_tolerance, task.time_limit, task.clock_distance
 
-    def _views(self, chosen: Ints) -> Views:
+    def _views(self, robots: Ints) -> Views:
         """Return the current observations of the chosen robots (K,), in new arrays."""
-        lidar, count = self.robot.lidar, len(chosen)
+        lidar, count = self.robot.lidar, len(robots)
         std, noise = float(lidar.noise_std), np.empty((0, 0), dtype=np.float32)
         if std > 0.0:
             noise = np.empty((count, lidar.num_beams), dtype=np.float32)
-            for row, i in zip(noise, chosen, strict=True):
+            for row, i in zip(noise, robots, strict=True):
                 self._rngs[i].standard_normal(dtype=np.float32, out=row)
         ranges, targets = np.empty((count, lidar.num_beams), dtype=np.float32), np.empty((count, 2))
-        look(chosen, self._states, self._places, self._lidar, self._table, noise, std, ranges, targets)
+        look(robots, self._states, self._places, self._lidar, self._table, noise, std, ranges, targets)
         bodies = self._bodies
         return Views(
-            ranges, targets, self._states.twists[chosen], bodies.limits[chosen], bodies.boxes[chosen]
+            ranges, targets, self._states.twists[robots], bodies.limits[robots], bodies.boxes[robots]
         )
 
     def _result(self, i: int) -> Result:

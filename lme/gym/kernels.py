@@ -65,15 +65,15 @@ def advance(states, bodies, places, commands, dt, max_step, even_ramp):
         # Cut the motion at the first contact or arrival.
         circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
         box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
-        passed, _, contact, arrived = first_event(
+        num_driven, _, contact, arrived = first_event(
             travel, places.goals[i], places.rules[i, 0], box, circles, edges
         )
         # Store the state at the last pose that was reached.
-        states.poses[i] = travel[passed - 1]
+        states.poses[i] = travel[num_driven - 1]
         states.twists[i, 0], states.twists[i, 1] = twist
-        states.times[i] = begin + dt * passed / len(travel)
-        states.lengths[i] += travelled(x, y, travel[:passed])
-        _run_clock(i, states, places, travel[:passed], begin)
+        states.times[i] = begin + dt * num_driven / len(travel)
+        states.lengths[i] += travelled(x, y, travel[:num_driven])
+        _run_clock(i, states, places, travel[:num_driven], begin)
         states.outcomes[i] = _outcome(i, states, places, contact, arrived)
 
 
@@ -106,9 +106,9 @@ def wrapped(angle):
     """Wrap an angle to (−π, π] [rad], with exactly the result of `lme.geometry.frames.wrap_angle`."""
     size = abs(angle)
     part = size % math.tau
-    rest = math.tau - part
-    if part > rest or (part == rest and 0.5 * (size - part) % math.tau != 0.0):
-        part = -rest
+    complement = math.tau - part
+    if part > complement or (part == complement and 0.5 * (size - part) % math.tau != 0.0):
+        part = -complement
     part = math.copysign(1.0, angle) * part
     return math.pi if part <= -math.pi else part
 

@@ -32,10 +32,10 @@ class Reward:
         for key in ("progress", "success", "collision", "timeout", "step"):
             require(f"reward.{key}", getattr(self, key))
 
-    def of(self, before: Floats, after: Floats, outcomes: Ints) -> Floats:
-        """Rewards (N,). before, after (N,): distances to the goal [m]; outcomes (N,): codes of `lme.gym.kernels`."""
+    def of(self, previous: Floats, current: Floats, outcomes: Ints) -> Floats:
+        """Rewards (N,). previous, current (N,): distances to the goal [m]; outcomes (N,): see `lme.gym.kernels`."""
         ends = np.array([0.0, self.success, self.collision, self.timeout])
-        return self.progress * (before - after) + (self.step + ends[outcomes])
+        return self.progress * (previous - current) + (self.step + ends[outcomes])
 
 
 class Result(NamedTuple):

@@ -77,24 +77,24 @@ class NavigationEnv(gym.Env[Any, Any]):
             self._people.reset()
         self._progress, self._steps = Progress(self._task, self._simulator.state), 0
         self._trail, self._distance = [self._simulator.state.pose], self._distance_left()
-        return self._seen(observation), {"world": self._task.number, "optimal_time": self._task.optimal_time}
+        return self._obs(observation), {"world": self._task.number, "optimal_time": self._task.optimal_time}
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         """Drive for one control period. Raises InputError for an action that is not two numbers."""
         if self._simulator is None:
             raise InputError("the robot has no episode yet: call reset before step")
         v, omega = commands(action, np.array(self._robot.limits.bounds)).tolist()
-        before = self._simulator.state
+        previous = self._simulator.state
         observation = self._simulator.step(Twist(v, omega))
         state = self._simulator.state
-        self._progress.moved(before, state)
+        self._progress.moved(previous, state)
         self._steps += 1
         self._trail.append(state.pose)
         outcome = self._progress.outcome(state)
         truncated = outcome is Outcome.TIMEOUT
         terminated = outcome is not None and not truncated
         info = {} if outcome is None else self._result(outcome).info()
-        return self._seen(observation), self._reward(outcome), terminated, truncated, info
+        return self._obs(observation), self._reward(outcome), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the scene from above (H, W, 3), or None without a render mode."""
@@ -102,19 +102,19 @@ class NavigationEnv(gym.Env[Any, Any]):
             return None
         return frame(self._task, self._robot, self._simulator, self._scan, self._trail)
 
-    def _seen(self, observation: Observation) -> Arrays:
+    def _obs(self, observation: Observation) -> Arrays:
         self._scan = scan = observation.scan
-        seen = arrays(
+        entries = arrays(
             scan.ranges, observation.target, observation.twist, observation.limits.bounds, scan.range_max
         )
         if self._shows_people:
-            told = self._people.seen(observation, None) if self._people else observation
-            seen["people"] = people_rows(told.pedestrians)
-        return seen
+            tracked = self._people.seen(observation, None) if self._people else observation
+            entries["people"] = people_rows(tracked.pedestrians)
+        return entries
 
     def _reward(self, outcome: Outcome | None) -> float:
-        before, self._distance = self._distance, self._distance_left()
-        return float(self._choices.reward.of(before, self._distance, np.array([CODES[outcome]]))[0])
+        previous, self._distance = self._distance, self._distance_left()
+        return float(self._choices.reward.of(previous, self._distance, np.array([CODES[outcome]]))[0])
 
     def _distance_left(self) -> Floats:
         """Distance from robot to goal: (1,) [m]."""

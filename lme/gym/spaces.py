@@ -68,11 +68,11 @@ def commands(actions: Any, limits: Floats) -> Floats:
 
     Raises InputError for actions of another shape and for NaN.
     """
-    given = np.asarray(actions, dtype=np.float64)
+    requested = np.asarray(actions, dtype=np.float64)
     shape = (*limits.shape[:-1], 2)
-    if given.shape != shape or np.isnan(given).any():
-        raise InputError(f"the action is {given.tolist()}: must be numbers in [-1, 1], of shape {shape}")
-    return np.asarray(np.clip(given, -1.0, 1.0) * limits[..., :2])
+    if requested.shape != shape or np.isnan(requested).any():
+        raise InputError(f"the action is {requested.tolist()}: must be numbers in [-1, 1], of shape {shape}")
+    return np.asarray(np.clip(requested, -1.0, 1.0) * limits[..., :2])
 
 
 @dataclass(slots=True)
@@ -103,8 +103,8 @@ def choose(
     map, robot, sim: names in `conf/map/`, `conf/robot/` and `conf/sim/`, or objects. map_config, sim_config: values
     for some of the keys of a named one. reward: values for some of the fields of `Reward`.
     """
-    chosen = load_robot(robot) if isinstance(robot, str) else robot
-    fixed = chosen if isinstance(chosen, Robot) else None
+    chosen_robot = load_robot(robot) if isinstance(robot, str) else robot
+    fixed = chosen_robot if isinstance(chosen_robot, Robot) else None
     map_set = load_map_set(map, map_config, fixed) if isinstance(map, str) else map
     if map_set is map and map_config:
         raise InputError(
@@ -112,17 +112,17 @@ def choose(
         )
     simulator, config = load_simulator(sim, sim_config)
     terms = reward if isinstance(reward, Reward) else _reward(reward or {})
-    return Choices(map_set, chosen, simulator, config, terms)
+    return Choices(map_set, chosen_robot, simulator, config, terms)
 
 
-def _reward(given: Settings) -> Reward:
-    known = [field.name for field in fields(Reward)]
-    for key in given:
-        if key not in known:
+def _reward(settings: Settings) -> Reward:
+    names = [field.name for field in fields(Reward)]
+    for key in settings:
+        if key not in names:
             raise InputError(
-                f"reward.{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}"
+                f"reward.{key} is unknown: {nearest(key, names)}must be one of {', '.join(names)}"
             )
-    return Reward(**given)
+    return Reward(**settings)
 
 
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -139,10 +139,10 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstruct
         gym.Wrapper.__init__(self, env)
         require("clip", clip, above=0.0)
         scan = env.observation_space["scan"]  # type: ignore[index]
-        (have,) = scan.shape
-        self._clip, self._beams = clip, have if beams is None else beams
-        if self._beams < 1 or have % self._beams:
-            raise InputError(f"beams is {beams}: must divide the lidar's {have}")
+        (num_beams,) = scan.shape
+        self._clip, self._beams = clip, num_beams if beams is None else beams
+        if self._beams < 1 or num_beams % self._beams:
+            raise InputError(f"beams is {beams}: must divide the lidar's {num_beams}")
         self.observation_space = spaces.Box(-1.0, 1.0, (self._beams + 4,), np.float32)
 
     def reset(
@@ -157,21 +157,23 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstruct
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._flat(observation, np.clip(action, -1.0, 1.0)), reward, terminated, truncated, info
 
-    def _flat(self, seen: Arrays, action: Any) -> NDArray[np.float32]:
-        return flattened(seen, np.asarray(action), self._beams, self._clip)
+    def _flat(self, observation: Arrays, action: Any) -> NDArray[np.float32]:
+        return flattened(observation, np.asarray(action), self._beams, self._clip)
 
 
-def flattened(seen: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0) -> NDArray[np.float32]:
+def flattened(
+    observation: Arrays, action: NDArray[Any], beams: int, clip: float = 5.0
+) -> NDArray[np.float32]:
     """Return the vectors (..., beams + 4) of `FlatObservation` for observations of one robot or of many.
 
     action (..., 2): the last one, in [−1, 1]; beams: a divisor of the lidar's; clip [m].
     """
-    scan, target = seen["scan"], seen["target"]
+    scan, target = observation["scan"], observation["target"]
     nearest = scan.reshape(*scan.shape[:-1], beams, -1).min(axis=-1)
-    away = np.hypot(target[..., :1], target[..., 1:])
+    distance = np.hypot(target[..., :1], target[..., 1:])
     parts = (
         np.minimum(nearest, clip) / clip * 2.0 - 1.0,
-        target / np.maximum(TARGET_CLIPS * clip, away),
+        target / np.maximum(TARGET_CLIPS * clip, distance),
         action,
     )
     return np.concatenate(parts, axis=-1).astype(np.float32)

@@ -47,12 +47,12 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
             raise InputError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         if people != People.none:
             raise InputError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
-        chosen = choose(map, robot, sim, reward, map_config, sim_config)
-        if chosen.simulator is not FastSimulator:
+        choices = choose(map, robot, sim, reward, map_config, sim_config)
+        if choices.simulator is not FastSimulator:
             raise InputError(
                 f"sim is {sim!r}: only sim=fast has a compiled step of many robots, {ONE_BY_ONE}"
             )
-        self.fleet = Fleet(chosen.map_set, chosen.robot, num_envs, chosen.config, chosen.reward)
+        self.fleet = Fleet(choices.map_set, choices.robot, num_envs, choices.config, choices.reward)
         self.num_envs, self._limits = num_envs, np.zeros((num_envs, 4))
         self.single_observation_space = observation_space(self.fleet.robot.lidar, people=False)
         self.single_action_space = action_space()
@@ -69,21 +69,21 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         infos: dict[str, Any] = {}
         for i in range(self.num_envs):
             infos = self._add_info(infos, self._start(i), i)
-        return self._seen(views), infos
+        return self._obs(views), infos
 
     def step(self, actions: Any) -> tuple[Arrays, Floats, Bools, Bools, dict[str, Any]]:
         """Drive every robot for one control period. Raises InputError for actions that are not numbers."""
-        moved = self.fleet.step(commands(actions, self._limits))
-        self._limits = moved.views.limits
-        return self._seen(moved.views), moved.rewards, moved.terminated, moved.truncated, self._infos(moved)
+        step = self.fleet.step(commands(actions, self._limits))
+        self._limits = step.views.limits
+        return self._obs(step.views), step.rewards, step.terminated, step.truncated, self._infos(step)
 
-    def _infos(self, moved: Transition) -> dict[str, Any]:
+    def _infos(self, step: Transition) -> dict[str, Any]:
         """Return the ends of episodes and the starts of the next ones, as Gymnasium's infos."""
         infos: dict[str, Any] = {}
-        last = self._seen(moved.last_views)
-        for k, i in enumerate(moved.ended.tolist()):
-            end = {"final_obs": {name: part[k].copy() for name, part in last.items()}}
-            infos = self._add_info(infos, {**end, "final_info": moved.results[k].info()}, i)
+        final = self._obs(step.last_views)
+        for k, i in enumerate(step.ended.tolist()):
+            end = {"final_obs": {name: part[k].copy() for name, part in final.items()}}
+            infos = self._add_info(infos, {**end, "final_info": step.results[k].info()}, i)
             infos = self._add_info(infos, self._start(i), i)
         return infos
 
@@ -91,6 +91,6 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         task = self.fleet.tasks[i]
         return {"world": task.number, "optimal_time": task.optimal_time}
 
-    def _seen(self, views: Views) -> Arrays:
+    def _obs(self, views: Views) -> Arrays:
         range_max = self.fleet.robot.lidar.range_max
         return arrays(views.ranges, views.targets, views.twists, views.limits, range_max)

@@ -34,8 +34,8 @@ def expanded(path: str | Path) -> Path:
         raise InputError(f"{path}: the home folder {home} is not known: write the whole path") from None
 
 
-def check_regular(path: Path, most: int | None = None) -> None:
-    """Raise InputError unless `path` is a regular file, or a link to one, of at most `most` bytes.
+def check_regular(path: Path, max_bytes: int | None = None) -> None:
+    """Raise InputError unless `path` is a regular file, or a link to one, of at most `max_bytes` bytes.
 
     For libraries that open the file themselves: reading a pipe would block, and reading a device may never end.
     Raises OSError if there is no such file.
@@ -44,25 +44,26 @@ def check_regular(path: Path, most: int | None = None) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.filemode(status.st_mode)[0], "something else")
         raise InputError(f"{path}: is {kind}, not a regular file")
-    if most is not None and status.st_size > most:
-        raise InputError(f"{path}: has {status.st_size} bytes: must have at most {most}")
+    if max_bytes is not None and status.st_size > max_bytes:
+        raise InputError(f"{path}: has {status.st_size} bytes: must have at most {max_bytes}")
 
 
-def open_bytes(path: Path, most: int | None = None) -> BinaryIO:
-    """Open a regular file of at most `most` bytes. Raises as `check_regular` does."""
-    check_regular(path, most)
+def open_bytes(path: Path, max_bytes: int | None = None) -> BinaryIO:
+    """Open a regular file of at most `max_bytes` bytes. Raises as `check_regular` does."""
+    check_regular(path, max_bytes)
     return path.open("rb")
 
 
-def read_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
-    """The content of a regular file of at most `most` bytes. Raises as `check_regular` does."""
-    with open_bytes(path, most) as file:
-        return file.read(min(os.fstat(file.fileno()).st_size, most))  # without what is appended meanwhile
+def read_bytes(path: Path, max_bytes: int = TEXT_BYTES) -> bytes:
+    """The content of a regular file of at most `max_bytes` bytes. Raises as `check_regular` does."""
+    with open_bytes(path, max_bytes) as file:
+        # Without what is appended meanwhile.
+        return file.read(min(os.fstat(file.fileno()).st_size, max_bytes))
 
 
-def read_text(path: Path, most: int = TEXT_BYTES) -> str:
+def read_text(path: Path, max_bytes: int = TEXT_BYTES) -> str:
     """The content of a text file in UTF-8, with or without a byte order mark. Also raises UnicodeDecodeError."""
-    text = read_bytes(path, most).decode("utf-8-sig")
+    text = read_bytes(path, max_bytes).decode("utf-8-sig")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -104,7 +105,7 @@ def read_yaml(path: Path) -> object:
     except InputError:
         raise
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
+        raise InputError(f"{path}: not valid YAML in UTF-8 ({' '.join(str(error).split())[:200]})") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
@@ -166,17 +167,13 @@ class _UniqueKeys(SafeLoader):  # type: ignore[misc]
     """Loader that refuses a repeated key. PyYAML silently keeps the last one, which would lose part of a drawing."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
+        keys = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
+                if key.value in keys:
                     raise yaml.MarkedYAMLError(
                         problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
                     )
-                seen.add(key.value)
+                keys.add(key.value)
         mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return mapping
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

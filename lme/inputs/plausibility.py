@@ -81,7 +81,8 @@ USUAL: Mapping[str, Usual] = {  # by the last part of the key
     "latency": _DELAY,
     "odometry_age": _DELAY,
     "lag": _DELAY,
-    "natural_frequency": Usual("rad/s", 0.0, 100.0, most=1000.0),
+    "natural_frequency_v": Usual("rad/s", 0.0, 100.0, most=1000.0),
+    "natural_frequency_omega": Usual("rad/s", 0.0, 100.0, most=1000.0),
     "ripple_v": Usual("m/s", 0.0, 1.0, most=100.0, hint=_MM),
     "ripple_omega": Usual("rad/s", 0.0, 2.0, most=100.0, hint=_DEGREES),
     "tilt": Usual("rad", 0.0, 0.3, most=1.0, hint=_DEGREES),
@@ -116,11 +117,11 @@ def check(key: str, value: float) -> None:
     if usual.low <= value <= usual.high:
         return
     hint = f"; {usual.hint}" if usual.hint else ""
-    said = f"{key} is {_with_unit(value, usual)}"
+    statement = f"{key} is {_with_unit(value, usual)}"
     normal = f"usually {_between(usual.low, usual.high, usual)}{hint}"
     if not usual.least <= value <= usual.most:
-        raise InputError(f"{said}: must be {_between(usual.least, usual.most, usual)}, and is {normal}")
-    warnings.warn(f"{said}: it is {normal}", stacklevel=2)
+        raise InputError(f"{statement}: must be {_between(usual.least, usual.most, usual)}, and is {normal}")
+    warnings.warn(f"{statement}: it is {normal}", stacklevel=2)
 
 
 def check_fields(prefix: str, values: Any) -> None:
@@ -133,14 +134,14 @@ def check_fields(prefix: str, values: Any) -> None:
 
 def check_mount(key: str, x: float, y: float, reach: float) -> None:
     """Check a sensor's place on a robot. reach: from the base to the farthest point of the outline [m]."""
-    away, usual, most = math.hypot(x, y), reach + _BEYOND, reach + _FAR
-    said = f"{key} is mounted {away:.3g} m from the base of a robot that ends at {reach:.3g} m"
-    if away > most:
+    distance, usual, max_distance = math.hypot(x, y), reach + _BEYOND, reach + _FAR
+    statement = f"{key} is mounted {distance:.3g} m from the base of a robot that ends at {reach:.3g} m"
+    if distance > max_distance:
         raise InputError(
-            f"{said}: must be at most {most:.3g} m from it, and is usually at most {usual:.3g} m; {_MM}"
+            f"{statement}: must be at most {max_distance:.3g} m from it, and is usually at most {usual:.3g} m; {_MM}"
         )
-    if away > usual:
-        warnings.warn(f"{said}: it is usually at most {usual:.3g} m from it; {_MM}", stacklevel=2)
+    if distance > usual:
+        warnings.warn(f"{statement}: it is usually at most {usual:.3g} m from it; {_MM}", stacklevel=2)
 
 
 def _with_unit(value: float, usual: Usual) -> str:

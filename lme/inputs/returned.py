@@ -27,8 +27,8 @@ class ReturnedError(InputError):
 
 def dotted_name(thing: Any) -> str:
     """The dotted path of a function, or of the class of an object."""
-    named = thing if hasattr(thing, "__qualname__") else type(thing)
-    return f"{named.__module__}.{named.__qualname__}"
+    definition = thing if hasattr(thing, "__qualname__") else type(thing)
+    return f"{definition.__module__}.{definition.__qualname__}"
 
 
 def checked_command(command: object, planner: object) -> Twist:
@@ -73,8 +73,8 @@ def checked_people(observation: object, source: object) -> Observation:
     try:
         if not isinstance(observation, Observation):
             raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
-        wanted = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
-        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", wanted)
+        requirement = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
+        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", requirement)
     except ReturnedError as error:
         raise ReturnedError(f"{dotted_name(source)}.seen returned {error}") from None
     return observation if people is observation.pedestrians else observation._replace(pedestrians=people)
@@ -87,36 +87,39 @@ def checked_observation(observation: object, state: Any, simulator: object) -> O
     observation and the state is finite.
     """
     try:
-        where = (*state.pose, state.time)
-        checked_array(where, (4,), "a state", "a pose (x [m], y [m], yaw [rad]) and a time [s]")
+        pose_and_time = (*state.pose, state.time)
+        checked_array(pose_and_time, (4,), "a state", "a pose (x [m], y [m], yaw [rad]) and a time [s]")
         return _observation(observation)
     except ReturnedError as error:
         raise ReturnedError(f"{dotted_name(simulator)} returned {error}") from None
 
 
-def checked_array(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
+def checked_array(value: object, shape: tuple[int | None, ...], subject: str, requirement: str) -> Floats:
     """Return the value as an array of finite floats: the value itself if it is one.
 
-    shape: with None for any number. what, wanted: what the value is and must be, for the message of a ReturnedError.
+    shape: with None for any number. subject, requirement: what the value is and must be, for a ReturnedError.
     """
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.flags.c_contiguous:
         array: Floats = value
     else:
-        array = _as_floats(value, shape, what, wanted)
-    given = array.shape
-    if given != shape and (
-        len(given) != len(shape) or any(n not in (None, m) for n, m in zip(shape, given, strict=True))
+        array = _as_floats(value, shape, subject, requirement)
+    array_shape = array.shape
+    if array_shape != shape and (
+        len(array_shape) != len(shape)
+        or any(n not in (None, m) for n, m in zip(shape, array_shape, strict=True))
     ):
-        raise ReturnedError(f"{what} of shape {given}: must be {wanted}, of shape {_shape(shape)}")
-    if given == (2,):
+        raise ReturnedError(
+            f"{subject} of shape {array_shape}: must be {requirement}, of shape {_shape(shape)}"
+        )
+    if array_shape == (2,):
         x, y = array.tolist()  # quicker than NumPy for two numbers
         finite = math.isfinite(x) and math.isfinite(y)
     else:
         finite = bool(np.isfinite(array).all())
     if not finite:
-        bad = int(np.count_nonzero(~np.isfinite(array)))
-        numbers = f"{bad} of {array.size} numbers are not finite"
-        raise ReturnedError(f"{what} of which {numbers}: must be {wanted}, all finite")
+        num_bad = int(np.count_nonzero(~np.isfinite(array)))
+        numbers = f"{num_bad} of {array.size} numbers are not finite"
+        raise ReturnedError(f"{subject} of which {numbers}: must be {requirement}, all finite")
     return array
 
 
@@ -131,10 +134,10 @@ def _guidance(guidance: object) -> Guidance:
     checked = checked_array(subgoal, (2,), "a subgoal", "(x, y) in the robot's frame [m]")
     if checked is not subgoal:
         guidance = guidance._replace(subgoal=checked)
-    for name, places in (("path", path), ("points", points), ("way", way)):
-        if places is not None:
-            checked = checked_array(places, (None, 2), f"the {name}", _PLACES)
-            if checked is not places:
+    for name, points_array in (("path", path), ("points", points), ("way", way)):
+        if points_array is not None:
+            checked = checked_array(points_array, (None, 2), f"the {name}", _PLACES)
+            if checked is not points_array:
                 guidance = guidance._replace(**{name: checked})  # type: ignore[arg-type]
     if guidance.path is not None and not len(guidance.path):
         raise ReturnedError("a path without points: must have one, or be None")
@@ -158,7 +161,7 @@ def _observation(observation: object) -> Observation:
     return observation if target is observation.target else observation._replace(target=target)
 
 
-def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
+def _as_floats(value: object, shape: tuple[int | None, ...], subject: str, requirement: str) -> Floats:
     """Convert real numbers of any other kind to floats. Strings that spell numbers do not count as numbers."""
     try:
         array = np.asarray(value)
@@ -166,7 +169,7 @@ def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: 
         array = np.array(None)
     if array.dtype.kind not in _REAL:
         raise ReturnedError(
-            f"{what} {_shown(value)}: must be {wanted}, real numbers of shape {_shape(shape)}"
+            f"{subject} {_shown(value)}: must be {requirement}, real numbers of shape {_shape(shape)}"
         )
     return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
 

@@ -15,7 +15,7 @@ from lme.errors import InputError
 
 TRACEBACK = "LME_TRACEBACK"  # the environment variable that asks for tracebacks
 _PACKAGES = Path(__file__).resolve().parents[2]
-_OURS = (_PACKAGES / "lme", _PACKAGES / "runners")
+_LIBRARY = (_PACKAGES / "lme", _PACKAGES / "runners")
 _INSTALLED = {"site-packages", "dist-packages"}
 
 
@@ -34,10 +34,10 @@ def user_error(error: BaseException) -> str:
     inner = [i for i, frame in enumerate(frames) if _is_users(frame.filename)]
     if not inner:
         return ""
-    last = frames[inner[-1]]
-    after = [frame for frame in frames[inner[-1] :] if _is_ours(frame.filename)]
-    raised = f" (raised in {_short(after[-1].filename)}:{after[-1].lineno})" if after else ""
-    return f"{_short(last.filename)}:{last.lineno}: {text}{raised}"
+    user_frame = frames[inner[-1]]
+    tail = [frame for frame in frames[inner[-1] :] if _is_library(frame.filename)]
+    raised = f" (raised in {_short(tail[-1].filename)}:{tail[-1].lineno})" if tail else ""
+    return f"{_short(user_frame.filename)}:{user_frame.lineno}: {text}{raised}"
 
 
 def explained(error: BaseException) -> str:
@@ -82,15 +82,15 @@ def _is_users(filename: str) -> bool:
     if filename.startswith("<"):
         return False
     path = Path(filename).resolve()
-    if _is_ours(filename) or _INSTALLED & {*path.parts}:
+    if _is_library(filename) or _INSTALLED & {*path.parts}:
         return False
     return not any(path.is_relative_to(folder) for folder in _library_folders())
 
 
 @functools.cache
-def _is_ours(filename: str) -> bool:
+def _is_library(filename: str) -> bool:
     path = Path(filename).resolve()
-    return any(path.is_relative_to(folder) for folder in _OURS)
+    return any(path.is_relative_to(folder) for folder in _LIBRARY)
 
 
 def _short(filename: str) -> str:

@@ -26,13 +26,13 @@ class Entry:
         self, place: str, value: object, required: Sequence[str], optional: Sequence[str] = ()
     ) -> None:
         self.place = place
-        known = (*required, *optional)
+        keys = (*required, *optional)
         if not isinstance(value, dict):
-            raise InputError(f"{place}: {_shorten(value)} must be a mapping with {', '.join(known)}")
+            raise InputError(f"{place}: {_shorten(value)} must be a mapping with {', '.join(keys)}")
         for key in value:
-            if key not in known:
+            if key not in keys:
                 raise InputError(
-                    f"{place}: unknown key {_shorten(key)}: {nearest(str(key), known)}must be one of {', '.join(known)}"
+                    f"{place}: unknown key {_shorten(key)}: {nearest(str(key), keys)}must be one of {', '.join(keys)}"
                 )
         missing = [key for key in required if key not in value]
         if missing:
@@ -75,8 +75,8 @@ class Entry:
 
     def points(self, key: str, at_least: int) -> Floats:
         """(K, 2) points [x, y], K ≥ `at_least`, no two successive ones the same."""
-        given = self._value.get(key)
-        pairs = [_numbers(pair, 2) for pair in given] if isinstance(given, list) else []
+        value = self._value.get(key)
+        pairs = [_numbers(pair, 2) for pair in value] if isinstance(value, list) else []
         if len(pairs) < at_least or None in pairs:
             raise self.mistake(key, f"a list of at least {at_least} points [x, y] [m]")
         points = np.array(pairs, dtype=np.float64)
@@ -117,8 +117,8 @@ def _as_number(value: object) -> str:
     match = _EXPONENT.fullmatch(value) if isinstance(value, str) else None
     if match is None:
         return ""
-    whole, fraction, sign, exponent = match.groups(default="")
-    number = f"{whole}.{fraction or '0'}e{sign or '+'}{exponent}"
+    integer, fraction, sign, exponent = match.groups(default="")
+    number = f"{integer}.{fraction or '0'}e{sign or '+'}{exponent}"
     return "" if number == value else f"; YAML reads {value} as a text: write {number}"
 
 

@@ -20,16 +20,16 @@ class Clock:
         self._latest: int | None = None
         self._advanced_at = wall()
 
-    def read(self, now: int) -> str:
-        """Note the time `now` [ns], and describe how the clock has jumped; "" if it has not."""
-        latest, self._latest = self._latest, now
-        if latest is None or now > latest:
+    def read(self, now_ns: int) -> str:
+        """Note the time `now_ns`, and describe how the clock has jumped; "" if it has not."""
+        latest, self._latest = self._latest, now_ns
+        if latest is None or now_ns > latest:
             self._advanced_at = self._wall()
-        if latest is None or -_JITTER <= now - latest <= self._time_jump:
-            self._latest = now if latest is None else max(now, latest)
+        if latest is None or -_JITTER <= now_ns - latest <= self._time_jump:
+            self._latest = now_ns if latest is None else max(now_ns, latest)
             return ""
-        way = "forwards" if now > latest else "backwards"
-        return f"the clock jumped {way} by {abs(now - latest) / SECOND:.3g} s"
+        direction = "forwards" if now_ns > latest else "backwards"
+        return f"the clock jumped {direction} by {abs(now_ns - latest) / SECOND:.3g} s"
 
     @property
     def stalled_for(self) -> int:

@@ -88,9 +88,9 @@ class CloudReader:
         # Otherwise turn the points upright about the origin o of the base frame, R (p − o) + o: each by the tilt at
         # its own time, or all by that at the stamp if they have no times.
         times = point_times(message, stamp_of(message.header))
-        after, rolls, pitches = posture.tilts.T
+        tilt_times, rolls, pitches = posture.tilts.T
         roll, pitch = (
-            np.interp(0.0 if times is None else times, after, angles) for angles in (rolls, pitches)
+            np.interp(0.0 if times is None else times, tilt_times, angles) for angles in (rolls, pitches)
         )
         origin = np.array((0.0, 0.0, self._base_height))
         if times is None:
@@ -132,8 +132,8 @@ class CloudReader:
         points = points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
         x, y, z = (points @ upright[:3, :3].T + upright[:3, 3]).T
         distance, projection = np.hypot(x, y), self._projection
-        near = (distance >= projection.range_min) & (distance <= projection.range_max)
-        z = z[(distance > self._outline) & near]
+        in_range = (distance >= projection.range_min) & (distance <= projection.range_max)
+        z = z[(distance > self._outline) & in_range]
         # Without points in range, either the cloud shows free space or its unit is wrong.
         if not len(z):
             if not len(distance) or np.median(distance) < FAR:
@@ -250,8 +250,8 @@ def _cloud_mount(
 
 def _heights(config: CloudConfig, robot: Robot) -> tuple[float, float]:
     """Heights of the lowest and the highest points that count [m]. Raises InputError unless they rise."""
-    own = robot.lidar.cloud
-    low, high = _HEIGHTS if own is None else (own.min_height, own.max_height)
+    cloud = robot.lidar.cloud
+    low, high = _HEIGHTS if cloud is None else (cloud.min_height, cloud.max_height)
     low = low if config.min_height is None else config.min_height
     high = high if config.max_height is None else config.max_height
     require("scan.cloud.max_height", high, above=low)

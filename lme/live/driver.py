@@ -30,7 +30,7 @@ from lme.types import Floats
 _ANY_TIME = 1 << 62  # [ns]
 
 
-class _Ready(NamedTuple):
+class _DecisionInputs(NamedTuple):
     """Everything that a decision needs. target: (2,) [m] at the stamp of the scan."""
 
     sight: LiveSight
@@ -38,7 +38,7 @@ class _Ready(NamedTuple):
     number: int
 
 
-class _First(NamedTuple):
+class _FirstScan(NamedTuple):
     """A scan for whose lidar guide and planner are built.
 
     mount: (4, 4) from its frame to the base frame, by tf; None if tf has none. carrier: what its frame moves with.
@@ -54,7 +54,7 @@ class LiveDriver:
     """One robot with one guide and one planner.
 
     make_navigator builds them for the robot with the lidar in use, which the first scan shows (`ScanConfig.lidar`).
-    Messages are duck-typed. `now` is the time on the node's clock [ns], the one that stamps messages; `wall` a
+    Messages are duck-typed. `now_ns` is the time on the node's clock [ns], the one that stamps messages; `wall` a
     monotonic time [ns]. Methods may be called from several threads, `tick` from one. measured_twists: velocities are
     the twists of the odometry, until these contradict the poses; otherwise they are the slope of the poses.
 
@@ -88,7 +88,7 @@ class LiveDriver:
         self._number = 0  # of the newest goal
         self._idle_reason = ("no goal", LiveState.IDLE)
         self._shutdown_reason = self._jump = ""
-        self._last = LiveStep(0, LiveState.IDLE, "no goal")
+        self._last_step = LiveStep(0, LiveState.IDLE, "no goal")
         self.soft_stops = 0
 
     @property
@@ -113,23 +113,23 @@ class LiveDriver:
         with self._lock:
             return self._sensors.track.latest
 
-    def take_scan(self, message: Any, now: int) -> None:
+    def take_scan(self, message: Any, now_ns: int) -> None:
         """Take a LaserScan or PointCloud2."""
-        self._take("scan", now, lambda: self._sensors.take_scan(message, now))
+        self._take("scan", now_ns, lambda: self._sensors.take_scan(message, now_ns))
 
-    def take_odometry(self, message: Any, now: int) -> None:
+    def take_odometry(self, message: Any, now_ns: int) -> None:
         """Take an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped of the robot's pose."""
-        self._take("pose", now, lambda: self._sensors.take_pose(message, now))
+        self._take("pose", now_ns, lambda: self._sensors.take_pose(message, now_ns))
 
-    def take_imu(self, message: Any, now: int) -> None:
+    def take_imu(self, message: Any, now_ns: int) -> None:
         """Take an Imu, whose orientation levels clouds while the poses hold no roll and pitch."""
-        self._take("imu", now, lambda: self._sensors.take_imu(message, now))
+        self._take("imu", now_ns, lambda: self._sensors.take_imu(message, now_ns))
 
-    def take_transforms(self, message: Any, now: int, static: bool = False) -> None:
+    def take_transforms(self, message: Any, now_ns: int, static: bool = False) -> None:
         """Take a TFMessage. static: it came on tf_static, so it holds forever; others go stale."""
-        self._take("tf", now, lambda: self._sensors.take_transforms(message, now, static))
+        self._take("tf", now_ns, lambda: self._sensors.take_transforms(message, now_ns, static))
 
-    def set_goal(self, position: Sequence[float], frame_id: str, now: int) -> None:
+    def set_goal(self, position: Sequence[float], frame_id: str, now_ns: int) -> None:
         """Drive to a position (x, y) [m]; an older goal is dropped.
 
         frame_id: any frame that tf connects; "" for the odometry frame. Raises InputError unless the position is
@@ -139,7 +139,7 @@ class LiveDriver:
         if point.shape != (2,) or not np.isfinite(point).all():
             raise InputError(f"goal is {list(position)}: must be two finite numbers [m]")
         with self._lock:
-            self._goal = Goal(point, frame(frame_id), now)
+            self._goal = Goal(point, frame(frame_id), now_ns)
             self._number += 1
 
     def cancel(self) -> None:
@@ -148,88 +148,88 @@ class LiveDriver:
             if self._goal is not None:
                 self._end_goal(LiveState.CANCELLED, "cancelled")
 
-    def tick(self, now: int) -> LiveStep:
+    def tick(self, now_ns: int) -> LiveStep:
         """Return the step of one control period. Never raises.
 
         Call it once a control period on the node's clock. While that clock stands still, keep calling it by wall
         time: it returns the last step again, and after `stale` the robot stands.
         """
         try:
-            self._last = self._step(now)
+            self._last_step = self._step(now_ns)
         except NotReadyError as error:
-            self._last = self._standing_step(now, str(error), error.state)
+            self._last_step = self._standing_step(now_ns, str(error), error.state)
         except Exception as error:
             show_traceback(error)
-            why = user_error(error) or f"{type(error).__name__}: {error}"
-            self._last = self._standing_step(now, why)
-        return self._last
+            reason = user_error(error) or f"{type(error).__name__}: {error}"
+            self._last_step = self._standing_step(now_ns, reason)
+        return self._last_step
 
     def stop(self, reason: str) -> LiveStep:
         """Shut down: the robot stands from now on."""
         with self._lock:
             self._shutdown_reason = reason
-        self._last = self._standing_step(self._last.stamp, reason)
-        return self._last
+        self._last_step = self._standing_step(self._last_step.stamp, reason)
+        return self._last_step
 
-    def _take(self, what: str, now: int, take: Callable[[], None]) -> None:
+    def _take(self, kind: str, now_ns: int, take: Callable[[], None]) -> None:
         """Take a message. One that cannot be read is ignored."""
         with self._lock:
-            self._read_clock(now)
+            self._read_clock(now_ns)
             try:
                 take()
             except Exception as error:
-                self._sensors.note_problem(what, f"{type(error).__name__}: {error}")
+                self._sensors.note_problem(kind, f"{type(error).__name__}: {error}")
 
-    def _read_clock(self, now: int) -> None:
-        jump = self._clock.read(now)
+    def _read_clock(self, now_ns: int) -> None:
+        jump = self._clock.read(now_ns)
         if jump:
             self._jump = jump
             self._sensors.forget()
 
-    def _step(self, now: int) -> LiveStep:
+    def _step(self, now_ns: int) -> LiveStep:
         with self._lock:
-            self._check_clock(now)
-            if self._already_decided(now):
-                return self._last
+            self._check_clock(now_ns)
+            if self._already_decided(now_ns):
+                return self._last_step
             first = self._scan_to_prepare_for()
         if first is not None:
-            if self._last.command != STILL:  # stop first, since preparing takes seconds
+            if self._last_step.command != STILL:  # stop first, since preparing takes seconds
                 raise NotReadyError("guide and planner must be prepared for another lidar")
             self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
-            ready = self._ready(now)
-        return self._decide(ready, now)
+            ready = self._decision_inputs(now_ns)
+        return self._decide(ready, now_ns)
 
-    def _check_clock(self, now: int) -> None:
+    def _check_clock(self, now_ns: int) -> None:
         """Raise NotReadyError after shutdown, after a jump of the clock, or if it stands still."""
         if self._shutdown_reason:
             raise NotReadyError(self._shutdown_reason)
-        self._read_clock(now)
+        self._read_clock(now_ns)
         jump, self._jump = self._jump, ""
         if jump:
             raise NotReadyError(jump)
         if self._clock.stalled_for > self._stale:
             raise NotReadyError("the clock stands still")
 
-    def _already_decided(self, now: int) -> bool:
+    def _already_decided(self, now_ns: int) -> bool:
         """Return whether the last step is already the decision for this time and goal."""
-        decided = self._last.observation is not None and now <= self._last.stamp
-        return decided and self._goal is not None and self._number == self._last.goal
+        decided = self._last_step.observation is not None and now_ns <= self._last_step.stamp
+        return decided and self._goal is not None and self._number == self._last_step.goal
 
-    def _scan_to_prepare_for(self) -> _First | None:
+    def _scan_to_prepare_for(self) -> _FirstScan | None:
         """The latest scan if guide and planner must still be built for its lidar, else None."""
         sensors, scan, mount = self._sensors, self._sensors.scan, self._sensors.mount
         if scan is None:
             return None
         if self._pilot is not None:
             source = self._pilot.source
-            known = not source.exceeded_by(scan) and source.carrier is sensors.carrier
-            if known and (mount is None or not source.mounted_by.startswith("robot=")):
+            is_known_lidar = not source.exceeded_by(scan) and source.carrier is sensors.carrier
+            if is_known_lidar and (mount is None or not source.mounted_by.startswith("robot=")):
                 return None
-        return _First(scan, mount, sensors.carrier, sensors.posture)
+        return _FirstScan(scan, mount, sensors.carrier, sensors.posture)
 
-    def _prepare(self, first: _First) -> None:
+    def _prepare(self, first: _FirstScan) -> None:
         """Build guide and planner for the lidar of a scan, and warm them up. Raises NotReadyError if it is faulty."""
         source = ScanSource(self._scan_config, first.scan, first.mount, self._configured, first.carrier)
         fault = source.blinding_fault(first.scan, first.posture)
@@ -239,40 +239,40 @@ class LiveDriver:
         pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
-    def _ready(self, now: int) -> _Ready:
+    def _decision_inputs(self, now_ns: int) -> _DecisionInputs:
         """Collect everything for a decision. Raises NotReadyError if the robot must stand."""
         if self._goal is None:
             raise NotReadyError(*self._idle_reason)
         # The sensor data must be fresh, and the scan plausible.
         sensors, goal = self._sensors, self._goal
-        sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
+        sight, frames, tree = sensors.look(now_ns), sensors.frames, sensors.tree
         fault = None if self._pilot is None else self._pilot.source.blinding_fault(sight.scan, sight.posture)
         if fault is not None:
             raise NotReadyError(fault)
         # The goal is a target at the stamp of the scan; at the latest pose, it tells whether the robot has arrived.
-        sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
+        sensors.check_transforms(tree.chain(goal.frame, frames.odom), now_ns)
         goal.place(frames, tree, sensors.track, _ANY_TIME)
-        target, left = (goal.target(at, frames, tree) for at in (sight.motion, sight.newest))
-        if target is None or left is None:
+        target, remaining = (goal.target(motion, frames, tree) for motion in (sight.motion, sight.newest))
+        if target is None or remaining is None:
             raise NotReadyError(f"tf does not connect the frame of the goal, {goal.frame}, to {frames.odom}")
-        if math.hypot(*left) <= self.config.goal_tolerance:
+        if math.hypot(*remaining) <= self.config.goal_tolerance:
             self._end_goal(LiveState.ARRIVED, "arrived")
             raise NotReadyError(*self._idle_reason)
-        return _Ready(sight, target, self._number)
+        return _DecisionInputs(sight, target, self._number)
 
     def _end_goal(self, state: LiveState, reason: str) -> None:
         self._goal, self._idle_reason = None, (reason, state)
 
-    def _decide(self, ready: _Ready, now: int) -> LiveStep:
+    def _decide(self, inputs: _DecisionInputs, now_ns: int) -> LiveStep:
         """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
-        pilot, last = self._pilot, self._last.command
+        pilot, last_command = self._pilot, self._last_step.command
         assert pilot is not None
-        step = pilot.decide(ready.sight, ready.target, ready.number, last, now)
+        step = pilot.decide(inputs.sight, inputs.target, inputs.number, last_command, now_ns)
         with self._lock:
-            self._check_goal(ready.number)
+            self._check_goal(inputs.number)
         if step.decision_us > self.config.stale * 1e6:
             return _halt(step, f"the decision took {step.decision_us / 1e6:.2f} s")
-        if self.config.soft_stop and pilot.leads_into_contact(step, last):
+        if self.config.soft_stop and pilot.leads_into_contact(step, last_command):
             self.soft_stops += 1
             return _halt(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
         return step
@@ -286,8 +286,8 @@ class LiveDriver:
         if number != self._number:
             raise NotReadyError("a new goal was set during the decision")
 
-    def _standing_step(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
-        return LiveStep(now, state, reason, STILL, self._number, motion=self.motion)
+    def _standing_step(self, now_ns: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
+        return LiveStep(now_ns, state, reason, STILL, self._number, motion=self.motion)
 
 
 def _halt(step: LiveStep, reason: str) -> LiveStep:

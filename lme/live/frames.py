@@ -24,10 +24,10 @@ class TransformTree:
 
     def update(self, message: Any) -> None:
         """Add the transforms of a TFMessage."""
-        for one in message.transforms:
-            child = frame(one.child_frame_id)
-            transform = matrix_of(one.transform.translation, one.transform.rotation)
-            self._parents[child] = (frame(one.header.frame_id), transform)
+        for stamped in message.transforms:
+            child = frame(stamped.child_frame_id)
+            transform = matrix_of(stamped.transform.translation, stamped.transform.rotation)
+            self._parents[child] = (frame(stamped.header.frame_id), transform)
 
     def copy(self) -> TransformTree:
         """Return an independent copy."""
@@ -42,24 +42,24 @@ class TransformTree:
 
     def chain(self, ancestor: str, name: str) -> set[str]:
         """Frames from `name` up to `ancestor`, without `ancestor`; empty if it is not an ancestor of `name`."""
-        found = list(self._to_ancestors(name))
-        return set(found[: found.index(ancestor)]) if ancestor in found else set()
+        names = list(self._to_ancestors(name))
+        return set(names[: names.index(ancestor)]) if ancestor in names else set()
 
     def lookup(self, target: str, source: str) -> Floats | None:
         """Transform (4, 4) from `source` to `target`; None if no chain of transforms connects them."""
-        up, down = self._to_ancestors(source), self._to_ancestors(target)
-        common = next((name for name in up if name in down), None)
-        return None if common is None else np.asarray(np.linalg.inv(down[common]) @ up[common])
+        to_source, to_target = self._to_ancestors(source), self._to_ancestors(target)
+        common = next((name for name in to_source if name in to_target), None)
+        return None if common is None else np.asarray(np.linalg.inv(to_target[common]) @ to_source[common])
 
     def _to_ancestors(self, name: str) -> dict[str, Floats]:
         """Transforms (4, 4) from a frame to itself and to each of its ancestors, nearest first."""
         matrix = np.eye(4)
-        found = {name: matrix}
-        while name in self._parents and self._parents[name][0] not in found:  # stop at a cycle
+        transforms = {name: matrix}
+        while name in self._parents and self._parents[name][0] not in transforms:  # stop at a cycle
             name, transform = self._parents[name]
             matrix = transform @ matrix
-            found[name] = matrix
-        return found
+            transforms[name] = matrix
+        return transforms
 
 
 @dataclass(slots=True)
@@ -111,33 +111,34 @@ def message_frames(config: FramesConfig, message: Any | None, tree: TransformTre
     Motion capture may name the base anything: a name that tf does not know is replaced by a usual one that it knows.
     """
     odom = "" if message is None else frame(message.header.frame_id)
-    named = frame(getattr(message, "child_frame_id", ""))
-    if named and not (config.odom and config.base):
-        odom, named = _in_order(odom, named)
-    candidates = [name for name in (named, *_BASES) if name]
-    base = next((name for name in candidates if name in tree.names), named or _BASES[1])
+    child = frame(getattr(message, "child_frame_id", ""))
+    if child and not (config.odom and config.base):
+        odom, child = _in_order(odom, child)
+    candidates = [name for name in (child, *_BASES) if name]
+    base = next((name for name in candidates if name in tree.names), child or _BASES[1])
     return Frames(frame(config.odom or odom or _ODOMS[0]), frame(config.base or base))
 
 
 def _in_order(odom: str, base: str) -> tuple[str, str]:
     """The odometry frame and the base frame, with names that a message confuses put right; "" for a missing one."""
     if odom == base:
-        meant = ("", base) if _is_base(base) else (odom, "")
+        ordered = ("", base) if _is_base(base) else (odom, "")
     elif _is_odom(base) and _is_base(odom):
-        meant = base, odom
+        ordered = base, odom
     else:
         return odom, base
     warnings.warn(
         f"odometry gives the pose of {base} in {odom} (child_frame_id, header.frame_id): read as that of "
-        f"{meant[1] or 'the base'} in {meant[0] or 'the odometry frame'}; frames.odom and frames.base say otherwise",
+        f"{ordered[1] or 'the base'} in {ordered[0] or 'the odometry frame'}; frames.odom and frames.base say "
+        "otherwise",
         stacklevel=3,
     )
-    return meant
+    return ordered
 
 
 def _is_odom(name: str) -> bool:
-    last = name.rpartition("/")[2]
-    return last in _ODOMS or last.endswith("odom")
+    basename = name.rpartition("/")[2]
+    return basename in _ODOMS or basename.endswith("odom")
 
 
 def _is_base(name: str) -> bool:

@@ -23,42 +23,42 @@ class Goal:
     def __init__(self, point: Floats, frame: str, stamp: int) -> None:
         """Take a point (2,) [m] in `frame`, "" for the odometry frame, as it is at a stamp [ns]."""
         self._point, self.frame, self._stamp = point, frame, stamp
-        self._placed: Floats | None = None  # in the odometry frame
+        self._position: Floats | None = None  # in the odometry frame
 
     def place(self, frames: Frames, tree: TransformTree, track: Track, tolerance: int) -> bool:
         """Find the goal in the odometry frame, and return whether tf and the poses allow it.
 
         tolerance: greatest time between the goal's stamp and a pose [ns].
         """
-        if self._placed is not None:
+        if self._position is not None:
             return True
         if self.frame in ("", frames.odom):
-            self._placed = self._point
+            self._position = self._point
         elif self.frame != frames.base and (matrix := tree.lookup(frames.odom, self.frame)) is not None:
             # A goal in a frame above the odometry frame moves with it, so it is not placed once and for all.
-            place = to_world(self._point, planar_matrix(matrix)[0])
-            self._placed = None if self._is_above_odometry(frames, tree) else place
+            position = to_world(self._point, planar_matrix(matrix)[0])
+            self._position = None if self._is_above_odometry(frames, tree) else position
             return True
         elif (matrix := tree.lookup(frames.base, self.frame)) is not None:
             # A goal in a frame of the robot: the pose at its stamp fixes it.
             motion = track.at(self._stamp, tolerance)
             on_base = to_world(self._point, planar_matrix(matrix)[0])
-            self._placed = None if motion is None else to_world(on_base, motion.pose)
-        return self._placed is not None
+            self._position = None if motion is None else to_world(on_base, motion.pose)
+        return self._position is not None
 
     def target(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
         """The goal (2,) in the robot frame [m]; not transformed if it was given there at the stamp of the motion.
 
         None if tf does not connect its frame, or puts it absurdly far away.
         """
-        found = self._in_robot_frame(motion, frames, tree)
-        return found if found is not None and (np.abs(found) <= FARTHEST).all() else None
+        target = self._in_robot_frame(motion, frames, tree)
+        return target if target is not None and (np.abs(target) <= FARTHEST).all() else None
 
     def _in_robot_frame(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
         if self.frame == frames.base and self._stamp == motion.stamp:
             return self._point
-        if self._placed is not None:
-            return to_robot(self._placed, motion.pose)
+        if self._position is not None:
+            return to_robot(self._position, motion.pose)
         matrix = tree.lookup(frames.odom, self.frame) if self._is_above_odometry(frames, tree) else None
         if matrix is None:
             return None

@@ -39,8 +39,8 @@ def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Rob
 
     points: (M, 2) in the frame in which `pose` is given [m]. twist: present twist of the robot.
     """
-    now = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
-    return not StoppingCheck(robot.hull, robot.dt).stops(command, now)
+    state = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
+    return not StoppingCheck(robot.hull, robot.dt).stops(command, state)
 
 
 class Pilot:
@@ -60,55 +60,57 @@ class Pilot:
         """
         self._navigator.reset(np.random.default_rng(self._seed))
         for k in range(_WARM_UPS):
-            here = StampedMotion(k * _WARM_UP_PERIOD, Pose(0.0, 0.0, 0.0), STILL)
-            step = self.decide(LiveSight(scan, here, here, posture), _AHEAD, self._number, STILL, 0)
+            motion = StampedMotion(k * _WARM_UP_PERIOD, Pose(0.0, 0.0, 0.0), STILL)
+            step = self.decide(LiveSight(scan, motion, motion, posture), _AHEAD, self._number, STILL, 0)
             self.leads_into_contact(step, STILL)
 
-    def decide(self, sight: LiveSight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
+    def decide(
+        self, sight: LiveSight, target: Floats, number: int, last_command: Twist, now_ns: int
+    ) -> LiveStep:
         """Decide on a step that drives. Raises whatever guide or planner raise.
 
-        target: (2,) in the robot frame at the stamp of the scan [m]; it is goal `number`. last: the command before.
+        target: (2,) in the robot frame at the stamp of the scan [m]; it is goal `number`. last_command: the one before.
         """
         navigator, robot = self._navigator, self.robot
         if self._number != number:
             navigator.reset(goal_rng(self._seed, number))
             self._number = number
-        observation = self.source.observation(sight.scan, sight.motion, target, last, sight.posture)
-        began = self._wall()
-        wanted = navigator.act(observation, sight.motion.stamp / SECOND)
+        observation = self.source.observation(sight.scan, sight.motion, target, last_command, sight.posture)
+        start_ns = self._wall()
+        twist = navigator.act(observation, sight.motion.stamp / SECOND)
         assert navigator.observation is not None
         return LiveStep(
-            now,
+            now_ns,
             LiveState.DRIVING,
             "",
-            reachable(*wanted, navigator.observation.ramp_start, robot.limits, robot.dt),
+            reachable(*twist, navigator.observation.ramp_start, robot.limits, robot.dt),
             number,
             navigator.observation,
             navigator.guidance,
             self._explanations.new(),
-            wanted,
-            decision_us=(self._wall() - began) / 1000.0,
+            twist,
+            decision_us=(self._wall() - start_ns) / 1000.0,
             motion=sight.newest,
             people=None if navigator.people is None else navigator.people.tracks,
             people_us=0.0 if navigator.people is None else navigator.people.spent_us,
             taken=sight.motion.stamp,
         )
 
-    def leads_into_contact(self, step: LiveStep, last: Twist) -> bool:
+    def leads_into_contact(self, step: LiveStep, last_command: Twist) -> bool:
         """Return whether the robot would touch what it sees if it followed the command of a driving step.
 
-        Since the scan and since its latest pose, it has moved on with the command `last`.
+        Since the scan and since its latest pose, it has moved on with the command `last_command`.
         """
         assert step.observation is not None
         assert step.motion is not None
-        seen, newest = step.observation, step.motion
-        points = obstacle_points(seen.scan, self.robot.lidar.mount)
+        observation, newest = step.observation, step.motion
+        points = obstacle_points(observation.scan, self.robot.lidar.mount)
         age = max(step.stamp - newest.stamp, 0) / SECOND
         # Predict from the latest pose, in the robot frame of the scan, to the time of the tick.
-        then = relative(newest.pose, seen.odometry)
+        pose = relative(newest.pose, observation.odometry)
         return any(
-            touches(points, *predict(then, twist, last, age, self.robot), step.command, self.robot)
-            for twist in seen._replace(twist=newest.twist).twists
+            touches(points, *predict(pose, twist, last_command, age, self.robot), step.command, self.robot)
+            for twist in observation._replace(twist=newest.twist).twists
         )
 
 

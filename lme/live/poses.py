@@ -29,7 +29,7 @@ TWISTS = (
     "measured",
     "poses",
 )  # where velocities come from: the messages, as far as they have them, or the poses
-_AROUND = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
+_CLOUD_WINDOW = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
 _KEPT = 5 * SECOND
 _TRIMMED_AT = 4096  # samples
 _PLANAR = 1e-6  # [rad] below this, roll and pitch are rounding
@@ -56,8 +56,8 @@ class Sample(NamedTuple):
 
 def is_sound(pose: Pose, twist: Twist | None) -> bool:
     """Return whether all numbers are finite and of a size that a robot can have."""
-    near = all(abs(number) <= FARTHEST for number in pose)
-    return near and all(abs(number) <= FASTEST for number in twist or ())
+    is_near = all(abs(number) <= FARTHEST for number in pose)
+    return is_near and all(abs(number) <= FASTEST for number in twist or ())
 
 
 def message_pose(message: Any, kind: str) -> Sample:
@@ -79,12 +79,12 @@ def moving_links(tree: TransformTree, frames: Frames) -> set[str]:
 def tf_pose(message: Any, tree: TransformTree, frames: Frames) -> Sample | None:
     """The pose of the base by tf, if the TFMessage says where it is now. `tree` already holds the message."""
     links = moving_links(tree, frames)
-    moved = [one for one in message.transforms if frame(one.child_frame_id) in links]
-    matrix = tree.lookup(*frames) if moved else None
+    link_transforms = [stamped for stamped in message.transforms if frame(stamped.child_frame_id) in links]
+    matrix = tree.lookup(*frames) if link_transforms else None
     if matrix is None:
         return None
     pose = planar_matrix(matrix)[0]
-    return Sample(moved[-1].header, pose, None, float(matrix[2, 3]), tilt_of(matrix))
+    return Sample(link_transforms[-1].header, pose, None, float(matrix[2, 3]), tilt_of(matrix))
 
 
 def imu_tilt(message: Any, frames: Frames, tree: TransformTree) -> Tilt | None:
@@ -118,12 +118,12 @@ class Postures:
 
     def __init__(self) -> None:
         self._poses, self._imu = _Samples(), _Samples()
-        self._began: int | None = None  # stamp of the first pose [ns]
+        self._first_stamp: int | None = None  # stamp of the first pose [ns]
         self._imu_heard = False
 
     def add(self, stamp: int, height: float, tilt: Tilt) -> None:
         """Add height [m] and tilt of a pose. stamp [ns]."""
-        self._began = stamp if self._began is None else self._began
+        self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         self._poses.add(stamp, height, tilt)
 
     def add_imu(self, stamp: int, tilt: Tilt | None) -> None:
@@ -143,14 +143,14 @@ class Postures:
         problem = ""
         if by_imu and not self._imu.tilted:
             tilts = tilts[:0]
-            if self._began is not None and stamp - self._began >= _PATIENCE:
+            if self._first_stamp is not None and stamp - self._first_stamp >= _PATIENCE:
                 problem = _NO_ORIENTATION if self._imu_heard else _NO_IMU
         elif not len(tilts):
             problem = "no orientation is near in time"
         elif (lean := np.arccos(np.cos(tilts[:, 1]) * np.cos(tilts[:, 2])).max()) > _UPRIGHT:
             tilts = tilts[:0]
-            who = "its IMU says, whose frame tf must connect to the base" if by_imu else "its poses say"
-            problem = f"it cannot be tilted by {math.degrees(lean):.0f}°, as {who}"
+            source = "its IMU says, whose frame tf must connect to the base" if by_imu else "its poses say"
+            problem = f"it cannot be tilted by {math.degrees(lean):.0f}°, as {source}"
         return Posture(pose, height, tilts, problem)
 
 
@@ -174,10 +174,10 @@ class _Samples:
 
     def around(self, stamp: int, tolerance: int) -> Floats:
         """(K, 4): time after `stamp` [s], height, roll, pitch. K is 0 if none is within `tolerance` [ns]."""
-        first = max(bisect_right(self._stamps, stamp - _AROUND) - 1, 0)
-        last = bisect_left(self._stamps, stamp + _AROUND) + 1
-        stamps, values = self._stamps[first:last], self._values[first:last]
-        if not any(abs(one - stamp) <= tolerance for one in stamps):
+        start = max(bisect_right(self._stamps, stamp - _CLOUD_WINDOW) - 1, 0)
+        stop = bisect_left(self._stamps, stamp + _CLOUD_WINDOW) + 1
+        stamps, values = self._stamps[start:stop], self._values[start:stop]
+        if not any(abs(sample_stamp - stamp) <= tolerance for sample_stamp in stamps):
             return np.empty((0, 4))
-        times = [(one - stamp) / SECOND for one in stamps]
+        times = [(sample_stamp - stamp) / SECOND for sample_stamp in stamps]
         return np.column_stack((times, np.array(values)))

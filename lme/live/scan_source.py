@@ -68,13 +68,13 @@ class ScanSource:
             self._widest = _fov(first)  # [rad]
         # Give the robot the lidar of the first message, unless it keeps its own.
         raw = self.raw(first)
-        seen = self._lidar_of(raw)
-        if config.lidar == "recorded" and not same_lidar(seen, robot.lidar):
+        lidar = self._lidar_of(raw)
+        if config.lidar == "recorded" and not same_lidar(lidar, robot.lidar):
             with _quietly():
-                robot = replace(robot, lidar=replace(seen, noise_std=robot.lidar.noise_std))
+                robot = replace(robot, lidar=replace(lidar, noise_std=robot.lidar.noise_std))
         self.robot = robot
         self._geometry: tuple[float, ...] = ()
-        self._own = self._untouched = False
+        self._native = self._unchanged = False
 
     @property
     def mount(self) -> Pose:
@@ -92,12 +92,12 @@ class ScanSource:
         geometry = (len(raw.ranges), *raw[1:])
         if geometry != self._geometry:
             self._geometry = geometry
-            self._own = same_lidar(self._lidar_of(raw), lidar)
-            self._untouched = self._own and self._needs_no_conversion(raw)
-        if self._untouched:
+            self._native = same_lidar(self._lidar_of(raw), lidar)
+            self._unchanged = self._native and self._needs_no_conversion(raw)
+        if self._unchanged:
             return _scan_of_lidar(lidar, raw.ranges)
         scan = tidied(raw, self.upside_down)
-        return _scan_of_lidar(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
+        return _scan_of_lidar(lidar, scan.ranges) if self._native else resampled(scan, self._pose, lidar)
 
     def observation(
         self,
@@ -153,15 +153,15 @@ class ScanSource:
             return own_lidar(tidied(raw, self.upside_down), self._pose)[0]
 
     def _faults(self, message: Any, raw: LaserScan, posture: Posture | None) -> list[ScanFault]:
-        came_from = frame(message.header.frame_id)
-        if came_from != self._frame:
-            text = f"a scan comes from the frame {came_from}, not from {self._frame}: another lidar on the same topic"
+        scan_frame = frame(message.header.frame_id)
+        if scan_frame != self._frame:
+            text = f"a scan comes from the frame {scan_frame}, not from {self._frame}: another lidar on the same topic"
             return [ScanFault("frame", text, True)]
         if self._clouds is not None:
             return self._clouds.faults(message, raw, posture)
         angle_max = getattr(message, "angle_max", None)
-        last = None if angle_max is None else float(angle_max)
-        faults = scan_faults(scan_of(message), raw, last, self._outline)
+        last_angle = None if angle_max is None else float(angle_max)
+        faults = scan_faults(scan_of(message), raw, last_angle, self._outline)
         if self._config.range_max is not None:
             faults = [fault for fault in faults if fault.kind != "range_max"]
         return faults + self._size_faults(message)

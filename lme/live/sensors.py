@@ -71,26 +71,26 @@ class LiveSensors:
         """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
         self.scan: Any = None
         self.track, self._twists = Track(), TwistCheck()
-        self._seen: dict[
+        self._last_stamps: dict[
             str, int
         ] = {}  # by kind of message [ns]: its stamp or its arrival, whichever is earlier
         self._scan_stamp = 0
-        self._moved: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
+        self._moving_stamps: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
         self._problems: dict[str, str] = {}
 
-    def note_problem(self, what: str, problem: str) -> None:
-        """Note why the last message was ignored. what: scan, pose or tf."""
-        self._problems[what] = problem
+    def note_problem(self, kind: str, problem: str) -> None:
+        """Note why the last message was ignored. kind: scan, pose or tf."""
+        self._problems[kind] = problem
 
-    def take_scan(self, message: Any, now: int) -> None:
+    def take_scan(self, message: Any, now_ns: int) -> None:
         """Keep a LaserScan or PointCloud2, unless a later one is known."""
-        stamp = self._stamp("scan", message.header, now)
+        stamp = self._stamp("scan", message.header, now_ns)
         if stamp is None or (self.scan is not None and stamp <= self._scan_stamp):
             return
         self.scan, self._scan_stamp = message, stamp
-        self._note("scan", stamp, now)
+        self._note("scan", stamp, now_ns)
 
-    def take_pose(self, message: Any, now: int) -> None:
+    def take_pose(self, message: Any, now_ns: int) -> None:
         """Add an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
         kind = kind_of_pose(message)
         sample = message_pose(message, kind)
@@ -100,29 +100,35 @@ class LiveSensors:
         if self._pose_message is None:
             self.track = Track()  # until now, poses came from tf
         self._pose_message = message
-        self._add(sample, now)
+        self._add(sample, now_ns)
 
-    def take_imu(self, message: Any, now: int) -> None:
+    def take_imu(self, message: Any, now_ns: int) -> None:
         """Add an Imu."""
-        stamp = self._stamp("imu", message.header, now)
+        stamp = self._stamp("imu", message.header, now_ns)
         if stamp is not None:
             self.track.postures.add_imu(stamp, imu_tilt(message, self.frames, self.tree))
 
-    def take_transforms(self, message: Any, now: int, static: bool) -> None:
+    def take_transforms(self, message: Any, now_ns: int, static: bool) -> None:
         """Add a TFMessage."""
-        for one in message.transforms:
-            if not np.isfinite(matrix_of(one.transform.translation, one.transform.rotation)).all():
-                self.note_problem("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
+        for stamped in message.transforms:
+            if not np.isfinite(matrix_of(stamped.transform.translation, stamped.transform.rotation)).all():
+                self.note_problem("tf", f"the transform of {frame(stamped.child_frame_id)} is not finite")
                 return
         self._problems.pop("tf", None)
         self.tree.update(message)
         if not static:
-            for one in message.transforms:
-                child, stamp = frame(one.child_frame_id), self._header_stamp(one.header) or now
-                self._moved[child] = max(min(stamp, now), self._moved.get(child, 0))
-            self._moving |= {*self._moved}
+            for stamped in message.transforms:
+                child, stamp = frame(stamped.child_frame_id), self._header_stamp(stamped.header) or now_ns
+                self._moving_stamps[child] = max(min(stamp, now_ns), self._moving_stamps.get(child, 0))
+            self._moving |= {*self._moving_stamps}
         if self._pose_message is None:
-            self._take_tf_pose(message, now)
+            # Without a topic of poses, tf gives them. Other frames begin a new track.
+            frames = tf_frames(self._config, self.tree)
+            if frames != self._tf_frames:
+                self._tf_frames, self.track = frames, Track()
+            sample = None if frames is None else tf_pose(message, self.tree, frames)
+            if sample is not None:
+                self._add(sample, now_ns)
 
     @property
     def frames(self) -> Frames:
@@ -149,35 +155,27 @@ class LiveSensors:
         """Posture of the base at the stamp of the scan, if that is a cloud; None without a pose close in time."""
         return self.track.posture(self._scan_stamp, self._stale) if is_cloud(self.scan) else None
 
-    def look(self, now: int) -> LiveSight:
-        """Return the sensor data at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
-        self._check("scan", now)
+    def look(self, now_ns: int) -> LiveSight:
+        """Return the sensor data at `now_ns`. Raises NotReadyError if something is missing, stale or empty."""
+        self._check("scan", now_ns)
         if is_empty(self.scan):
             raise NotReadyError("the scan is empty: no beam measures anything")
-        self._check("pose", now)
+        self._check("pose", now_ns)
         motion, newest = self.track.at(self._scan_stamp, self._stale), self.track.latest
         if motion is None or newest is None:
             raise NotReadyError("no odometry close in time to the scan")
         return LiveSight(self.scan, motion, newest, self.posture)
 
-    def check_transforms(self, names: set[str], now: int) -> None:
+    def check_transforms(self, names: set[str], now_ns: int) -> None:
         """Raise NotReadyError if one of these frames moves and its transform is stale."""
         for name in sorted(names & self._moving):
-            if name not in self._moved:
+            if name not in self._moving_stamps:
                 raise NotReadyError(f"no transform of {name}")
-            if now - self._moved[name] > self._stale:
+            if now_ns - self._moving_stamps[name] > self._stale:
                 raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
 
-    def _take_tf_pose(self, message: Any, now: int) -> None:
-        frames = tf_frames(self._config, self.tree)
-        if frames != self._tf_frames:
-            self._tf_frames, self.track = frames, Track()
-        sample = None if frames is None else tf_pose(message, self.tree, frames)
-        if sample is not None:
-            self._add(sample, now)
-
-    def _add(self, sample: Sample, now: int) -> None:
-        stamp = self._stamp("pose", sample.header, now)
+    def _add(self, sample: Sample, now_ns: int) -> None:
+        stamp = self._stamp("pose", sample.header, now_ns)
         if stamp is None:
             return
         if not is_sound(sample.pose, sample.twist):
@@ -187,7 +185,7 @@ class LiveSensors:
             twist = sample.twist if self._believes_twists else None
             self.track.add(stamp, sample.pose, twist, sample.height, sample.tilt)
             self._check_twist(stamp, sample)
-            self._note("pose", stamp, now)
+            self._note("pose", stamp, now_ns)
 
     def _check_twist(self, stamp: int, sample: Sample) -> None:
         """Take velocities from the slope of the poses, once the twists have contradicted it."""
@@ -202,35 +200,36 @@ class LiveSensors:
                 f"odometry of {self.frames.base} in {self.frames.odom}: {contradiction}", stacklevel=2
             )
 
-    def _stamp(self, what: str, header: Any, now: int) -> int | None:
-        """The stamp of a message that arrives at `now` [ns]; None if it is too far from `now`."""
+    def _stamp(self, kind: str, header: Any, now_ns: int) -> int | None:
+        """The stamp of a message that arrives at `now_ns`; None if it is too far from that time."""
         stamp = self._header_stamp(header)
-        if stamp and abs(now - stamp) > self._stale:
-            side = "behind" if now > stamp else "ahead of"
+        if stamp and abs(now_ns - stamp) > self._stale:
+            side = "behind" if now_ns > stamp else "ahead of"
             self.note_problem(
-                what,
-                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set live.clock=received if clocks differ",
+                kind,
+                f"its stamp is {_seconds(abs(now_ns - stamp))} {side} the clock; set live.clock=received if "
+                "clocks differ",
             )
             return None
-        return stamp or now
+        return stamp or now_ns
 
     def _header_stamp(self, header: Any) -> int:
         """The stamp of a header [ns]; 0 if there is none, or if message stamps are ignored."""
         return stamp_of(header) if self._by_header else 0
 
-    def _note(self, what: str, stamp: int, now: int) -> None:
-        self._seen[what] = min(stamp, now)
-        self._problems.pop(what, None)
+    def _note(self, kind: str, stamp: int, now_ns: int) -> None:
+        self._last_stamps[kind] = min(stamp, now_ns)
+        self._problems.pop(kind, None)
 
-    def _check(self, what: str, now: int) -> None:
-        problem = self._problems.get(what)
-        if what == "pose" and self._pose_message is None:
+    def _check(self, kind: str, now_ns: int) -> None:
+        problem = self._problems.get(kind)
+        if kind == "pose" and self._pose_message is None:
             problem = problem or self._problems.get("tf")
-        because = f" ({problem})" if problem else ""
-        if what not in self._seen:
-            raise NotReadyError(f"no {_NAMES[what]}{because}")
-        if now - self._seen[what] > self._stale:
-            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{because}")
+        reason = f" ({problem})" if problem else ""
+        if kind not in self._last_stamps:
+            raise NotReadyError(f"no {_NAMES[kind]}{reason}")
+        if now_ns - self._last_stamps[kind] > self._stale:
+            raise NotReadyError(f"the {_NAMES[kind]} is older than {_seconds(self._stale)}{reason}")
 
 
 def _seconds(time: int) -> str:

@@ -44,7 +44,9 @@ class Track:
         self._poses.append(pose)
         self._twists.append(twist)
         if len(self._stamps) > _TRIMMED_AT:
-            self._trim()
+            # Drop what is older than `_KEPT`.
+            first = bisect_left(self._stamps, self._stamps[-1] - _KEPT)
+            del self._stamps[:first], self._poses[:first], self._twists[:first]
 
     def forget_twists(self) -> None:
         """Take the velocity at the poses so far from their slope."""
@@ -72,8 +74,8 @@ class Track:
         if k < len(self._stamps) and self._stamps[k] == stamp:
             return StampedMotion(stamp, self._poses[k], self._twist(k))
         if 0 < k < len(self._stamps):
-            near = min(stamp - self._stamps[k - 1], self._stamps[k] - stamp)
-            return self._between(k, stamp) if near <= tolerance else None
+            gap = min(stamp - self._stamps[k - 1], self._stamps[k] - stamp)
+            return self._between(k, stamp) if gap <= tolerance else None
         end = k - 1 if k else 0
         if abs(self._stamps[end] - stamp) > tolerance:
             return None
@@ -86,23 +88,19 @@ class Track:
 
     def _between(self, k: int, stamp: int) -> StampedMotion:
         a, b = self._poses[k - 1], self._poses[k]
-        share = (stamp - self._stamps[k - 1]) / (self._stamps[k] - self._stamps[k - 1])
-        (v, omega), (v_then, omega_then) = self._twist(k - 1), self._twist(k)
-        twist = Twist(v + share * (v_then - v), omega + share * (omega_then - omega))
-        return StampedMotion(stamp, between(a, b, share), twist)
+        fraction = (stamp - self._stamps[k - 1]) / (self._stamps[k] - self._stamps[k - 1])
+        (v, omega), (v_end, omega_end) = self._twist(k - 1), self._twist(k)
+        twist = Twist(v + fraction * (v_end - v), omega + fraction * (omega_end - omega))
+        return StampedMotion(stamp, between(a, b, fraction), twist)
 
     def _twist(self, k: int) -> Twist:
         """The twist that came with the pose, or the slope of the poses over the last fifth of a second."""
-        known = self._twists[k]
-        if known is not None:
-            return known
+        twist = self._twists[k]
+        if twist is not None:
+            return twist
         j = max(bisect_right(self._stamps, self._stamps[k] - _SLOPE) - 1, 0)
         seconds = (self._stamps[k] - self._stamps[j]) / SECOND
         if seconds <= 0.0:
             return Twist(0.0, 0.0)
-        moved = relative(self._poses[k], self._poses[j])
-        return Twist(moved.x / seconds, moved.yaw / seconds)
-
-    def _trim(self) -> None:
-        first = bisect_left(self._stamps, self._stamps[-1] - _KEPT)
-        del self._stamps[:first], self._poses[:first], self._twists[:first]
+        motion = relative(self._poses[k], self._poses[j])
+        return Twist(motion.x / seconds, motion.yaw / seconds)

@@ -15,9 +15,9 @@ _WINDOW_S = 1.0  # time over which motion is compared: it averages a walking rob
 _MOVING_S = 0.5  # time over which the poses must move, twice in a row, as a jump does not
 _LONGEST_GAP_S = 0.5  # between poses; over a longer one a twist says little about the motion
 _SLOWEST = (0.15, 0.2)  # [m/s], [rad/s] below both the robot counts as standing
-_NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences up to these never count as wrong
-_SHARE = 0.25  # nor do differences up to this share of the motion
-_COMPARED, _WRONG = 5, 4  # windows with motion that are compared, and how many of them must be wrong
+_TOLERANCES = (0.1, 0.15)  # [m/s], [rad/s] differences up to these never count as wrong
+_FRACTION = 0.25  # nor do differences up to this share of the motion
+_COMPARED, _MIN_WRONG = 5, 4  # windows with motion that are compared, and how many of them must be wrong
 
 
 class TwistCheck:
@@ -28,39 +28,39 @@ class TwistCheck:
     """
 
     def __init__(self) -> None:
-        self._before: tuple[int, Pose, Twist] | None = None
+        self._previous: tuple[int, Pose, Twist] | None = None
         self._sums = np.zeros(5)  # time; way ahead and turn by the poses; the same by the twists
         self._windows: deque[tuple[bool, tuple[float, ...]]] = deque(maxlen=_COMPARED)
         self._all_zero = True
-        self._moved = np.zeros(3)  # time; way ahead and turn by the poses
+        self._motion = np.zeros(3)  # time; way ahead and turn by the poses
         self._velocities: deque[Floats] = deque(maxlen=2)  # by the poses, while all twists are zero
 
     def add(self, stamp: int, pose: Pose, twist: Twist) -> None:
         """Compare one more motion. stamp: [ns]. pose: in the odometry frame. twist: as the message has it."""
-        before, self._before = self._before, (stamp, pose, twist)
+        previous, self._previous = self._previous, (stamp, pose, twist)
         self._all_zero = self._all_zero and twist == (0.0, 0.0)
-        seconds = (stamp - before[0]) / SECOND if before else 0.0
+        seconds = (stamp - previous[0]) / SECOND if previous else 0.0
         # After a gap, or a stamp that is not later, both windows begin anew.
-        if before is None or not 0.0 < seconds <= _LONGEST_GAP_S:
-            self._sums[:] = self._moved[:] = 0.0
+        if previous is None or not 0.0 < seconds <= _LONGEST_GAP_S:
+            self._sums[:] = self._motion[:] = 0.0
             self._velocities.clear()
             return
         # The velocity of the poses alone shows whether twists that are always zero are wrong.
-        moved = relative(pose, before[1])
-        self._moved += (seconds, moved.x, moved.yaw)
-        if self._moved[0] >= _MOVING_S:
-            self._velocities.append(self._moved[1:] / self._moved[0])
-            self._moved[:] = 0.0
+        motion = relative(pose, previous[1])
+        self._motion += (seconds, motion.x, motion.yaw)
+        if self._motion[0] >= _MOVING_S:
+            self._velocities.append(self._motion[1:] / self._motion[0])
+            self._motion[:] = 0.0
         # Sum the motion by the poses, and by the twists (trapezoidal rule), until the window is full.
-        means = [(one + other) / 2 for one, other in zip(before[2], twist, strict=True)]
-        self._sums += np.array((seconds, moved.x, moved.yaw, *(seconds * mean for mean in means)))
+        means = [(earlier + later) / 2 for earlier, later in zip(previous[2], twist, strict=True)]
+        self._sums += np.array((seconds, motion.x, motion.yaw, *(seconds * mean for mean in means)))
         if self._sums[0] < _WINDOW_S:
             return
-        v, omega, said_v, said_omega = (float(number) for number in self._sums[1:] / self._sums[0])
+        v, omega, twist_v, twist_omega = (float(number) for number in self._sums[1:] / self._sums[0])
         self._sums[:] = 0.0
-        if not max(abs(v), abs(said_v)) < _SLOWEST[0] or not max(abs(omega), abs(said_omega)) < _SLOWEST[1]:
-            right = _is_near(v, said_v, _NEAR[0]) and _is_near(omega, said_omega, _NEAR[1])
-            self._windows.append((not right, (v, omega, said_v, said_omega)))
+        if not max(abs(v), abs(twist_v)) < _SLOWEST[0] or not max(abs(omega), abs(twist_omega)) < _SLOWEST[1]:
+            right = _is_near(v, twist_v, _TOLERANCES[0]) and _is_near(omega, twist_omega, _TOLERANCES[1])
+            self._windows.append((not right, (v, omega, twist_v, twist_omega)))
 
     @property
     def full(self) -> bool:
@@ -73,24 +73,24 @@ class TwistCheck:
         at_end: nothing more comes, so fewer windows decide, if all are wrong.
         """
         if self._all_zero and len(self._velocities) == 2:
-            one, other = self._velocities
-            onward = one * other > 0.0  # not out and back, as one wrong pose
-            if (onward & (np.minimum(np.abs(one), np.abs(other)) >= _SLOWEST)).any():
-                v, omega = (one + other) / 2.0
+            earlier, later = self._velocities
+            same_direction = earlier * later > 0.0  # not out and back, as one wrong pose
+            if (same_direction & (np.minimum(np.abs(earlier), np.abs(later)) >= _SLOWEST)).any():
+                v, omega = (earlier + later) / 2.0
                 return (
                     f"its twist is always zero, but its poses move ({v:.2f} m/s, {omega:.2f} rad/s), so velocities are "
                     "taken from the poses; topics.twist=poses does so from the start"
                 )
         wrong = [numbers for is_wrong, numbers in self._windows if is_wrong]
-        if len(wrong) < _WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
+        if len(wrong) < _MIN_WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
             return None
-        v, omega, said_v, said_omega = np.mean(wrong, axis=0)
+        v, omega, twist_v, twist_omega = np.mean(wrong, axis=0)
         return (
-            f"its twists contradict its poses (on average {said_v:.2f} m/s and {said_omega:.2f} rad/s in the twists, "
+            f"its twists contradict its poses (on average {twist_v:.2f} m/s and {twist_omega:.2f} rad/s in the twists, "
             f"{v:.2f} m/s and {omega:.2f} rad/s in the poses), so velocities are taken from the poses; a twist must be "
             "in the frame of the robot (child_frame_id), in m/s and rad/s"
         )
 
 
-def _is_near(number: float, said: float, near: float) -> bool:
-    return math.isfinite(said) and abs(number - said) <= max(near, _SHARE * abs(number))
+def _is_near(number: float, reported: float, tolerance: float) -> bool:
+    return math.isfinite(reported) and abs(number - reported) <= max(tolerance, _FRACTION * abs(number))

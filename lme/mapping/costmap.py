@@ -76,17 +76,17 @@ class Costmap:
     around an occupied cell, see `stamp`, from the next scan or `refresh` on.
     """
 
-    def __init__(self, config: CostmapConfig, robot: Robot, places: Floats) -> None:
-        """places: (N, 2) the goal, and whatever else must be on the grid [m]."""
+    def __init__(self, config: CostmapConfig, robot: Robot, positions: Floats) -> None:
+        """positions: (N, 2) the goal, and whatever else must be on the grid [m]."""
         self._config = config
         self._lidar = robot.lidar.mount
         rate = min(config.update_rate or robot.control_rate, robot.control_rate)
         self._keep = round(config.observation_persistence * rate)  # [scans]
-        self._grid, size = _layout(config, places)
+        self._grid, size = _layout(config, positions)
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
-        own = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
-        self._around = config.obstacle_range + float(own) + config.cell_size  # [m] that a scan changes
+        reach = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
+        self._radius = config.obstacle_range + float(reach) + config.cell_size  # [m] that a scan changes
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
         self._low = self._high = np.array(self.cell(np.zeros(2)))  # of the box around all obstacles so far
@@ -97,7 +97,7 @@ class Costmap:
         """Mark the cells that the scan hits and clear those it passes; see `lme.grids.obstacle_grid.observe`."""
         scan, config = taken.scan, self._config
         lidar = compose(taken.scan_pose, self._lidar)
-        self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._around, self._around)])
+        self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._radius, self._radius)])
         self._scans += 1
         observe(
             self._hits,
@@ -189,9 +189,9 @@ def ends_of(world: World, start: Pose) -> Floats:
     return np.vstack([to_robot(world.edges.reshape(-1, 2), start), middles - radii, middles + radii])
 
 
-def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int]]:
-    """Grid around the origin and the places (N, 2), and its shape (I, J)."""
-    ends = np.vstack([np.zeros(2), places])
+def _layout(config: CostmapConfig, positions: Floats) -> tuple[Grid, tuple[int, int]]:
+    """Grid around the origin and the positions (N, 2), and its shape (I, J)."""
+    ends = np.vstack([np.zeros(2), positions])
     below, above = (
         np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))
     )
@@ -199,10 +199,10 @@ def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int
     cells = size[0] * size[1]
     if cells > _MOST_CELLS:
         # A side has up to three cells more than its length has: the ends are rounded outwards.
-        least = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
+        finest = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
         raise InputError(
             f"guide.costmap.cell_size is {config.cell_size:g}: the global map with a margin of {config.margin:g} m "
-            f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {least:g} m, or a smaller "
+            f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {finest:g} m, or a smaller "
             "guide.costmap.margin"
         )
     return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])

@@ -21,8 +21,8 @@ def inflation_stamp(
     reach = max(inscribed, inflation_radius)
     cells = math.floor(reach / cell_size + 1e-9)
     di, dj = np.mgrid[-cells : cells + 1, -cells : cells + 1]
-    away = np.hypot(di, dj) * cell_size - 1e-9
-    fading = np.floor(HIGHEST * np.exp(-cost_scaling_factor * np.maximum(away - inscribed, 0.0)))
-    cost = np.where(away <= touching, TOUCHING, np.where(away <= inscribed, INSCRIBED, fading))
+    distance = np.hypot(di, dj) * cell_size - 1e-9
+    fading = np.floor(HIGHEST * np.exp(-cost_scaling_factor * np.maximum(distance - inscribed, 0.0)))
+    cost = np.where(distance <= touching, TOUCHING, np.where(distance <= inscribed, INSCRIBED, fading))
     rows = np.column_stack([di.ravel(), dj.ravel(), cost.astype(np.int64).ravel()])
-    return np.ascontiguousarray(rows[(away.ravel() <= reach) & (rows[:, 2] > 0)])
+    return np.ascontiguousarray(rows[(distance.ravel() <= reach) & (rows[:, 2] > 0)])

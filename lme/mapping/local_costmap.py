@@ -75,12 +75,12 @@ class LocalCostmap:
 
     def update(self, observation: Observation) -> None:
         """Move the map to the robot and take in the scan, if the map is due."""
-        taken = self._clock.due(observation)
-        if taken is not None:
-            self._rebuild(taken)
+        map_input = self._clock.due(observation)
+        if map_input is not None:
+            self._rebuild(map_input)
 
-    def _rebuild(self, taken: MapInput) -> None:
-        scan, pose, config = taken.scan, taken.pose, self._config
+    def _rebuild(self, map_input: MapInput) -> None:
+        scan, pose, config = map_input.scan, map_input.pose, self._config
         self._follow(pose)
         self._scans += 1
         observe(
@@ -90,7 +90,7 @@ class LocalCostmap:
             self._stamp,
             self._scans,
             0,
-            compose(taken.scan_pose, self._lidar),
+            compose(map_input.scan_pose, self._lidar),
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),
@@ -107,22 +107,22 @@ class LocalCostmap:
         """Move the map by whole cells, so that the robot is in its middle."""
         cell = self._config.cell_size
         low_i, low_j = lattice(pose.x / cell) - self._half, lattice(pose.y / cell) - self._half
-        self._hits = _moved(self._hits, low_i - self.grid[0], low_j - self.grid[1])
+        self._hits = _shifted(self._hits, low_i - self.grid[0], low_j - self.grid[1])
         self.grid = (low_i, low_j, cell)
 
 
-def _moved(hits: Hits, di: int, dj: int) -> Hits:
+def _shifted(hits: Hits, di: int, dj: int) -> Hits:
     """Return the map after its corner has moved by (di, dj) cells; new cells are free."""
     if di == 0 and dj == 0:
         return hits
-    moved = np.zeros_like(hits)
+    shifted = np.zeros_like(hits)
     (to_i, from_i), (to_j, from_j) = _overlap(di, hits.shape[0]), _overlap(dj, hits.shape[1])
-    moved[to_i, to_j] = hits[from_i, from_j]
-    return moved
+    shifted[to_i, to_j] = hits[from_i, from_j]
+    return shifted
 
 
 def _overlap(shift: int, length: int) -> tuple[slice, slice]:
     """Part of an axis that stays on the map after a shift: its new and its old indices."""
-    kept = max(length - abs(shift), 0)
+    overlap = max(length - abs(shift), 0)
     new, old = max(-shift, 0), max(shift, 0)
-    return slice(new, new + kept), slice(old, old + kept)
+    return slice(new, new + overlap), slice(old, old + overlap)

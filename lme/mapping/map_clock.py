@@ -36,11 +36,11 @@ class MapClock:
 
     def __init__(self, rate: float | None, dt: float) -> None:
         self._rate, self._dt = rate, dt
-        self._before: Observation | None = None
+        self._previous: Observation | None = None
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode. The phase is drawn from a stream of its own."""
-        self._before = None
+        self._previous = None
         self._time = 0.0
         if self._rate is not None:
             self._phase = rng.spawn(1)[0].uniform() / self._rate
@@ -50,17 +50,17 @@ class MapClock:
 
         The first observation is taken as it is, since a robot at rest has a map.
         """
-        before, self._before = self._before, observation
+        previous, self._previous = self._previous, observation
         if self._rate is None:
             return MapInput(observation.scan, observation.odometry, observation.odometry)
-        if before is None:
+        if previous is None:
             return _input(observation, observation.odometry)
-        began, self._time = self._time, self._time + self._dt
+        begin, self._time = self._time, self._time + self._dt
         # The last tick in the period that has ended, and the pose at it.
-        last = self._phase + math.floor((self._time - self._phase) * self._rate) / self._rate
-        if last <= began:
+        tick = self._phase + math.floor((self._time - self._phase) * self._rate) / self._rate
+        if tick <= begin:
             return None
-        return _input(before, between(before.odometry, observation.odometry, (last - began) / self._dt))
+        return _input(previous, between(previous.odometry, observation.odometry, (tick - begin) / self._dt))
 
 
 def _input(observation: Observation, pose: Pose) -> MapInput:

@@ -32,14 +32,14 @@ def trace_beams(hits, misses, ranges, angles, limits, clears_far, pose, resoluti
     A beam that ends beyond limits[1] passes everything up to there; one without a return does so if `clears_far`.
     """
     x0, y0 = pose[0], pose[1]
-    nearest, farthest, none = limits[0], limits[1], limits[2]
+    nearest, farthest, no_return = limits[0], limits[1], limits[2]
     for i in range(len(ranges)):
         length = float(ranges[i])
         if not (length > 0.0 and length >= nearest):  # also for nan
             continue
-        if length >= none and not clears_far:
+        if length >= no_return and not clears_far:
             continue
-        is_hit = length <= farthest and length < none
+        is_hit = length <= farthest and length < no_return
         # End of the beam, or of the part of it that counts.
         length = min(length, farthest) / resolution
         bearing = pose[2] + angles[0] + i * angles[1]
@@ -112,26 +112,26 @@ def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
 
 
 @njit(cache=True, error_model="numpy")
-def densified(way: Floats, step: float, jump: float) -> Floats:
-    """Points (P, 2) at most `step` apart on the lines between the points of a way (N, 2), except across a `jump`."""
+def densified(path: Floats, step: float, jump: float) -> Floats:
+    """Points (P, 2) at most `step` apart on the lines between the points of a path (N, 2), except across a `jump`."""
     count = 1
-    for k in range(1, len(way)):
-        count += _pieces(way, k, step, jump)
+    for k in range(1, len(path)):
+        count += _pieces(path, k, step, jump)
     # The points of each line, after the last point of the one before.
     points = np.empty((count, 2))
-    points[0] = way[0]
-    at = 1
-    for k in range(1, len(way)):
-        pieces = _pieces(way, k, step, jump)
+    points[0] = path[0]
+    index = 1
+    for k in range(1, len(path)):
+        pieces = _pieces(path, k, step, jump)
         for i in range(1, pieces + 1):
-            points[at] = way[k - 1] + (way[k] - way[k - 1]) * (i / pieces)
-            at += 1
+            points[index] = path[k - 1] + (path[k] - path[k - 1]) * (i / pieces)
+            index += 1
     return points
 
 
 @njit(cache=True, error_model="numpy")
-def _pieces(way, k, step, jump):
-    length = math.hypot(way[k, 0] - way[k - 1, 0], way[k, 1] - way[k - 1, 1])
+def _pieces(path, k, step, jump):
+    length = math.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
     return 1 if length > jump else max(math.ceil(length / step), 1)
 
 
@@ -176,34 +176,34 @@ class OccupancyGrid:
         """
         self._cover(np.array([lidar.x, lidar.y]))
         column, row = np.array([lidar.x, lidar.y]) / self._resolution - self._corner
-        none = float(np.float32(scan.range_max))
+        no_return = float(np.float32(scan.range_max))
         trace_beams(
             self._hits,
             self._misses,
             np.ascontiguousarray(scan.ranges, dtype=np.float32),
             (float(scan.angle_min), float(scan.angle_increment)),
-            (float(scan.range_min), min(self._max_range, none), none),
+            (float(scan.range_min), min(self._max_range, no_return), no_return),
             clears_far,
             (float(column), float(row), float(lidar.yaw)),
             self._resolution,
         )
 
-    def finish(self, way: Floats, radius: float, reach: float) -> GridMap:
-        """Return the map for a robot of `radius` [m] that drove along `way` (N, 2) [m].
+    def finish(self, path: Floats, radius: float, reach: float) -> GridMap:
+        """Return the map for a robot of `radius` [m] that drove along `path` (N, 2) [m].
 
         Occupied are the cells with enough hits. Free are those that the robot's disc swept, and those with a beam
-        where the disc can go in at most `reach` [m] from the way, counted along rows and columns. All others are
+        where the disc can go in at most `reach` [m] from the path, counted along rows and columns. All others are
         unknown: never seen, too narrow, or too far away.
         """
-        self._cover(way.min(axis=0) - radius)
-        self._cover(way.max(axis=0) + radius)
-        # Cells of the way, and the part of the grid that matters.
-        columns, rows = self._way_cells(way).T
-        box = self._seen_box(rows, columns, math.ceil(radius / self._resolution))
+        self._cover(path.min(axis=0) - radius)
+        self._cover(path.max(axis=0) + radius)
+        # Cells of the path, and the part of the grid that matters.
+        columns, rows = self._path_cells(path).T
+        box = self._observed_box(rows, columns, math.ceil(radius / self._resolution))
         rows, columns = rows - box[0].start, columns - box[1].start
         hits, beams = self._hits[box], self._hits[box] + self._misses[box]
         occupied = (hits >= MIN_HITS) & (hits >= HIT_SHARE * beams)
-        # Where the disc swept, and where it can go in `reach` from the way.
+        # Where the disc swept, and where it can go in `reach` from the path.
         on_way = np.zeros(hits.shape, dtype=bool)
         on_way[rows, columns] = True
         swept = self._distance_to(on_way) <= radius
@@ -215,21 +215,21 @@ class OccupancyGrid:
         cells = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
         return self._cropped(cells, self._corner + np.array([box[1].start, box[0].start]))
 
-    def _cover(self, place: Floats) -> None:
-        """Grow the grid, if needed, to hold all cells within max_range of a place (2,) [m]."""
-        low = np.floor((place - self._max_range) / self._resolution).astype(np.int64) - 1
-        high = np.ceil((place + self._max_range) / self._resolution).astype(np.int64) + 1
-        first, last = self._corner, self._corner + self._hits.shape[::-1]
+    def _cover(self, position: Floats) -> None:
+        """Grow the grid, if needed, to hold all cells within max_range of a position (2,) [m]."""
+        low = np.floor((position - self._max_range) / self._resolution).astype(np.int64) - 1
+        high = np.ceil((position + self._max_range) / self._resolution).astype(np.int64) + 1
+        first_cell, last_cell = self._corner, self._corner + self._hits.shape[::-1]
         if not self._hits.size:
-            self._corner = first = last = low
-        elif (low >= first).all() and (high <= last).all():
+            self._corner = first_cell = last_cell = low
+        elif (low >= first_cell).all() and (high <= last_cell).all():
             return
-        more = math.ceil(_GROWTH_M / self._resolution)
-        before = np.where(low < first, np.maximum(first - low, more), 0)
-        after = np.where(high > last, np.maximum(high - last, more), 0)
-        self._check_size(last + after - (first - before))
-        widths = ((before[1], after[1]), (before[0], after[0]))
-        self._corner = first - before
+        growth = math.ceil(_GROWTH_M / self._resolution)
+        pad_before = np.where(low < first_cell, np.maximum(first_cell - low, growth), 0)
+        pad_after = np.where(high > last_cell, np.maximum(high - last_cell, growth), 0)
+        self._check_size(last_cell + pad_after - (first_cell - pad_before))
+        widths = ((pad_before[1], pad_after[1]), (pad_before[0], pad_after[0]))
+        self._corner = first_cell - pad_before
         self._hits, self._misses = np.pad(self._hits, widths), np.pad(self._misses, widths)
 
     def _check_size(self, size: Ints) -> None:
@@ -241,16 +241,16 @@ class OccupancyGrid:
                 f"most {MAX_CELLS} cells, so at least {self._resolution * math.sqrt(cells / MAX_CELLS):.2g} m"
             )
 
-    def _way_cells(self, way: Floats) -> Ints:
-        """Columns and rows (P, 2) of the cells on the way."""
-        points = densified(np.ascontiguousarray(way, dtype=np.float64), self._resolution / 2.0, JUMP_M)
+    def _path_cells(self, path: Floats) -> Ints:
+        """Columns and rows (P, 2) of the cells on the path."""
+        points = densified(np.ascontiguousarray(path, dtype=np.float64), self._resolution / 2.0, JUMP_M)
         return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
 
-    def _seen_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
+    def _observed_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
         """Rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
-        seen = (self._hits > 0) | (self._misses > 0)
-        seen[rows, columns] = True
-        along = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        observed = (self._hits > 0) | (self._misses > 0)
+        observed[rows, columns] = True
+        along = np.flatnonzero(observed.any(axis=1)), np.flatnonzero(observed.any(axis=0))
         low, high = (
             (max(int(line[0]) - margin, 0) for line in along),
             (int(line[-1]) + margin + 1 for line in along),
@@ -267,6 +267,6 @@ class OccupancyGrid:
         padded = np.pad(cells, rim, constant_values=UNKNOWN)
         rows, columns = np.nonzero(padded == FREE)
         row, column = int(rows.min()) - rim, int(columns.min()) - rim
-        kept = padded[row : rows.max() + rim + 1, column : columns.max() + rim + 1]
+        cropped = padded[row : rows.max() + rim + 1, column : columns.max() + rim + 1]
         x, y = (corner + np.array([column - rim, row - rim])) * self._resolution
-        return GridMap(kept, self._resolution, (round(float(x), 9), round(float(y), 9)))
+        return GridMap(cropped, self._resolution, (round(float(x), 9), round(float(y), 9)))

@@ -13,7 +13,7 @@ from lme.types import Feedback, Observation, Twist
 
 _STILL = Twist(0.0, 0.0)
 _HELD_FOR = 2.0  # [s]
-_ASKED_M, _ASKED_RAD = 0.1, 0.2  # less commanded motion over that time is inconclusive
+_MIN_M, _MIN_RAD = 0.1, 0.2  # less commanded motion over that time is inconclusive
 _FOLLOWED = 0.2  # share of the commanded motion
 _MOVED_M = 0.02  # in a control period: more than the noise of the odometry
 
@@ -38,7 +38,7 @@ class CommandFeedback:
 
     def reset(self) -> None:
         """Start a new episode, at rest."""
-        self._last, self._told = _STILL, False
+        self._last_command, self._is_warned = _STILL, False
         if self._dt is not None:
             self._reckoning = DeadReckoning(self._dt)
             self._periods: deque[tuple[float, ...]] = deque(maxlen=max(round(_HELD_FOR / self._dt), 1))
@@ -46,25 +46,25 @@ class CommandFeedback:
     def completed(self, observation: Observation) -> Observation:
         """Fill in the last command, if missing, and what the motion shows. Call it once per period."""
         if observation.last_command is None:
-            observation = observation._replace(last_command=self._last)
+            observation = observation._replace(last_command=self._last_command)
         move = None if self._dt is None else self._reckoning.move(observation)
-        held = False
+        is_held = False
         if move is not None:
             velocity = self._reckoning.velocity(move)
             if move.reports_no_speed:
                 observation = observation._replace(twist=velocity)
-                self._tell(move)
-            held = self._is_held(observation.last_command or _STILL, velocity)
-        return observation._replace(closed_loop=True) if held or self._closed else observation
+                self._warn(move)
+            is_held = self._is_held(observation.last_command or _STILL, velocity)
+        return observation._replace(closed_loop=True) if is_held or self._closed else observation
 
     def limited(self, command: Twist, observation: Observation) -> Twist:
         """Return the command, or the nearest one within the limits, and remember it as the last command."""
         limits = observation.limits
         if self._dt is None:
-            self._last = limits.clamped(command)
+            self._last_command = limits.clamped(command)
         else:
-            self._last = reachable(*command, observation.ramp_start, limits, self._dt)
-        return self._last
+            self._last_command = reachable(*command, observation.ramp_start, limits, self._dt)
+        return self._last_command
 
     def _is_held(self, command: Twist, velocity: Twist) -> bool:
         assert self._dt is not None
@@ -72,13 +72,13 @@ class CommandFeedback:
         if len(self._periods) < (self._periods.maxlen or 0):
             return False
         sums = (self._dt * sum(column) for column in zip(*self._periods, strict=True))
-        asked_m, asked_rad, moved_m, moved_rad = sums
-        return _behind(asked_m, moved_m, _ASKED_M) or _behind(asked_rad, moved_rad, _ASKED_RAD)
+        commanded_m, commanded_rad, moved_m, moved_rad = sums
+        return _behind(commanded_m, moved_m, _MIN_M) or _behind(commanded_rad, moved_rad, _MIN_RAD)
 
-    def _tell(self, move: Move) -> None:
+    def _warn(self, move: Move) -> None:
         assert move.pose is not None
-        if not self._told and abs(move.pose.x) > _MOVED_M:
-            self._told = True
+        if not self._is_warned and abs(move.pose.x) > _MOVED_M:
+            self._is_warned = True
             warnings.warn(
                 "the measured twist is always zero, although the robot moves: the velocity is that of the odometry's "
                 "poses",
@@ -86,6 +86,6 @@ class CommandFeedback:
             )
 
 
-def _behind(asked: float, done: float, least: float) -> bool:
+def _behind(command: float, executed: float, threshold: float) -> bool:
     """Return whether less than a fifth of the commanded motion was executed."""
-    return abs(asked) > least and math.copysign(1.0, asked) * done < _FOLLOWED * abs(asked)
+    return abs(command) > threshold and math.copysign(1.0, command) * executed < _FOLLOWED * abs(command)

@@ -121,9 +121,9 @@ class RunningEpisode:
 
     def decide(self) -> Twist:
         """Return the navigator's command for the newest observation."""
-        before = perf_counter_ns()
+        start_ns = perf_counter_ns()
         command = self.navigator.act(self.observation)
-        self.decision_us = (perf_counter_ns() - before) / 1000.0
+        self.decision_us = (perf_counter_ns() - start_ns) / 1000.0
         assert self.navigator.guidance is not None
         self._log.decided(self.navigator.guidance, self.decision_us)
         return command
@@ -182,13 +182,13 @@ class Progress:
         """Apply the rules of another task from now on."""
         self._task = task
 
-    def moved(self, before: State, state: State) -> None:
+    def moved(self, previous: State, state: State) -> None:
         """Record the motion of a control period."""
-        self.path_length += travelled(before.pose.x, before.pose.y, state.travel)
+        self.path_length += travelled(previous.pose.x, previous.pose.y, state.travel)
         self.min_clearance = min(self.min_clearance, state.clearance)
         if math.isnan(self._clock_start):
             distance = self._task.clock_distance
-            self._clock_start = time_beyond(state.travel, self._start, distance, before.time, state.time)
+            self._clock_start = time_beyond(state.travel, self._start, distance, previous.time, state.time)
 
     def time(self, state: State) -> float:
         """Time on the task's clock, at most the limit [s]."""
@@ -234,15 +234,15 @@ class _Log:
 
     def decided(self, guidance: Guidance, decision_us: float) -> None:
         """Record a decision before its execution."""
-        self._before = self._simulator.state
-        self._rows.append(self._row(to_world(guidance.subgoal, self._before.pose), guidance.switched))
+        self._previous_state = self._simulator.state
+        self._rows.append(self._row(to_world(guidance.subgoal, self._previous_state.pose), guidance.switched))
         self._switches += guidance.switched
         self._no_free_candidate += guidance.blocked
         self._decision_us.append(decision_us)
 
     def moved(self) -> None:
         """Record the motion of the last period."""
-        self._progress.moved(self._before, self._simulator.state)
+        self._progress.moved(self._previous_state, self._simulator.state)
 
     def episode(self, outcome: Outcome) -> Episode:
         """Return the result at the end of the episode."""

@@ -37,15 +37,15 @@ class Explanations:
 
     def __init__(self, navigator: Navigator) -> None:
         self._navigator = navigator
-        self._given: Decision | None = None
+        self._last_decision: Decision | None = None
 
     def new(self) -> Explanation | None:
         """Return the explanation if LME made a decision since the last call."""
-        why = self._navigator.explanation()
-        if why is None or why.decision is self._given:
+        explanation = self._navigator.explanation()
+        if explanation is None or explanation.decision is self._last_decision:
             return None
-        self._given = why.decision
-        return why
+        self._last_decision = explanation.decision
+        return explanation
 
 
 class Navigator:

@@ -25,7 +25,7 @@ class BlindArc:
     def __init__(self, mount: Pose, reach: float, cell: float = _CELL) -> None:
         self._mount = mount
         self._reach, self._cell = reach, cell
-        self._seen = _NONE  # in the odometry frame
+        self._remembered = _NONE  # in the odometry frame
 
     def points(self, observation: Observation) -> Floats:
         """Points of the current scan and remembered points in the blind arc, in the robot frame: (M, 2) [m].
@@ -35,10 +35,10 @@ class BlindArc:
         points = obstacle_points(observation.scan, self._mount)
         if is_full_circle(observation.scan):
             return points
-        if len(self._seen) > 0:
-            before = to_robot(self._seen, observation.odometry)
-            points = np.concatenate((points, before[self._unseen(before, observation.scan)]))
-        self._seen = to_world(active_cells(points, self._cell, self._reach), observation.odometry)
+        if len(self._remembered) > 0:
+            remembered = to_robot(self._remembered, observation.odometry)
+            points = np.concatenate((points, remembered[self._unseen(remembered, observation.scan)]))
+        self._remembered = to_world(active_cells(points, self._cell, self._reach), observation.odometry)
         return points
 
     def _unseen(self, points: Floats, scan: LaserScan) -> Bools:
@@ -47,5 +47,5 @@ class BlindArc:
         half_fov = 0.5 * len(scan.ranges) * abs(scan.angle_increment)
         middle = scan.angle_min + 0.5 * (len(scan.ranges) - 1) * scan.angle_increment
         bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - middle
-        unseen: Bools = np.cos(bearings) < math.cos(half_fov)
-        return unseen
+        is_hidden: Bools = np.cos(bearings) < math.cos(half_fov)
+        return is_hidden

@@ -9,7 +9,7 @@ from lme.geometry.frames import relative
 from lme.types import Limits, Observation, Pose, Twist
 
 _SLACK = 1e-3  # [m, rad] by which the poses may differ from a twist that explains them,
-_SHARE = 0.02  # and share of the motion by which they may differ besides
+_RELATIVE_SLACK = 0.02  # and share of the motion by which they may differ besides
 
 
 class Move(NamedTuple):
@@ -43,20 +43,20 @@ class DeadReckoning:
         """dt: control period [s]."""
         self._dt = dt
         self.by_poses = False
-        self._before: tuple[Twist, Pose] | None = None
+        self._previous: tuple[Twist, Pose] | None = None
 
     def move(self, observation: Observation) -> Move | None:
         """Return the motion since the last observation; None at the first one."""
-        now, odometry = observation.twist, observation.odometry
-        if self._before is None:
-            self._before = now, odometry
+        twist, odometry = observation.twist, observation.odometry
+        if self._previous is None:
+            self._previous = twist, odometry
             return None
-        (before, former), self._before = self._before, (now, odometry)
-        if odometry == former and any(now):
-            return Move(before, now, None)
+        (previous, former), self._previous = self._previous, (twist, odometry)
+        if odometry == former and any(twist):
+            return Move(previous, twist, None)
         pose = relative(odometry, former)
-        self.by_poses = self.by_poses or not self._explained(pose, before, now, observation.limits)
-        return Move(before, now, pose if self.by_poses else None)
+        self.by_poses = self.by_poses or not self._explained(pose, previous, twist, observation.limits)
+        return Move(previous, twist, pose if self.by_poses else None)
 
     def velocity(self, move: Move) -> Twist:
         """Mean velocity of a motion."""
@@ -64,21 +64,21 @@ class DeadReckoning:
             return Twist((move.before.v + move.now.v) / 2, (move.before.omega + move.now.omega) / 2)
         return Twist(move.pose.x / self._dt, move.pose.yaw / self._dt)
 
-    def _explained(self, pose: Pose, before: Twist, now: Twist, limits: Limits) -> bool:
+    def _explained(self, pose: Pose, previous: Twist, twist: Twist, limits: Limits) -> bool:
         """Return whether a drive that ramps from one twist to the next, and then holds it, can move the base so."""
         # Length of the arc that leads to the pose: chord · (θ/2) / sin(θ/2).
         half_turn = pose.yaw / 2
         chord = pose.x * math.cos(half_turn) + pose.y * math.sin(half_turn)
         arc = chord if half_turn == 0.0 else chord * half_turn / math.sin(half_turn)
-        return _ramps(arc, before.v, now.v, limits.alpha_v, self._dt) and _ramps(
-            pose.yaw, before.omega, now.omega, limits.alpha_omega, self._dt
+        return _ramps(arc, previous.v, twist.v, limits.alpha_v, self._dt) and _ramps(
+            pose.yaw, previous.omega, twist.omega, limits.alpha_omega, self._dt
         )
 
 
-def _ramps(moved: float, before: float, now: float, alpha: float, dt: float) -> bool:
-    """Return whether a ramp from `before` to `now`, at `alpha` or slower, can move the robot by `moved` in `dt`."""
-    change = abs(now - before)
-    # Difference from `now` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
-    behind = math.copysign(1.0, now - before) * (now * dt - moved)
-    slack = _SHARE * abs(moved) + _SLACK
-    return change**2 / (2 * alpha) - slack <= behind <= change * dt / 2 + slack
+def _ramps(motion: float, initial: float, final: float, alpha: float, dt: float) -> bool:
+    """Return whether a ramp from `initial` to `final`, at `alpha` or slower, can move the robot by `motion` in `dt`."""
+    change = abs(final - initial)
+    # Difference from `final` throughout: change² / (2 α) for the fastest ramp, change · dt / 2 for the slowest.
+    shortfall = math.copysign(1.0, final - initial) * (final * dt - motion)
+    slack = _RELATIVE_SLACK * abs(motion) + _SLACK
+    return change**2 / (2 * alpha) - slack <= shortfall <= change * dt / 2 + slack

@@ -72,7 +72,7 @@ def point_times(cloud: PointCloud2, stamp: int) -> Floats | None:
     stamp [ns]: of the cloud. Drivers name the field `timestamp`, since 1970 (Livox: ns; Hesai, RoboSense: s), `time`
     (Velodyne, Unitree: s after the stamp) or `t` (Ouster: ns after the stamp, as an integer).
     """
-    field = next((one for one in cloud.fields if one.name in _TIMES and one.datatype in _TIME_TYPES), None)
+    field = next((f for f in cloud.fields if f.name in _TIMES and f.datatype in _TIME_TYPES), None)
     if field is None:
         return None
     times = _channels(cloud, _layout(cloud, (field.name,), _TIME_TYPES))[:, 0]
@@ -93,14 +93,14 @@ def rigid_transform(mount: ArrayLike) -> Floats:
     first roll about x, then pitch about y, then yaw about z. Raises InputError for anything else, such as a
     matrix that scales or mirrors.
     """
-    given = np.asarray(mount, dtype=np.float64)
-    if given.shape == (6,) and np.isfinite(given).all():
-        return _from_angles(*given.tolist())
-    if given.shape == (4, 4) and _is_rigid(given):
-        return given
-    shown = " ".join(np.array2string(given, precision=4, threshold=16).split())
+    matrix = np.asarray(mount, dtype=np.float64)
+    if matrix.shape == (6,) and np.isfinite(matrix).all():
+        return _from_angles(*matrix.tolist())
+    if matrix.shape == (4, 4) and _is_rigid(matrix):
+        return matrix
+    text = " ".join(np.array2string(matrix, precision=4, threshold=16).split())
     raise InputError(
-        f"mount is {shown}: must be six finite numbers (x, y, z [m], roll, pitch, yaw [rad]) or a 4 × 4 matrix "
+        f"mount is {text}: must be six finite numbers (x, y, z [m], roll, pitch, yaw [rad]) or a 4 × 4 matrix "
         "of a rotation and a translation"
     )
 
@@ -125,9 +125,9 @@ def _layout(cloud: PointCloud2, names: Sequence[str], types: Mapping[int, str]) 
     fields: dict[str, PointField] = {field.name: field for field in cloud.fields}
     missing = [name for name in names if name not in fields]
     if missing:
-        there = ", ".join(fields) or "none"
+        available = ", ".join(fields) or "none"
         raise InputError(
-            f"PointCloud2 has no field {missing[0]!r}: must have x, y and z; its fields are {there}"
+            f"PointCloud2 has no field {missing[0]!r}: must have x, y and z; its fields are {available}"
         )
     order = ">" if cloud.is_bigendian else "<"
     formats = [order + _format(fields[name], cloud.point_step, types) for name in names]

@@ -110,15 +110,15 @@ def nearest_per_bin(
     for k in range(len(points)):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
         # Height in the scan's frame, and then the place on its plane.
-        up = transform[2, 0] * x + transform[2, 1] * y + transform[2, 2] * z + transform[2, 3]
-        if not (heights[0] <= up <= heights[1]):  # also drops NaN
+        z_base = transform[2, 0] * x + transform[2, 1] * y + transform[2, 2] * z + transform[2, 3]
+        if not (heights[0] <= z_base <= heights[1]):  # also drops NaN
             continue
-        ahead = transform[0, 0] * x + transform[0, 1] * y + transform[0, 2] * z + transform[0, 3]
-        left = transform[1, 0] * x + transform[1, 1] * y + transform[1, 2] * z + transform[1, 3]
-        distance = math.hypot(ahead, left)
+        x_base = transform[0, 0] * x + transform[0, 1] * y + transform[0, 2] * z + transform[0, 3]
+        y_base = transform[1, 0] * x + transform[1, 1] * y + transform[1, 2] * z + transform[1, 3]
+        distance = math.hypot(x_base, y_base)
         if not (spans[0] <= distance <= spans[1]):  # also drops NaN
             continue
-        bearing = math.atan2(left, ahead)
+        bearing = math.atan2(y_base, x_base)
         if angles[0] <= bearing <= angles[1]:
             i = min(int((bearing - angles[0]) / angles[2]), len(ranges) - 1)
             ranges[i] = min(ranges[i], np.float32(distance))

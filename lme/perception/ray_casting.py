@@ -18,10 +18,10 @@ def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike 
     [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises ValueError for other shapes.
     """
     angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
-    where = compose(pose, lidar.mount)
-    ranges = raycast.cast(where, angles, lidar.range_max, _rows(circles, 3), _rows(segments, 4))
+    lidar_pose = compose(pose, lidar.mount)
+    ranges = raycast.cast(lidar_pose, angles, lidar.range_max, _rows(circles, 3), _rows(segments, 4))
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
 
-def _rows(given: ArrayLike, columns: int) -> Floats:
-    return np.ascontiguousarray(given, dtype=np.float64).reshape(-1, columns)
+def _rows(values: ArrayLike, columns: int) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, columns)

@@ -144,8 +144,8 @@ def _circle_extents(frame, increment, circles):
 @njit(cache=True, error_model="numpy")
 def _meet_disc(u, v, square, low, high, table, ranges):
     """Test beams low…high against a disc of squared radius `square` centred on (u, v)."""
-    first, last = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
-    for i in range(first, last + 1):
+    first_beam, last_beam = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
+    for i in range(first_beam, last_beam + 1):
         c, s = table[0, i], table[1, i]
         across = u * s - v * c
         along = u * c + v * s
@@ -207,9 +207,9 @@ def _meet_edge(start, end, low, high, table, ranges):
     A beam hits the edge if it passes the two ends on different sides. Edges with a shared corner agree on the
     corner's side, so no beam passes between them.
     """
-    first, last = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
+    first_beam, last_beam = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
     lever = start[0] * end[1] - start[1] * end[0]
-    for i in range(first, last + 1):
+    for i in range(first_beam, last_beam + 1):
         c, s = table[0, i], table[1, i]
         across_start = start[0] * s - start[1] * c
         across_end = end[0] * s - end[1] * c

@@ -38,8 +38,10 @@ def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
         ranges = ranges[::-1].copy()
     ranges = ranges[: max(2, round(2.0 * math.pi / increment))]  # some drivers repeat the first beam
     with np.errstate(invalid="ignore"):
-        seen = (ranges > 0.0) & (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
-    ranges[~seen & ~np.isnan(ranges)] = np.inf
+        valid = (
+            (ranges > 0.0) & (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
+        )
+    ranges[~valid & ~np.isnan(ranges)] = np.inf
     return LaserScan(ranges, first, increment, scan.range_min, scan.range_max)
 
 
@@ -50,20 +52,22 @@ def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
     asymmetric scan gives a rotated lidar.
     """
     num_beams = len(scan.ranges)
-    full = (num_beams + 0.5) * scan.angle_increment >= 2.0 * math.pi
-    fov = 2.0 * math.pi if full else (num_beams - 1) * scan.angle_increment
+    is_full_circle = (num_beams + 0.5) * scan.angle_increment >= 2.0 * math.pi
+    fov = 2.0 * math.pi if is_full_circle else (num_beams - 1) * scan.angle_increment
     pose = compose(mount, Pose(0.0, 0.0, scan.angle_min + fov / 2.0))
     lidar = Lidar(num_beams, fov, scan.range_min, scan.range_max, 0.0, pose.x, pose.y, pose.yaw)
     return lidar, scan._replace(angle_min=lidar.angle_min, angle_increment=lidar.angle_increment)
 
 
-def same_lidar(one: Lidar, other: Lidar) -> bool:
+def same_lidar(first: Lidar, second: Lidar) -> bool:
     """Return whether two lidars are the same to the precision of a message, whose angles and ranges are float32."""
-    if one.num_beams != other.num_beams:
+    if first.num_beams != second.num_beams:
         return False
-    pairs = ((getattr(one, key), getattr(other, key)) for key in ("fov", "range_min", "range_max", "x", "y"))
-    turned = math.remainder(one.yaw - other.yaw, math.tau)
-    return abs(turned) < 1e-5 and all(math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-5) for a, b in pairs)
+    pairs = (
+        (getattr(first, key), getattr(second, key)) for key in ("fov", "range_min", "range_max", "x", "y")
+    )
+    yaw = math.remainder(first.yaw - second.yaw, math.tau)
+    return abs(yaw) < 1e-5 and all(math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-5) for a, b in pairs)
 
 
 def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
@@ -78,15 +82,15 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
     linearly in the bearing, also across depth edges, where this invents points between two surfaces. If one of
     the two neighbours has no return, the beam takes the nearer one's reading.
     """
-    onto = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
+    target = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
     if lidar.native_beams is not None and (mount.x, mount.y) == (lidar.x, lidar.y):
         first = scan.angle_min + mount.yaw - lidar.yaw
-        ranges = _interpolate(scan.ranges, (first, scan.angle_increment), onto)
+        ranges = _interpolate(scan.ranges, (first, scan.angle_increment), target)
     else:
         source = (scan.angle_min, scan.angle_increment)
-        ranges = _resample(scan.ranges, source, mount, lidar.mount, onto, math.cos(_GRAZING))
+        ranges = _resample(scan.ranges, source, mount, lidar.mount, target, math.cos(_GRAZING))
         if np.isnan(scan.ranges).any():
-            _mark_failed(ranges, scan.ranges, source, mount[2] - lidar.yaw, onto)
+            _mark_failed(ranges, scan.ranges, source, mount[2] - lidar.yaw, target)
     ranges[(ranges < np.float32(lidar.range_min)) | (ranges >= np.float32(lidar.range_max))] = np.inf
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
@@ -107,92 +111,92 @@ def _check(scan: LaserScan) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _interpolate(ranges, source, onto):
+def _interpolate(ranges, source, target):
     """Interpolate ranges linearly in the bearing: (num_beams,) float32 [m].
 
-    source (angle_min, increment), onto (angle_min, increment, num_beams).
+    source (angle_min, increment), target (angle_min, increment, num_beams).
     """
     count, increment = len(ranges), source[1]
-    full = (count + 0.5) * increment >= 2.0 * math.pi
-    out = np.full(onto[2], np.inf, np.float32)
-    for k in range(onto[2]):
+    is_full_circle = (count + 0.5) * increment >= 2.0 * math.pi
+    interpolated = np.full(target[2], np.inf, np.float32)
+    for k in range(target[2]):
         # Place of the beam among those of the source.
-        place = (onto[0] + k * onto[1] - source[0] + _SAME_BEARING) % (2.0 * math.pi) / increment
-        i = int(place)
-        part = max(place - i - _SAME_BEARING / increment, 0.0)
-        if not full and i >= count - 1:  # in the blind arc, or at its first beam
+        position = (target[0] + k * target[1] - source[0] + _SAME_BEARING) % (2.0 * math.pi) / increment
+        i = int(position)
+        part = max(position - i - _SAME_BEARING / increment, 0.0)
+        if not is_full_circle and i >= count - 1:  # in the blind arc, or at its first beam
             if i == count - 1 and part * increment <= _SAME_BEARING:
-                out[k] = ranges[i]
+                interpolated[k] = ranges[i]
             continue
-        near, far = ranges[i % count], ranges[(i + 1) % count]
+        range_m, next_range = ranges[i % count], ranges[(i + 1) % count]
         # Linear between two returns, otherwise the reading of the nearer beam.
-        if math.isfinite(near) and math.isfinite(far):
-            out[k] = near + part * (far - near)
+        if math.isfinite(range_m) and math.isfinite(next_range):
+            interpolated[k] = range_m + part * (next_range - range_m)
         else:
-            out[k] = near if part < 0.5 else far
-    return out
+            interpolated[k] = range_m if part < 0.5 else next_range
+    return interpolated
 
 
 @njit(cache=True, error_model="numpy")
-def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
+def _resample(ranges, source, mount, onto_mount, target, cos_grazing):
     """Give returns to the nearest beams and interpolate along surfaces: (num_beams,) float32 [m].
 
-    source (angle_min, increment), onto (angle_min, increment, num_beams).
+    source (angle_min, increment), target (angle_min, increment, num_beams).
     """
-    angle_min, increment, num_beams = onto
-    out = np.full(num_beams, np.inf, np.float32)
+    angle_min, increment, num_beams = target
+    resampled = np.full(num_beams, np.inf, np.float32)
     widest = 2.0 * math.sin(source[1] / 2.0) / cos_grazing  # [-] greatest gap on one surface, per range
-    full = (len(ranges) + 0.5) * source[1] >= 2.0 * math.pi
+    is_full_circle = (len(ranges) + 0.5) * source[1] >= 2.0 * math.pi
     for i in range(len(ranges)):
         if not math.isfinite(ranges[i]):
             continue
         x, y = _point(ranges[i], source[0] + i * source[1], mount, onto_mount)
         # The return goes to the beam nearest in direction.
-        off = math.atan2(y, x) - angle_min
+        offset = math.atan2(y, x) - angle_min
         for shift in _TURNS:
-            nearest = round((off + shift) / increment)
+            nearest = round((offset + shift) / increment)
             if 0 <= nearest < num_beams:
-                out[nearest] = min(out[nearest], np.float32(math.hypot(x, y)))
+                resampled[nearest] = min(resampled[nearest], np.float32(math.hypot(x, y)))
         # The beams between it and the next return, if both are on one surface.
         j = i + 1 if i + 1 < len(ranges) else 0
-        if (j == 0 and not full) or not math.isfinite(ranges[j]):
+        if (j == 0 and not is_full_circle) or not math.isfinite(ranges[j]):
             continue
         u, v = _point(ranges[j], source[0] + j * source[1], mount, onto_mount)
         if math.hypot(u - x, v - y) <= widest * max(ranges[i], ranges[j]):
-            _span(out, x, y, u, v, angle_min, increment)
-    return out
+            _span(resampled, x, y, u, v, angle_min, increment)
+    return resampled
 
 
 @njit(cache=True, error_model="numpy")
-def _mark_failed(out, ranges, source, turn, onto):
-    """Make beams without data NaN where a beam of the source in their sector is NaN. turn: source from onto [rad]."""
-    half = max(0.5 * onto[1] / source[1] - 0.5, 0.0)  # of the sector, beyond the nearest beam
-    for k in range(len(out)):
-        if math.isinf(out[k]):
+def _mark_failed(resampled, ranges, source, turn, target):
+    """Make beams without data NaN where a beam of the source in their sector is NaN. turn: source from target [rad]."""
+    half = max(0.5 * target[1] / source[1] - 0.5, 0.0)  # of the sector, beyond the nearest beam
+    for k in range(len(resampled)):
+        if math.isinf(resampled[k]):
             # Beams of the source within the sector of beam k.
-            off = (onto[0] + k * onto[1] - turn - source[0]) / source[1]
+            offset = (target[0] + k * target[1] - turn - source[0]) / source[1]
             for shift in _TURNS:
-                at = off + shift / source[1]
-                for i in range(max(round(at - half), 0), min(round(at + half) + 1, len(ranges))):
+                position = offset + shift / source[1]
+                for i in range(max(round(position - half), 0), min(round(position + half) + 1, len(ranges))):
                     if math.isnan(ranges[i]):
-                        out[k] = np.nan
+                        resampled[k] = np.nan
 
 
 @njit(cache=True, error_model="numpy")
-def _span(out, x, y, u, v, angle_min, increment):
+def _span(resampled, x, y, u, v, angle_min, increment):
     """Shorten the beams that cross the segment from (x, y) to (u, v)."""
     start = math.atan2(y, x) - angle_min
     end = start + math.atan2(x * v - y * u, x * u + y * v)
     low, high = min(start, end), max(start, end)
     for shift in _TURNS:
-        first = max(math.ceil((low + shift) / increment), 0)
-        last = min(math.floor((high + shift) / increment), len(out) - 1)
-        for k in range(first, last + 1):
+        first_beam = max(math.ceil((low + shift) / increment), 0)
+        last_beam = min(math.floor((high + shift) / increment), len(resampled) - 1)
+        for k in range(first_beam, last_beam + 1):
             cos, sin = math.cos(angle_min + k * increment), math.sin(angle_min + k * increment)
             # Distance along the beam to the line through both ends.
             across = cos * (v - y) - sin * (u - x)
             if across != 0.0:
-                out[k] = min(out[k], np.float32((x * (v - y) - y * (u - x)) / across))
+                resampled[k] = min(resampled[k], np.float32((x * (v - y) - y * (u - x)) / across))
 
 
 @njit(cache=True, error_model="numpy")

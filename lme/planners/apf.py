@@ -79,13 +79,13 @@ class Apf:
 
     def _follow(self, force: tuple[float, float], distance: float, observation: Observation) -> Twist:
         """Turn towards the force, with a speed proportional to its component ahead."""
-        limits, now = observation.limits, observation.ramp_start
+        limits, twist = observation.limits, observation.ramp_start
         bearing = math.atan2(force[1], force[0])
-        fastest = approach(bearing, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
+        fastest = approach(bearing, twist.omega, limits.omega_max, limits.alpha_omega, self._dt)
         gentle = self._config.turn_gain * bearing
         omega = min(fastest, gentle) if bearing > 0.0 else max(fastest, gentle)
         v_max = limits.v_max * min(max(force[0], 0.0), 1.0)
-        return Twist(approach(distance, now.v, v_max, limits.alpha_v, self._dt), omega)
+        return Twist(approach(distance, twist.v, v_max, limits.alpha_v, self._dt), omega)
 
 
 @njit(cache=True, error_model="numpy")
@@ -100,7 +100,7 @@ def repulsion(
     if they are farther away or weaker. A post therefore counts as one obstacle, and a wall as one for every `spread`
     of its width, at any lidar resolution.
     """
-    bearings, pushes, normals = _near(points, radius, influence, closest)
+    bearings, pushes, normals = _nearby(points, radius, influence, closest)
     crowds = _crowds(bearings, pushes, spread)
     along, across = 0.0, 0.0
     # Negative gradient: each point pushes against its own direction, by its share of the crowd.
@@ -112,18 +112,18 @@ def repulsion(
 
 
 @njit(cache=True, error_model="numpy")
-def _near(points: Floats, radius: float, influence: float, closest: float) -> tuple[Floats, Floats, Floats]:
+def _nearby(points: Floats, radius: float, influence: float, closest: float) -> tuple[Floats, Floats, Floats]:
     """Bearings, pushes and directions of the points within the influence, sorted by bearing."""
     bearings, pushes = np.empty(len(points)), np.empty(len(points))
     normals = np.empty((len(points), 2))
     count = 0
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
-        away = max(math.sqrt(x * x + y * y), 1e-12)
-        clearance = max(away - radius, closest)
+        distance = max(math.sqrt(x * x + y * y), 1e-12)
+        clearance = max(distance - radius, closest)
         if clearance >= influence:
             continue
-        normals[count, 0], normals[count, 1] = x / away, y / away
+        normals[count, 0], normals[count, 1] = x / distance, y / distance
         bearings[count] = math.atan2(y, x)
         # Gradient of the FIRAS potential: (1/ρ − 1/ρ₀) / ρ², with ρ₀ the influence.
         pushes[count] = (1.0 / clearance - 1.0 / influence) / (clearance * clearance)
@@ -142,11 +142,11 @@ def _crowds(bearings: Floats, pushes: Floats, spread: float) -> Floats:
         # Go counter-clockwise from point i, across ±π, until the bearings are `spread` apart.
         for k in range(i + 1, i + n):
             j = k if k < n else k - n
-            apart = bearings[j] - bearings[i] + (0.0 if k < n else 2.0 * math.pi)
-            if apart >= spread:
+            separation = bearings[j] - bearings[i] + (0.0 if k < n else 2.0 * math.pi)
+            if separation >= spread:
                 break
             # A neighbour counts in proportion to its nearness, and less if its push is the weaker one.
-            near, ratio = 1.0 - apart / spread, pushes[j] / pushes[i]
-            crowds[i] += near * min(1.0, ratio)
-            crowds[j] += near * min(1.0, 1.0 / ratio)
+            proximity, ratio = 1.0 - separation / spread, pushes[j] / pushes[i]
+            crowds[i] += proximity * min(1.0, ratio)
+            crowds[j] += proximity * min(1.0, 1.0 / ratio)
     return crowds

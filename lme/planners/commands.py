@@ -32,12 +32,12 @@ def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float
     `alpha` after one more period, which starts at `rate`, covers no more than `error`.
     """
     sign = math.copysign(1.0, error)
-    ahead, now = abs(error), max(sign * rate, 0.0)
-    braking = now * now / (2.0 * alpha)
-    if now * dt + braking <= ahead:  # may speed up: u·dt − (u − now)²/2α + u²/2α = ahead
-        reachable = (ahead + braking) / (dt + now / alpha)
-    else:  # must slow down: (now² − u²)/2α + u·(dt − (now − u)/α) + u²/2α = ahead
-        slack = now - alpha * dt
+    ahead, speed = abs(error), max(sign * rate, 0.0)
+    braking = speed * speed / (2.0 * alpha)
+    if speed * dt + braking <= ahead:  # may speed up: u·dt − (u − speed)²/2α + u²/2α = ahead
+        reachable = (ahead + braking) / (dt + speed / alpha)
+    else:  # must slow down: (speed² − u²)/2α + u·(dt − (speed − u)/α) + u²/2α = ahead
+        slack = speed - alpha * dt
         reachable = (slack + math.sqrt(max(slack * slack + 4.0 * alpha * (ahead - braking), 0.0))) / 2.0
         reachable = max(reachable, 0.0) if ahead > braking else 0.0
     return towards(sign * min(rate_max, reachable), rate, alpha, dt)

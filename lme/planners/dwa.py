@@ -72,8 +72,8 @@ class Dwa:
         self._box = robot.footprint.box
         self._mount = robot.lidar.mount
         self._dt, self._settling = robot.dt, robot.settling_time
-        self._v_share = np.linspace(0.0, 1.0, config.v_samples)
-        self._omega_share = turn_shares(config.omega_samples)
+        self._v_fractions = np.linspace(0.0, 1.0, config.v_samples)
+        self._omega_fractions = turn_shares(config.omega_samples)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Do nothing: there is no state."""
@@ -103,13 +103,13 @@ class Dwa:
 
     def _window(self, observation: Observation, subgoal: Floats, points: Floats) -> _Window:
         """Velocities that are reachable in one period and allow a stop at the subgoal."""
-        limits, now, dt, config = observation.limits, observation.ramp_start, self._dt, self._config
+        limits, twist, dt, config = observation.limits, observation.ramp_start, self._dt, self._config
         distance = math.hypot(*subgoal)
-        v_low = max(now.v - limits.alpha_v * dt, 0.0)
-        v_high = approach(distance, now.v, limits.v_max, limits.alpha_v, dt)
+        v_low = max(twist.v - limits.alpha_v * dt, 0.0)
+        v_high = approach(distance, twist.v, limits.v_max, limits.alpha_v, dt)
         v_high = min(v_high, limits.omega_max * distance / 2.0)  # a faster robot could circle the subgoal
-        v = v_low + (max(v_high, v_low) - v_low) * self._v_share[:, None]
-        omega = self._turn_rates(now, limits)[None, :]
+        v = v_low + (max(v_high, v_low) - v_low) * self._v_fractions[:, None]
+        omega = self._turn_rates(twist, limits)[None, :]
         braking = np.maximum(v / (2.0 * limits.alpha_v), np.abs(omega) / (2.0 * limits.alpha_omega))
         stopping = dt + self._settling + braking
         twists = np.stack(np.broadcast_arrays(v, omega), axis=-1).reshape(-1, 2)
@@ -118,20 +118,20 @@ class Dwa:
         contact = contact_times(twists, points, self._box, margins, stopping.ravel(), horizons)
         return _Window(v, omega, contact.reshape(stopping.shape), stopping)
 
-    def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
+    def _turn_rates(self, twist: Twist, limits: Limits) -> Floats:
         """Turn rates that are reachable in one period; the one nearest to 0 is set to 0."""
-        low = max(now.omega - limits.alpha_omega * self._dt, -limits.omega_max)
-        high = min(now.omega + limits.alpha_omega * self._dt, limits.omega_max)
-        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
+        low = max(twist.omega - limits.alpha_omega * self._dt, -limits.omega_max)
+        high = min(twist.omega + limits.alpha_omega * self._dt, limits.omega_max)
+        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_fractions
         omega[np.abs(omega) < (high - low) / (2.0 * (omega.size - 1))] = 0.0
         return omega
 
     def _objective(self, window: _Window, subgoal: Floats, limits: Limits) -> Floats:
         """G(v, ω) of the paper: (V, W). Clearance is the distance driven until contact, 0 for a standing robot."""
         config = self._config
-        way = np.zeros_like(window.contact)
-        np.multiply(window.v, window.contact, out=way, where=window.v > 0.0)
-        clear = np.minimum(way, config.clear_way) / config.clear_way
+        distance = np.zeros_like(window.contact)
+        np.multiply(window.v, window.contact, out=distance, where=window.v > 0.0)
+        clear = np.minimum(distance, config.clear_way) / config.clear_way
         heading = self._heading(window, subgoal, limits)
         velocity = window.v / limits.v_max
         return config.heading * heading + config.clearance * clear + config.velocity * velocity
@@ -143,24 +143,24 @@ class Dwa:
         """
         v, omega = window.v, window.omega
         time = self._dt if self._config.heading_time is None else self._config.heading_time
-        way = np.minimum(v * time + v * v / (2.0 * limits.alpha_v), math.hypot(*subgoal) / 2.0)
-        turned = omega * time + omega * np.abs(omega) / (2.0 * limits.alpha_omega)
-        chord = way * np.sinc(turned / (2.0 * np.pi))  # of the arc; its bearing is half the turn
-        x, y = subgoal[0] - chord * np.cos(turned / 2.0), subgoal[1] - chord * np.sin(turned / 2.0)
-        error = np.abs(np.arctan2(y, x) - turned)
+        distance = np.minimum(v * time + v * v / (2.0 * limits.alpha_v), math.hypot(*subgoal) / 2.0)
+        angle = omega * time + omega * np.abs(omega) / (2.0 * limits.alpha_omega)
+        chord = distance * np.sinc(angle / (2.0 * np.pi))  # of the arc; its bearing is half the turn
+        x, y = subgoal[0] - chord * np.cos(angle / 2.0), subgoal[1] - chord * np.sin(angle / 2.0)
+        error = np.abs(np.arctan2(y, x) - angle)
         facing: Floats = 1.0 - np.abs((error + np.pi) % (2.0 * np.pi) - np.pi) / np.pi
         return facing
 
-    def _turn_away(self, window: _Window, points: Floats, now: Twist) -> tuple[float, float]:
+    def _turn_away(self, window: _Window, points: Floats, twist: Twist) -> tuple[float, float]:
         """Brake where no arc is free, then turn in place, as before or away from the nearest point."""
         v_low, omega = window.v[0, 0], window.omega[0]
         if v_low > 0.0:
-            return 0.0, now.omega * v_low / now.v  # stay on the current arc, on which a stop was possible
+            return 0.0, twist.omega * v_low / twist.v  # stay on the current arc, on which a stop was possible
         free = omega[(window.contact[0] >= window.stopping[0]) & (omega != 0.0)]
         if not free.size:
             return 0.0, 0.0
         nearest = points[clearances(points, self._box).argmin()]
-        side = math.copysign(1.0, now.omega if now.omega != 0.0 else -nearest[1])
+        side = math.copysign(1.0, twist.omega if twist.omega != 0.0 else -nearest[1])
         preferred = free[free * side > 0.0]
         options = preferred if preferred.size else free
         return 0.0, options[np.abs(options).argmax()]

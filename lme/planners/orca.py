@@ -17,7 +17,7 @@ from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
-_STANDS = 0.02  # [m/s] slower velocities have no direction to turn to
+_MIN_SPEED = 0.02  # [m/s] slower velocities have no direction to turn to
 
 
 @dataclass(slots=True)
@@ -66,29 +66,29 @@ class Orca:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
-        seen = self._blind.points(observation)
-        own, people = movers_among(seen, seen, observation.pedestrians, WIDEST)
-        points = seen[~own]
+        scan_points = self._blind.points(observation)
+        is_mover, people = movers_among(scan_points, scan_points, observation.pedestrians, WIDEST)
+        points = scan_points[~is_mover]
         x, y = map(float, guidance.subgoal)
         distance, bearing = math.hypot(x, y), math.atan2(y, x)
-        limits, now = observation.limits, observation.ramp_start
-        speed = approach(distance, max(now.v, 0.0), limits.v_max, limits.alpha_v, self._dt)
-        wanted = (speed * math.cos(bearing), speed * math.sin(bearing))
+        limits, twist = observation.limits, observation.ramp_start
+        speed = approach(distance, max(twist.v, 0.0), limits.v_max, limits.alpha_v, self._dt)
+        preferred = (speed * math.cos(bearing), speed * math.sin(bearing))
         config = self._config
         times = (config.horizon, config.wall_horizon, self._dt)
         bounds = (self._radius, float(limits.v_max), config.share)
-        vx, vy = permitted(wanted, (float(now.v), 0.0), points, people, times, bounds)
+        vx, vy = permitted(preferred, (float(twist.v), 0.0), points, people, times, bounds)
         return self._guard.guard(self._follow(vx, vy, bearing), observation, points)
 
     def _follow(self, vx: float, vy: float, bearing: float) -> Twist:
         """Return the command that comes nearest to a velocity; a standing robot turns to its subgoal."""
-        heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _STANDS else bearing
+        heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _MIN_SPEED else bearing
         return Twist(max(vx, 0.0), heading / self._config.turn_time)
 
 
 @njit(cache=True, error_model="numpy")
 def permitted(
-    wanted: tuple[float, float],
+    preferred: tuple[float, float],
     velocity: tuple[float, float],
     points: Floats,
     people: Floats,
@@ -101,7 +101,7 @@ def permitted(
     people and for points, and the period [s]. bounds: radius [m], v_max [m/s], and the robot's share of an evasion.
     """
     horizon, wall_horizon, dt = times
-    radius, v_max, share = bounds
+    radius, v_max, responsibility = bounds
     lines = np.empty((len(points) + len(people), 4))
     hard = 0
     # Static points give hard half-planes, which come first in `lines`.
@@ -111,11 +111,11 @@ def permitted(
             before_point(x, y, radius, wall_horizon, lines[hard])
             hard += 1
     # People give soft half-planes, each with the robot's share of the evasion.
-    used = hard
+    count = hard
     for k in range(len(people)):
         reach = radius + people[k, 4]
-        beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, share, lines[used])
-        used += 1
+        beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, responsibility, lines[count])
+        count += 1
     # The velocity in all half-planes, and no faster than v_max, that is nearest to the wanted one.
-    found: tuple[float, float] = best_velocity(lines[:used], hard, v_max, wanted)
-    return found
+    permitted_velocity: tuple[float, float] = best_velocity(lines[:count], hard, v_max, preferred)
+    return permitted_velocity

@@ -15,7 +15,7 @@ def project(line: Floats, x: float, y: float) -> tuple[float, float, int]:
     Returns its distance along the line [m], its distance from (x, y) [m] and the index of its segment.
     """
     best, along, segment = (line[0, 0] - x) ** 2 + (line[0, 1] - y) ** 2, 0.0, 0
-    passed = 0.0
+    travelled = 0.0
     for i in range(len(line) - 1):
         ex, ey = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
         length = math.sqrt(ex * ex + ey * ey)
@@ -25,8 +25,8 @@ def project(line: Floats, x: float, y: float) -> tuple[float, float, int]:
             part = min(max(part, 0.0), 1.0)
             square = (line[i, 0] + part * ex - x) ** 2 + (line[i, 1] + part * ey - y) ** 2
             if square < best:
-                best, along, segment = square, passed + part * length, i
-        passed += length
+                best, along, segment = square, travelled + part * length, i
+        travelled += length
     return along, math.sqrt(best), segment
 
 
@@ -42,22 +42,22 @@ def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
         length += math.sqrt((line[i + 1, 0] - line[i, 0]) ** 2 + (line[i + 1, 1] - line[i, 1]) ** 2)
     end = min(end, length)
     count = max(math.ceil((end - begin) / spacing - 1e-9), 0)
-    out = np.empty((count, 2))
-    i, passed = 0, 0.0
+    points = np.empty((count, 2))
+    i, travelled = 0, 0.0
     for k in range(count):
-        wanted = begin + (end - begin) * (k + 1) / count
-        out[k, 0], out[k, 1] = line[-1, 0], line[-1, 1]
+        position = begin + (end - begin) * (k + 1) / count
+        points[k, 0], points[k, 1] = line[-1, 0], line[-1, 1]
         # Move on to the segment that holds the wanted distance, and interpolate on it.
         while i < len(line) - 1:
             ex, ey = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
             length = math.sqrt(ex * ex + ey * ey)
-            if length > 0.0 and passed + length >= wanted:
-                part = (wanted - passed) / length
-                out[k, 0], out[k, 1] = line[i, 0] + part * ex, line[i, 1] + part * ey
+            if length > 0.0 and travelled + length >= position:
+                part = (position - travelled) / length
+                points[k, 0], points[k, 1] = line[i, 0] + part * ex, line[i, 1] + part * ey
                 break
-            passed += length
+            travelled += length
             i += 1
-    return out
+    return points
 
 
 @njit(cache=True, error_model="numpy")
@@ -67,16 +67,16 @@ def exit_point(line: Floats, radius: float) -> tuple[float, float, float]:
     Returns its x and y, or those of the line's end if it stays inside, and the length of the whole line [m].
     """
     x, y = line[-1, 0], line[-1, 1]
-    length, found = 0.0, False
+    length, has_left = 0.0, False
     for i in range(len(line) - 1):
         ax, ay = line[i, 0] - line[0, 0], line[i, 1] - line[0, 1]
         ex, ey = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
         square = ex * ex + ey * ey
         length += math.sqrt(square)
-        if not found and (ax + ex) ** 2 + (ay + ey) ** 2 > radius * radius:
+        if not has_left and (ax + ex) ** 2 + (ay + ey) ** 2 > radius * radius:
             # Greater root t of |a + t e|² = r²: t = (√((a · e)² + |e|² (r² − |a|²)) − a · e) / |e|².
             half = ax * ex + ay * ey
             root = math.sqrt(max(half * half + square * (radius * radius - ax * ax - ay * ay), 0.0))
             part = (root - half) / square
-            x, y, found = line[i, 0] + part * ex, line[i, 1] + part * ey, True
+            x, y, has_left = line[i, 0] + part * ex, line[i, 1] + part * ey, True
     return x, y, length

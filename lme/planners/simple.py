@@ -70,5 +70,5 @@ class Simple:
         limit = approach(bearing, omega, omega_max, alpha, self._dt)
         if abs(bearing) >= self._config.pd_below:
             return limit
-        wanted = self._config.kp * bearing - self._config.kd * omega
-        return towards(min(wanted, limit) if bearing > 0 else max(wanted, limit), omega, alpha, self._dt)
+        desired = self._config.kp * bearing - self._config.kd * omega
+        return towards(min(desired, limit) if bearing > 0 else max(desired, limit), omega, alpha, self._dt)

@@ -10,13 +10,13 @@ from lme.planners.commands import limited
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist
 
-_SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist, on the same arc
+_FACTORS = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist, on the same arc
 _STEP = 0.02  # [m] no point of the outline moves further between two checks
 _SHORTEST_STOP = 1e-3  # [s]
 _NOISE = 1.0  # standard deviations of the lidar's noise added to the margin
 _NO_EDGES = np.empty((0, 4))
 _CENTRE = (0.0, 0.0, 0.0)
-_HERE = Pose(0.0, 0.0, 0.0)
+_ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class StoppingGuard:
@@ -29,54 +29,54 @@ class StoppingGuard:
         self._margin = margin + _NOISE * robot.lidar.noise_std
         self._room = robot.r + self._margin
 
-    def guard(self, wanted: Twist, observation: Observation, points: Floats) -> Twist:
-        """Return the first clear command of `wanted`, slower ones on its arc, and its turn in place; else brake.
+    def guard(self, desired: Twist, observation: Observation, points: Floats) -> Twist:
+        """Return the first clear command of `desired`, slower ones on its arc, and its turn in place; else brake.
 
         points (M, 2): obstacle points in the robot frame [m]. A command is clear if the outline keeps `margin` [m]
         plus one standard deviation of the lidar's noise. Unless it turns in place, the disc of the collision
         radius must keep the same distance, so that the robot can still turn where it stops. A robot that is nearer
         already may use commands that bring it no nearer. The result is within the limits.
         """
-        command = limited(*wanted, observation, self._dt)
+        command = limited(*desired, observation, self._dt)
         if len(points) == 0:
             return command
         circles = np.column_stack((points, np.zeros(len(points))))
-        here = np.array([_HERE])
-        least = min(self._margin, sweep(here, self._box, circles, _NO_EDGES)[0] - 1e-6)
-        room = min(self._room, sweep(here, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
-        for v, omega in _slower(wanted):
+        pose = np.array([_ORIGIN])
+        min_clearance = min(self._margin, sweep(pose, self._box, circles, _NO_EDGES)[0] - 1e-6)
+        room = min(self._room, sweep(pose, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
+        for v, omega in _slower(desired):
             command = limited(v, omega, observation, self._dt)
-            if self._clear(command, observation, circles, least, room):
+            if self._clear(command, observation, circles, min_clearance, room):
                 return command
         return limited(0.0, 0.0, observation, self._dt)
 
     def _clear(
-        self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
+        self, command: Twist, observation: Observation, circles: Floats, min_clearance: float, room: float
     ) -> bool:
-        """Return whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
-        for now in observation.twists:
-            poses = until_rest(command, now, observation.limits, self._robot)
+        """Return whether outline and centre keep `min_clearance` and `room` [m] over one period and braking."""
+        for twist in observation.twists:
+            poses = until_rest(command, twist, observation.limits, self._robot)
             clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
-            if contact >= 0 or clearance < least:
+            if contact >= 0 or clearance < min_clearance:
                 return False
             if command.v != 0.0 and sweep(poses, _CENTRE, circles, _NO_EDGES)[0] < room:
                 return False
         return True
 
 
-def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_step: float = _STEP) -> Floats:
-    """Poses (K, 3) in the robot frame over one period of the command, from the twist `now`, and a full stop.
+def until_rest(command: Twist, start: Twist, limits: Limits, robot: Robot, max_step: float = _STEP) -> Floats:
+    """Poses (K, 3) in the robot frame over one period of the command, from the twist `start`, and a full stop.
 
     No point of the outline moves farther than `max_step` [m] between two poses.
     """
     reach = robot.footprint.r_max
-    way, twist = drive(_HERE, now, command, limits.bounds, robot.dt, max_step, reach)
+    travel, twist = drive(_ORIGIN, start, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
-    stop, _ = drive(Pose(*way[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
-    return np.vstack((way, stop))
+    stop, _ = drive(Pose(*travel[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
+    return np.vstack((travel, stop))
 
 
-def _slower(wanted: Twist) -> list[tuple[float, float]]:
+def _slower(desired: Twist) -> list[tuple[float, float]]:
     """List the command, slower ones on the same arc, then turns in place."""
-    on_arc = [(share * wanted.v, share * wanted.omega) for share in _SHARES]
-    return [*on_arc, (0.0, wanted.omega), (0.0, 0.3 * wanted.omega)]
+    on_arc = [(factor * desired.v, factor * desired.omega) for factor in _FACTORS]
+    return [*on_arc, (0.0, desired.omega), (0.0, 0.3 * desired.omega)]

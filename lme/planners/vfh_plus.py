@@ -20,7 +20,7 @@ from lme.perception.blind_arc import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
-from lme.types import Bools, Floats, Guidance, Observation, Twist
+from lme.types import Floats, Guidance, Observation, Twist
 
 _LEAST_CELL = 0.01  # [m] a finer grid would take longer than a control period
 
@@ -84,7 +84,7 @@ class VfhPlus:
         self._radius = robot.r + config.safety_distance
         self._num_sectors = round(2.0 * math.pi / config.sector_angle)
         self._alpha = 2.0 * math.pi / self._num_sectors
-        self._wide = config.wide_valley / self._alpha
+        self._wide_valley = config.wide_valley / self._alpha
         self._costs = (config.cost_target, config.cost_heading, config.cost_previous)
         self._guard = StoppingGuard(robot, config.margin)
 
@@ -100,20 +100,15 @@ class VfhPlus:
         yaw = observation.odometry.yaw
         points = self._blind.points(observation)
         config, distance = self._config, math.hypot(x, y)
-        # Primary histogram, then the binary one with hysteresis.
+        # Primary histogram, then the binary one with hysteresis (first and second stage).
         cells = active_cells(points, config.cell_size, min(config.window, distance + self._radius))
         density = polar_density(cells, yaw, self._radius, config.window, config.peak, self._num_sectors)
-        self._blocked = self._binary(density)
+        self._blocked = (density > config.density_high) | (self._blocked & (density >= config.density_low))
         target = yaw + math.atan2(y, x)
         # Masked histogram and choice of a direction.
         direction, stop = self._direction(cells, target, observation)
-        wanted = self._drive(direction, stop, density, distance, observation)
-        return self._guard.guard(wanted, observation, points)
-
-    def _binary(self, density: Floats) -> Bools:
-        """Binary polar histogram with hysteresis (second stage)."""
-        config = self._config
-        return (density > config.density_high) | (self._blocked & (density >= config.density_low))
+        desired = self._drive(direction, stop, density, distance, observation)
+        return self._guard.guard(desired, observation, points)
 
     def _direction(self, cells: Floats, target: float, observation: Observation) -> tuple[float | None, bool]:
         """Direction relative to the heading [rad], None if all are blocked, and whether to stop first."""
@@ -121,11 +116,11 @@ class VfhPlus:
         turn_radius = abs(observation.ramp_start.v) / observation.limits.omega_max
         limits = turning_limits(cells, turn_radius, self._radius)
         for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
-            candidates = candidate_directions(blocked, target / self._alpha, self._wide)
+            candidates = candidate_directions(blocked, target / self._alpha, self._wide_valley)
             if len(candidates) > 0:
-                chosen = self._cheapest(candidates, target, yaw)
-                self._previous = chosen
-                return self._turn(chosen, target, yaw), stop
+                best = self._cheapest(candidates, target, yaw)
+                self._previous = best
+                return self._turn(best, target, yaw), stop
         self._previous = None
         return None, True
 
@@ -133,12 +128,12 @@ class VfhPlus:
         """Candidate of the least cost, in sectors; without a previous choice, the heading takes its place."""
         heading = yaw / self._alpha
         previous = heading if self._previous is None else self._previous
-        towards = (target / self._alpha, heading, previous)
-        return float(candidates[cheapest(candidates, self._costs, towards, self._num_sectors)])
+        references = (target / self._alpha, heading, previous)
+        return float(candidates[cheapest(candidates, self._costs, references, self._num_sectors)])
 
-    def _turn(self, chosen: float, target: float, yaw: float) -> float:
+    def _turn(self, sector: float, target: float, yaw: float) -> float:
         """Chosen direction relative to the heading [rad]; straight behind, the turn passes the target."""
-        turn = math.remainder(chosen * self._alpha - yaw, math.tau)
+        turn = math.remainder(sector * self._alpha - yaw, math.tau)
         if abs(turn) > math.pi - 1e-9:
             return math.copysign(turn, math.remainder(target - yaw, math.tau))
         return turn
@@ -149,9 +144,9 @@ class VfhPlus:
         """Turn towards the direction, with a speed limited by density and turn."""
         if direction is None:
             return Twist(0.0, 0.0)
-        limits, now, config = observation.limits, observation.ramp_start, self._config
+        limits, twist, config = observation.limits, observation.ramp_start, self._config
         # Turn rate: proportional to the direction, and slow enough to stop at it.
-        fastest = approach(direction, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
+        fastest = approach(direction, twist.omega, limits.omega_max, limits.alpha_omega, self._dt)
         gentle = config.turn_gain * direction
         omega = min(fastest, gentle) if direction > 0.0 else max(fastest, gentle)
         if stop:
@@ -160,4 +155,4 @@ class VfhPlus:
         ahead = density[round(observation.odometry.yaw / self._alpha) % self._num_sectors]
         calm = 1.0 - min(ahead / config.density_stop, 1.0)
         v_max = limits.v_max * calm * max(1.0 - abs(gentle) / limits.omega_max, 0.0)
-        return Twist(approach(distance, now.v, v_max, limits.alpha_v, self._dt), omega)
+        return Twist(approach(distance, twist.v, v_max, limits.alpha_v, self._dt), omega)

@@ -67,7 +67,7 @@ class Crowd:
     @property
     def disc_velocities(self) -> Floats:
         """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
-        return self._there(self.velocities[self._discs])
+        return self._present_rows(self.velocities[self._discs])
 
     def advance(self, robot: Pose, dt: float) -> None:
         """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
@@ -85,13 +85,13 @@ class Crowd:
     def go_on(self, former: Crowd) -> None:
         """Continue from another crowd: take over its time, and the state of the movers that are in both."""
         self._time = former._time
-        places = {mover: i for i, mover in enumerate(former._movers)}
-        kept = [(i, places[mover]) for i, mover in enumerate(self._movers) if mover in places]
-        for now, then in kept:
-            self._progress[now], self._begun[now] = former._progress[then], former._begun[then]
-            self.poses[now], self.velocities[now] = former.poses[then], former.velocities[then]
+        indices = {mover: i for i, mover in enumerate(former._movers)}
+        pairs = [(i, indices[mover]) for i, mover in enumerate(self._movers) if mover in indices]
+        for j, k in pairs:
+            self._progress[j], self._begun[j] = former._progress[k], former._begun[k]
+            self.poses[j], self.velocities[j] = former.poses[k], former.velocities[k]
         if self._walkers is not None and former._walkers is not None:
-            self._walkers.go_on(former._walkers, dict(kept))
+            self._walkers.go_on(former._walkers, dict(pairs))
         self._place()
 
     def _pack_paths(self, movers: Sequence[Mover]) -> None:
@@ -113,10 +113,10 @@ class Crowd:
         self._every_circle[:, :2] = self.poses[self._discs, :2]
         if self._come_and_go:
             self.present = (self._spans[:, 0] <= self._time) & (self._time <= self._spans[:, 1])
-        self.circles = self._there(self._every_circle)
+        self.circles = self._present_rows(self._every_circle)
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
 
-    def _there(self, rows: Floats) -> Floats:
+    def _present_rows(self, rows: Floats) -> Floats:
         """Select from the rows, one for each disc, those of the discs that are present."""
         return rows[self.present[self._discs]] if self._come_and_go else rows
 
@@ -156,31 +156,31 @@ def _rules(mover: Mover) -> tuple[float, ...]:
 def _advance(rules, first, waypoints, state, x, y, time, dt):
     """Advance every mover by one step, with the robot at (x, y).
 
-    Updates progress (M,), begun (M,), poses (M, 3) and velocities (M, 2).
+    Updates progress (M,), has_begun (M,), poses (M, 3) and velocities (M, 2).
     """
-    progress, begun, poses, velocities = state
+    progress, has_begun, poses, velocities = state
     for i in range(len(rules)):
         start_after, starts_within, trigger_x, trigger_y, waits_within, repeat = rules[i]
         path = waypoints[first[i] : first[i + 1]]
-        passed = dt
+        elapsed = dt
         # A mover begins after its start time, once the robot is near its trigger; then it gets the rest of the step.
-        if not begun[i]:
+        if not has_begun[i]:
             near_x = poses[i, 0] if math.isnan(trigger_x) else trigger_x
             near_y = poses[i, 1] if math.isnan(trigger_y) else trigger_y
-            passed = min(dt, time + dt - start_after)
-            begun[i] = passed > 0.0 and math.hypot(x - near_x, y - near_y) <= starts_within
-        if not begun[i]:
+            elapsed = min(dt, time + dt - start_after)
+            has_begun[i] = elapsed > 0.0 and math.hypot(x - near_x, y - near_y) <= starts_within
+        if not has_begun[i]:
             continue
         # It waits, without progress, while the robot is close ahead of it.
         dx, dy = x - poses[i, 0], y - poses[i, 1]
         if math.hypot(dx, dy) > waits_within or not _is_ahead(path, progress[i], repeat, dx, dy):
-            progress[i] += passed
+            progress[i] += elapsed
         # Interpolate the pose on the leg; the velocity is the difference quotient over the step.
         leg, part, _ = _leg(path, progress[i], repeat)
-        last = min(leg + 1, len(path) - 1)
+        next_point = min(leg + 1, len(path) - 1)
         before_x, before_y = poses[i, 0], poses[i, 1]
         for axis in range(3):
-            poses[i, axis] = path[leg, axis] + part * (path[last, axis] - path[leg, axis])
+            poses[i, axis] = path[leg, axis] + part * (path[next_point, axis] - path[leg, axis])
         velocities[i, 0], velocities[i, 1] = (poses[i, 0] - before_x) / dt, (poses[i, 1] - before_y) / dt
 
 
@@ -188,8 +188,8 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):
 def _is_ahead(path, progress, repeat, dx, dy):
     """Return whether (dx, dy) from the mover is ahead of it; every point is while it turns on the spot."""
     leg, _, sign = _leg(path, progress, repeat)
-    last = min(leg + 1, len(path) - 1)
-    along_x, along_y = path[last, 0] - path[leg, 0], path[last, 1] - path[leg, 1]
+    next_point = min(leg + 1, len(path) - 1)
+    along_x, along_y = path[next_point, 0] - path[leg, 0], path[next_point, 1] - path[leg, 1]
     return sign * (along_x * dx + along_y * dy) >= 0.0
 
 
@@ -209,8 +209,8 @@ def _leg(path, progress, repeat):
     leg = 0
     while leg < len(path) - 2 and progress >= path[leg + 1, 3]:
         leg += 1
-    last = min(leg + 1, len(path) - 1)
-    length = path[last, 3] - path[leg, 3]
+    next_point = min(leg + 1, len(path) - 1)
+    length = path[next_point, 3] - path[leg, 3]
     part = min((progress - path[leg, 3]) / length, 1.0) if length > 0.0 else 1.0
     return leg, part, sign
 

@@ -21,7 +21,8 @@ _NOT_NEGATIVE = (
     "latency",
     "odometry_age",
     "lag",
-    "natural_frequency",
+    "natural_frequency_v",
+    "natural_frequency_omega",
     "ripple_v",
     "ripple_omega",
     "tilt",
@@ -40,7 +41,10 @@ class Disturbances:
     latency: float = 0.0  # [s] from a command to its effect
     odometry_age: float = 0.0  # [s] of the measured pose and twist
     lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
-    natural_frequency: float = 0.0  # [rad/s] with which legs follow that, as a second-order response; 0: none
+    natural_frequency_v: float = (
+        0.0  # [rad/s] with which legs follow that in v, as a second-order response; 0: none
+    )
+    natural_frequency_omega: float = 0.0  # [rad/s] and in ω
     overshoot_v: float = 0.0  # [-] of this response to a step in v, as a share of the step
     overshoot_omega: float = 0.0  # [-] and to a step in ω
     ripple_v: float = 0.0  # [m/s] standard deviation of the measured speed of a walking robot
@@ -64,6 +68,11 @@ class Disturbances:
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
             require("sim.goal_rate", self.goal_rate, at_least=0.0)
+
+    @property
+    def has_gait(self) -> bool:
+        """Return whether legs follow the command, in v or in ω."""
+        return self.natural_frequency_v > 0.0 or self.natural_frequency_omega > 0.0
 
 
 class Delay:
@@ -108,11 +117,11 @@ class PastMotion:
         self._motions.append((time, motion))
         while len(self._motions) > 1 and self._motions[1][0] <= time - self._age:
             self._motions.popleft()
-        (began, a), (ended, b) = self._motions[0], self._motions[min(1, len(self._motions) - 1)]
-        share = max(time - self._age - began, 0.0) / (ended - began) if ended > began else 0.0
-        v, omega = (x + share * (y - x) for x, y in zip(a.twist, b.twist, strict=True))
+        (start, a), (end, b) = self._motions[0], self._motions[min(1, len(self._motions) - 1)]
+        fraction = max(time - self._age - start, 0.0) / (end - start) if end > start else 0.0
+        v, omega = (x + fraction * (y - x) for x, y in zip(a.twist, b.twist, strict=True))
         return Measured(
-            between(a.pose, b.pose, share), Twist(v, omega), between(a.odometry, b.odometry, share)
+            between(a.pose, b.pose, fraction), Twist(v, omega), between(a.odometry, b.odometry, fraction)
         )
 
 
@@ -128,13 +137,13 @@ class Odometry:
         """error: standard deviation of both factors' difference from 1; 0: the measurement is exact."""
         self._exact = error == 0.0
         self._scale_v, self._scale_omega = (1.0 + error * rng.standard_normal(2)).tolist()
-        self._last = self._pose = Pose(0.0, 0.0, 0.0)
+        self._last_odometry = self._pose = Pose(0.0, 0.0, 0.0)
 
     def measured(self, twist: Twist, odometry: Pose) -> tuple[Twist, Pose]:
         """Return twist and pose since the start as measured, from those of exact encoders. Call once per period."""
         if self._exact:
             return twist, odometry
-        step, self._last = relative(odometry, self._last), odometry
+        step, self._last_odometry = relative(odometry, self._last_odometry), odometry
         turn = self._scale_omega * step.yaw
         x, y = (self._scale_v * to_world(np.array(step[:2]), Pose(0.0, 0.0, (turn - step.yaw) / 2))).tolist()
         self._pose = compose(self._pose, Pose(x, y, turn))
@@ -167,13 +176,11 @@ class TargetEstimate:
         if self._exact:
             return to_robot(self._goal, pose)
         if self._rate is None or time >= self._due - 1e-9:
-            self._fix = to_world(to_robot(self._goal, self._estimated(pose)), odometry)
+            # See the goal from the pose that localisation reports.
+            estimate = Pose(*(np.asarray(pose) + self._rng.normal(0.0, self._deviation)).tolist())
+            self._fix = to_world(to_robot(self._goal, estimate), odometry)
             self._due = (math.floor(time * self._rate + 1e-9) + 1) / self._rate if self._rate else math.inf
         return to_robot(self._fix, odometry)
-
-    def _estimated(self, pose: Pose) -> Pose:
-        """Pose that localisation reports."""
-        return Pose(*(np.asarray(pose) + self._rng.normal(0.0, self._deviation)).tolist())
 
 
 def slip_factors(slip: float, rng: np.random.Generator) -> tuple[float, float]:
@@ -192,6 +199,6 @@ def slipped(motion: tuple[float, float], factors: tuple[float, float], track: fl
     return (left + right) / 2, (right - left) / track
 
 
-def lose_beams(ranges: Ranges, share: float, range_max: float, rng: np.random.Generator) -> None:
-    """Set a random share of the beams to range_max, in place, as if they had no return."""
-    ranges[rng.random(len(ranges), dtype=np.float32) < share] = range_max
+def lose_beams(ranges: Ranges, fraction: float, range_max: float, rng: np.random.Generator) -> None:
+    """Set a random fraction of the beams to range_max, in place, as if they had no return."""
+    ranges[rng.random(len(ranges), dtype=np.float32) < fraction] = range_max

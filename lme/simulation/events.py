@@ -20,10 +20,10 @@ def until_event(
     """
     edges = nearby(task.world, travel, box, edges)
     goal = np.asarray(task.goal, dtype=np.float64)
-    passed, clearance, contact, arrived = first_event(
+    driven, clearance, contact, arrived = first_event(
         travel, goal, float(task.goal_tolerance), box, circles, edges
     )
-    return travel[:passed], clearance, contact, arrived
+    return travel[:driven], clearance, contact, arrived
 
 
 def nearby(world: World, poses: Floats, box: tuple[float, float, float], edges: Floats) -> Floats:
@@ -33,5 +33,5 @@ def nearby(world: World, poses: Floats, box: tuple[float, float, float], edges: 
     """
     if not len(world.grid.edges):
         return edges
-    near, others = near_edges(world.grid, poses, box), edges[len(world.edges) :]
-    return np.vstack([near, others]) if len(others) else near
+    near_world, crowd_edges = near_edges(world.grid, poses, box), edges[len(world.edges) :]
+    return np.vstack([near_world, crowd_edges]) if len(crowd_edges) else near_world

@@ -122,7 +122,7 @@ class FastSimulator:
     def _make_substepper(self, task: Task, crowd: Crowd, body: Body) -> Substepper | None:
         """Return a substepper if one is needed."""
         robot, config = self._robot, self._config
-        if not (len(crowd) or config.latency or config.lag or config.natural_frequency or config.slip):
+        if not (len(crowd) or config.latency or config.lag or config.has_gait or config.slip):
             return None
         self._substeps = self._count_substeps(crowd)
         return Substepper(task, robot, config, self._rng.spawn(1)[0], crowd, body)
@@ -145,9 +145,9 @@ class FastSimulator:
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival."""
         obstacles = (self._circles, self._edges)
-        passed, clearance, contact, arrived = until_event(travel, self._task, self._box, *obstacles)
-        time = start_time + dt * len(passed) / len(travel)
-        return State(Pose(*passed[-1].tolist()), twist, time, passed, clearance, contact, arrived)
+        driven, clearance, contact, arrived = until_event(travel, self._task, self._box, *obstacles)
+        time = start_time + dt * len(driven) / len(travel)
+        return State(Pose(*driven[-1].tolist()), twist, time, driven, clearance, contact, arrived)
 
     def _observe(self) -> Observation:
         state = self.state

@@ -39,32 +39,40 @@ def damping_ratio(overshoot: float) -> float:
 class GaitResponse:
     """Second-order response of v and ω, each called y here, to a command u: y'' = f² (u − y) − 2 ζ f y'.
 
-    A step is exact for a command that is constant within it, so steps of any length are stable.
+    An axis with f = 0 follows its command at once. A step is exact for a command that is constant within it, so steps
+    of any length are stable.
     """
 
-    def __init__(self, natural_frequency: float, overshoots: tuple[float, float]) -> None:
-        """natural_frequency: f [rad/s]. overshoots: of a step in v and in ω [-], which give ζ (`damping_ratio`)."""
+    def __init__(self, natural_frequencies: tuple[float, float], overshoots: tuple[float, float]) -> None:
+        """natural_frequencies: f of v and of ω [rad/s].
+
+        overshoots: of a step in v and in ω [-], which give ζ (`damping_ratio`).
+        """
         self.twist = Twist(0.0, 0.0)
-        self._frequency = natural_frequency
+        self._frequencies = natural_frequencies
         self._dampings = [damping_ratio(overshoot) for overshoot in overshoots]
         self._rates = [0.0, 0.0]  # y'/f of v and of ω
 
     def follow(self, command: tuple[float, float], dt: float) -> tuple[float, float]:
         """Return distance [m] and turn [rad] in the next `dt` [s] under a command v [m/s], ω [rad/s]."""
-        moved, reached = [0.0, 0.0], [0.0, 0.0]
+        motion, reached = [0.0, 0.0], [0.0, 0.0]
         for axis in range(2):
+            if self._frequencies[axis] == 0.0:
+                motion[axis], reached[axis] = command[axis] * dt, command[axis]
+                continue
             state = (self.twist[axis], self._rates[axis], command[axis])
-            transition = _transition(self._frequency, self._dampings[axis], dt)
-            moved[axis], reached[axis], self._rates[axis] = (transition @ state).tolist()
+            transition = _transition(self._frequencies[axis], self._dampings[axis], dt)
+            motion[axis], reached[axis], self._rates[axis] = (transition @ state).tolist()
         self.twist = Twist(*reached)
-        return moved[0], moved[1]
+        return motion[0], motion[1]
 
 
 def response_of(config: Disturbances) -> GaitResponse | None:
     """Return the response of a robot at rest; None if its wheels follow the command directly."""
-    if config.natural_frequency == 0.0:
+    if not config.has_gait:
         return None
-    return GaitResponse(config.natural_frequency, (config.overshoot_v, config.overshoot_omega))
+    frequencies = (config.natural_frequency_v, config.natural_frequency_omega)
+    return GaitResponse(frequencies, (config.overshoot_v, config.overshoot_omega))
 
 
 @lru_cache(maxsize=64)

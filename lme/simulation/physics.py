@@ -159,11 +159,11 @@ class RigidBody:
         along = MASS * (v - (vx * cos + vy * sin)) / 2
         across = MASS * (vx * sin - vy * cos) / 2
         turn = body.moment * (omega - body.angular_velocity) / self._track
-        most = self._grip * MASS * GRAVITY / 2 * dt
+        max_impulse = self._grip * MASS * GRAVITY / 2 * dt
         x, y = body.position
         for side, drive in ((0.5, along - turn), (-0.5, along + turn)):
             needed = math.hypot(drive, across)
-            part = most / needed if needed > most else 1.0
+            part = max_impulse / needed if needed > max_impulse else 1.0
             impulse = (part * (drive * cos - across * sin), part * (drive * sin + across * cos))
             lever = side * self._track
             body.apply_impulse_at_world_point(impulse, (x - lever * sin, y + lever * cos))
@@ -171,10 +171,10 @@ class RigidBody:
     def _walk(self, dt: float) -> None:
         """Set the velocities that bring every mover to its pose in the crowd within `dt` [s]."""
         crowd = self._crowd
-        for body, (x, y, yaw), there in zip(self._movers, crowd.poses.tolist(), crowd.present, strict=True):
-            if not there:
+        for body, (x, y, yaw), present in zip(self._movers, crowd.poses.tolist(), crowd.present, strict=True):
+            if not present:
                 x, y = _ELSEWHERE
-            if there != (body.position.x < _ELSEWHERE[0] / 2):
+            if present != (body.position.x < _ELSEWHERE[0] / 2):
                 body.position = x, y  # comes or goes; it does not walk there
             at_x, at_y = body.position
             body.velocity = ((x - at_x) / dt, (y - at_y) / dt)
@@ -205,10 +205,10 @@ class RigidBody:
         return body
 
     def _add(self, body: pymunk.Body, shapes: Iterable[pymunk.Shape]) -> None:
-        made = list(shapes)
-        for shape in made:
+        new_shapes = list(shapes)
+        for shape in new_shapes:
             shape.friction, shape.collision_type = CONTACT_FRICTION, _OBSTACLE
-        self._space.add(*made)
+        self._space.add(*new_shapes)
 
     def _begin(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
         self._touching += 1

@@ -132,25 +132,25 @@ class Sensors:
         # Twist and odometry as measured: with the ripple of the gait, and the errors of the encoders.
         if walking and (config.ripple_v or config.ripple_omega):
             twist = rippled(twist, config.ripple_v, config.ripple_omega, self._ripple_rng)
-        now = Measured(state.pose, *self._odometry.measured(twist, odometry))
+        current = Measured(state.pose, *self._odometry.measured(twist, odometry))
         # Odometry and localisation report the motion some time ago, the scan its own pose.
-        then = self._past.at(state.time, now)
-        target = self._target.seen_from(then.pose, then.odometry, state.time)
-        scanned_at = compose(now.odometry, relative(scan_pose, now.pose))
-        seen = Observation(
+        delayed = self._past.at(state.time, current)
+        target = self._target.seen_from(delayed.pose, delayed.odometry, state.time)
+        scanned_at = compose(current.odometry, relative(scan_pose, current.pose))
+        observation = Observation(
             scan,
             target,
-            then.twist,
+            delayed.twist,
             self._limits,
-            then.odometry,
+            delayed.odometry,
             scan_pose=scanned_at,
             last_command=self.last_command,
         )
         # People come from the tracker, whose view is that of the scan.
         if crowd is None or not len(crowd):
-            return seen
+            return observation
         lidar = compose(scan_pose, self._mount)
-        return seen._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
+        return observation._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
 
     def _look_in(self, task: Task) -> None:
         self._grid, self._lattice = task.world.grid, task.world.lattice
@@ -162,22 +162,22 @@ class Sensors:
         tilt: standard deviation of the pitch [rad], which a levelled cloud does not have.
         """
         lidar, fired, config = self._robot.lidar, self._fired, self._config
-        others = edges[self._in_grid :]
+        moving_edges = edges[self._in_grid :]
         # Exact ranges: the projection of a cloud, or the beams of a planar lidar, which may meet the floor.
         if self._mid360:
-            ranges, own_noise = self._mid360.scan(lidar, pose, circles, others, self._grid), 0.0
+            ranges, sensor_noise = self._mid360.scan(lidar, pose, circles, moving_edges, self._grid), 0.0
         else:
             angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
-            ranges = self._cast(compose(pose, self._mount), angles, circles, others)
+            ranges = self._cast(compose(pose, self._mount), angles, circles, moving_edges)
             if tilt > 0.0:
                 assert lidar.height is not None
                 beams = np.arange(fired.num_beams, dtype=np.float64)
                 bearings = self._mount.yaw + fired.angle_min + fired.angle_increment * beams
                 floor = floor_ranges(bearings, lidar.height, tilt, self._tilt_rng)
                 ranges = np.minimum(ranges, floor, dtype=np.float32)
-            own_noise = lidar.noise_std
+            sensor_noise = lidar.noise_std
         # Noise of the lidar itself, noise that was configured, and lost beams.
-        for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
+        for std, rng in ((sensor_noise, self._rng), (config.scan_noise, self._scan_rng)):
             if std > 0.0:
                 noise = rng.standard_normal(fired.num_beams, dtype=np.float32)
                 add_noise(ranges, noise, std, lidar.range_max)

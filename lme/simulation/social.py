@@ -49,14 +49,14 @@ class Company:
         self._box = robot.hull.box
         self._simulator = simulator
         self._state: State | None = None
-        self._least = math.inf
-        self._intimate = self._personal = self._turned = 0.0
+        self._closest = math.inf
+        self._intimate = self._personal = self._total_turn = 0.0
         self._decisions = 0
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
         """Record the motion since the last decision, and the heading."""
         self._moved(state)
-        self._turned += abs(math.atan2(observation.target[1], observation.target[0]))
+        self._total_turn += abs(math.atan2(observation.target[1], observation.target[0]))
         self._decisions += 1
 
     def ended(self, observation: Observation, state: State) -> None:
@@ -65,25 +65,25 @@ class Company:
 
     def _moved(self, state: State) -> None:
         duration = state.time - self._state.time if self._state else 0.0
-        near = distances(state.travel, self._box, *self._simulator.people, duration)
-        self._least = min(self._least, float(near.min()))
-        self._intimate += duration * float((near < INTIMATE).mean())
-        self._personal += duration * float(((near >= INTIMATE) & (near < PERSONAL)).mean())
+        gaps = distances(state.travel, self._box, *self._simulator.people, duration)
+        self._closest = min(self._closest, float(gaps.min()))
+        self._intimate += duration * float((gaps < INTIMATE).mean())
+        self._personal += duration * float(((gaps >= INTIMATE) & (gaps < PERSONAL)).mean())
         self._state = state
 
     def measures(self) -> SocialMeasures:
         """Return the measures, once the episode has ended."""
         state = self._state
         assert state is not None
-        ours, theirs = self._fault(state) if state.contact else (0.0, 0.0)
-        share = 1.0 / state.time if state.time > 0.0 else math.nan
+        robot_fault, person_fault = self._fault(state) if state.contact else (0.0, 0.0)
+        per_second = 1.0 / state.time if state.time > 0.0 else math.nan
         return SocialMeasures(
-            robot_on_person_collision=ours,
-            person_on_robot_collision=theirs,
-            minimum_distance_to_people_m=self._least if math.isfinite(self._least) else math.nan,
-            intimate_space_intrusions=share * self._intimate,
-            personal_space_intrusions=share * self._personal,
-            path_irregularity_rad=self._turned / self._decisions if self._decisions else math.nan,
+            robot_on_person_collision=robot_fault,
+            person_on_robot_collision=person_fault,
+            minimum_distance_to_people_m=self._closest if math.isfinite(self._closest) else math.nan,
+            intimate_space_intrusions=per_second * self._intimate,
+            personal_space_intrusions=per_second * self._personal,
+            path_irregularity_rad=self._total_turn / self._decisions if self._decisions else math.nan,
         )
 
     def _fault(self, state: State) -> tuple[float, float]:
@@ -92,13 +92,13 @@ class Company:
         Returns (0, 0) for a contact with a wall. A robot that stands still or drives away is never to blame.
         """
         circles, velocities = self._simulator.people
-        here = np.array([state.pose])
-        apart = [distances(here, self._box, one[None], velocities[:1], 0.0)[0] for one in circles]
-        if not apart or min(apart) > _TOUCH:
+        pose = np.array([state.pose])
+        gaps = [distances(pose, self._box, circle[None], velocities[:1], 0.0)[0] for circle in circles]
+        if not gaps or min(gaps) > _TOUCH:
             return 0.0, 0.0
-        k = int(np.argmin(apart))
-        ours, theirs = closing_speeds(state, self._box, circles[k], velocities[k])
-        return (1.0, 0.0) if ours > 0.0 and ours >= theirs else (0.0, 1.0)
+        k = int(np.argmin(gaps))
+        robot_speed, person_speed = closing_speeds(state, self._box, circles[k], velocities[k])
+        return (1.0, 0.0) if robot_speed > 0.0 and robot_speed >= person_speed else (0.0, 1.0)
 
 
 def without_people(task: Task) -> Task:
@@ -123,14 +123,14 @@ def closing_speeds(
         normal, length = np.array([ahead, left]), max(math.hypot(ahead, left), 1e-9)
     normal /= length
     # Velocity of the outline where it touches, v + ω × r, and of the person, both along the normal.
-    at = np.array(touch) + box[2] * normal
+    contact = np.array(touch) + box[2] * normal
     v, omega = state.twist
-    ours = (v - omega * at[1]) * normal[0] + omega * at[0] * normal[1]
-    theirs = -(
+    robot_speed = (v - omega * contact[1]) * normal[0] + omega * contact[0] * normal[1]
+    person_speed = -(
         (cos * velocity[0] + sin * velocity[1]) * normal[0]
         + (cos * velocity[1] - sin * velocity[0]) * normal[1]
     )
-    return float(ours), float(theirs)
+    return float(robot_speed), float(person_speed)
 
 
 @njit(cache=True, error_model="numpy")
@@ -142,16 +142,16 @@ def distances(
     travel (K, 3); box (half_length, half_width, rounding) [m]; circles (P, 3) and velocities (P, 2): at the end of the
     motion, which took `duration` [s]. Infinite if there is nobody.
     """
-    out = np.full(len(travel), np.inf)
+    nearest = np.full(len(travel), np.inf)
     for k in range(len(travel)):
         # Time from this pose to the end of the motion, by which the people are moved back.
-        left = duration * (len(travel) - 1 - k) / len(travel)
+        remaining = duration * (len(travel) - 1 - k) / len(travel)
         cos, sin = math.cos(travel[k, 2]), math.sin(travel[k, 2])
         for i in range(len(circles)):
-            dx = circles[i, 0] - left * velocities[i, 0] - travel[k, 0]
-            dy = circles[i, 1] - left * velocities[i, 1] - travel[k, 1]
+            dx = circles[i, 0] - remaining * velocities[i, 0] - travel[k, 0]
+            dy = circles[i, 1] - remaining * velocities[i, 1] - travel[k, 1]
             # Distance beyond the sides of the box, in the robot frame.
             x = max(abs(cos * dx + sin * dy) - box[0], 0.0)
             y = max(abs(cos * dy - sin * dx) - box[1], 0.0)
-            out[k] = min(out[k], max(math.hypot(x, y) - box[2] - circles[i, 2], 0.0))
-    return out
+            nearest[k] = min(nearest[k], max(math.hypot(x, y) - box[2] - circles[i, 2], 0.0))
+    return nearest

@@ -55,9 +55,9 @@ class Wheels:
         v_goal = min(max(command.v, -limits.v_max), limits.v_max)
         omega_goal = min(max(command.omega, -limits.omega_max), limits.omega_max)
         if self._lag:
-            left = math.exp(-dt / self._lag)
-            v_goal += left * (self.ramped.v - v_goal)
-            omega_goal += left * (self.ramped.omega - omega_goal)
+            decay = math.exp(-dt / self._lag)
+            v_goal += decay * (self.ramped.v - v_goal)
+            omega_goal += decay * (self.ramped.omega - omega_goal)
         v, distance = _ramp(self.ramped.v, v_goal, limits.alpha_v, dt)
         omega, angle = _ramp(self.ramped.omega, omega_goal, limits.alpha_omega, dt)
         self.ramped = self.twist = Twist(v, omega)
@@ -127,7 +127,7 @@ class Substepper:
         A delayed command takes effect in the first substep whose middle is at or past its time.
         limits: function of a command and of the velocities on the ramps when it takes effect.
         """
-        dt, least, travel = self._robot.dt / substeps, math.inf, np.empty((substeps, 3))
+        dt, min_clearance, travel = self._robot.dt / substeps, math.inf, np.empty((substeps, 3))
         factors = slip_factors(self._slip, self._rng)
         self._delay.send(command, self._time)
         previous: Twist | None = None
@@ -141,25 +141,25 @@ class Substepper:
             self._body.move(slipped(self.wheels.turn(active, allowed, dt), factors, self._track), dt)
             travel[k] = self._body.pose
             clearance, contact, arrived = self._check()
-            least = min(least, clearance)
+            min_clearance = min(min_clearance, clearance)
             if contact or arrived:
                 break
         self._time += dt * (k + 1)
         pose, twist = self._body.pose, self._body.twist
-        return State(pose, twist, self._time, travel[: k + 1], least, contact, arrived)
+        return State(pose, twist, self._time, travel[: k + 1], min_clearance, contact, arrived)
 
     def _check(self) -> tuple[float, bool, bool]:
         """Return clearance [m], contact and arrival. Contact on arrival counts as contact only."""
         pose, box = self._body.pose, self._robot.hull.box
-        here = np.array([pose])
+        poses = np.array([pose])
         circles, edges = self._static
-        clearance, _ = sweep(here, box, circles, nearby(self._world, here, box, edges))
+        clearance, _ = sweep(poses, box, circles, nearby(self._world, poses, box, edges))
         if len(self.crowd):
-            clearance = min(clearance, sweep(here, box, self.crowd.circles, self.crowd.edges)[0])
+            clearance = min(clearance, sweep(poses, box, self.crowd.circles, self.crowd.edges)[0])
         if self._body.touches(clearance):
             return 0.0, True, False
-        away = math.hypot(pose.x - self._goal[0], pose.y - self._goal[1])
-        return clearance, False, away <= self._tolerance
+        distance = math.hypot(pose.x - self._goal[0], pose.y - self._goal[1])
+        return clearance, False, distance <= self._tolerance
 
 
 def track(footprint: Footprint) -> float:

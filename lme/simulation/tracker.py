@@ -24,8 +24,8 @@ def tracked(crowd: Crowd, scan: LaserScan, lidar: Pose, base: Pose) -> Floats:
     angles = (float(scan.angle_min), float(scan.angle_increment))
     limits = (float(scan.range_min), float(scan.range_max), _SLACK)
     poses = (lidar.x, lidar.y, lidar.yaw), (base.x, base.y, base.yaw)  # Numba takes a Pose for another type
-    seen: Floats = discs_in_sight(crowd.circles, crowd.disc_velocities, scan.ranges, angles, limits, *poses)
-    return seen
+    people: Floats = discs_in_sight(crowd.circles, crowd.disc_velocities, scan.ranges, angles, limits, *poses)
+    return people
 
 
 @njit(cache=True, error_model="numpy")
@@ -45,7 +45,7 @@ def discs_in_sight(
     sight if it is within range_max and the beam nearest to its middle does not end more than the slack before it;
     a beam without a return hides nothing.
     """
-    found, count = np.empty((len(discs), 4)), 0
+    rows, count = np.empty((len(discs), 4)), 0
     cos, sin = math.cos(base[2]), math.sin(base[2])
     for i in range(len(discs)):
         dx, dy = discs[i, 0] - lidar[0], discs[i, 1] - lidar[1]
@@ -57,11 +57,11 @@ def discs_in_sight(
             continue
         # Rotate position and velocity into the frame of the base.
         x, y, vx, vy = discs[i, 0] - base[0], discs[i, 1] - base[1], velocities[i, 0], velocities[i, 1]
-        found[count, 0], found[count, 1] = cos * x + sin * y, cos * y - sin * x
-        found[count, 2], found[count, 3] = cos * vx + sin * vy, cos * vy - sin * vx
+        rows[count, 0], rows[count, 1] = cos * x + sin * y, cos * y - sin * x
+        rows[count, 2], rows[count, 3] = cos * vx + sin * vy, cos * vy - sin * vx
         count += 1
-    seen: Floats = found[:count].copy()
-    return seen
+    visible: Floats = rows[:count].copy()
+    return visible
 
 
 @njit(cache=True, error_model="numpy")

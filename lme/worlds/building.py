@@ -20,7 +20,7 @@ from lme.worlds.rules import DrawnRules, check_chosen
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task
 
-_SHARED = [each.name for each in fields(DrawnRules) if each.name != "worlds"]  # keys of each building's room
+_SHARED = [key.name for key in fields(DrawnRules) if key.name != "worlds"]  # keys of each building's room
 
 
 @dataclass(slots=True)
@@ -53,11 +53,11 @@ class Buildings:
         single = self._paths[0].stem if len(self._paths) == 1 else "building"
         self._name = config.name or single
         self._numbers = config.numbers(range(len(self._paths) * config.configurations))
-        last = len(self._paths) * config.configurations - 1
-        if max(self._numbers) > last:
+        last_number = len(self._paths) * config.configurations - 1
+        if max(self._numbers) > last_number:
             raise InputError(
-                f"map.worlds holds {max(self._numbers)}: must be at most {last}, for {len(self._paths)} buildings with "
-                f"{config.configurations} configurations each (map.configurations)"
+                f"map.worlds holds {max(self._numbers)}: must be at most {last_number}, for {len(self._paths)} "
+                f"buildings with {config.configurations} configurations each (map.configurations)"
             )
         self._rooms: dict[int, _MeasuredRoom] = {}
 
@@ -105,7 +105,7 @@ class _MeasuredRoom(Room):
     def task(self, number: int) -> Task:
         task = super().task(number)
         low = self._plan.outline.min(axis=0)
-        start, goal = (_cell(np.array(place[:2]), low, self.config.grid) for place in (task.start, task.goal))
+        start, goal = (_cell(np.array(point[:2]), low, self.config.grid) for point in (task.start, task.goal))
         passage = _passage(self._space, self.config.grid, start, goal)
         return replace(task, measures={**task.measures, "passage_m": passage})
 
@@ -117,30 +117,30 @@ def _maps(paths: Sequence[str] | None) -> list[Path]:
             f"map.paths is {'null' if paths is None else '[]'}: must be a list of ROS maps (.yaml) or folders of them, "
             "e.g. [office.yaml]; lme maps build makes one from a log"
         )
-    found: list[Path] = []
-    for given in paths:
-        folder = expanded(given)
+    files: list[Path] = []
+    for path in paths:
+        folder = expanded(path)
         inside = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
         if folder.is_dir() and not inside:
-            raise InputError(f"map.paths holds {given}: the folder has no maps (.yaml)")
+            raise InputError(f"map.paths holds {path}: the folder has no maps (.yaml)")
         if not inside and not folder.is_file():
             raise InputError(
-                f"map.paths holds {given}: no such file; must be a ROS map (.yaml) or a folder of them"
+                f"map.paths holds {path}: no such file; must be a ROS map (.yaml) or a folder of them"
             )
-        found += inside or [folder]
-    return found
+        files += inside or [folder]
+    return files
 
 
-def _cell(place: Floats, low: Floats, step: float) -> tuple[int, int]:
-    """Row and column of the lattice point nearest to a place (2,) [m]."""
-    column, row = np.floor((place - low) / step).astype(int).tolist()
+def _cell(point: Floats, low: Floats, step: float) -> tuple[int, int]:
+    """Row and column of the lattice point nearest to a point (2,) [m]."""
+    column, row = np.floor((point - low) / step).astype(int).tolist()
     return row, column
 
 
 @lru_cache(maxsize=4096)
 def _passage(space: FreeSpace, step: float, start: tuple[int, int], goal: tuple[int, int]) -> float:
     """Width of the narrowest place on the widest way from start to goal, both included, to about `step` [m]."""
-    return 2.0 * float(_widest_way(_clearance(space, step), start, goal))
+    return 2.0 * float(_widest_path(_clearance(space, step), start, goal))
 
 
 @lru_cache(maxsize=4)
@@ -150,14 +150,14 @@ def _clearance(space: FreeSpace, step: float) -> Floats:
     Beyond that limit, it is the distance of the nearest point within the limit plus the distance to that point, which
     is a little too much.
     """
-    known = space.clearance
-    limit = known.max()
-    away, (rows, columns) = ndimage.distance_transform_edt(known >= limit, return_indices=True)
-    return np.where(known < limit, known, np.maximum(known[rows, columns] + away * step, limit))
+    limited = space.clearance
+    limit = limited.max()
+    cells_away, (rows, columns) = ndimage.distance_transform_edt(limited >= limit, return_indices=True)
+    return np.where(limited < limit, limited, np.maximum(limited[rows, columns] + cells_away * step, limit))
 
 
 @njit(cache=True, error_model="numpy")
-def _widest_way(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]) -> float:
+def _widest_path(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]) -> float:
     """Return the greatest clearance that a way between two lattice points can keep everywhere; 0 if there is no way.
 
     Ways go in eight directions. Of the points next to those reached before, the one with the greatest clearance is
@@ -166,22 +166,22 @@ def _widest_way(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]
     # A heap of the points next to those taken, by −clearance, so that the widest comes first.
     rows, columns = clearance.shape
     keys, items = np.empty(clearance.size), np.empty(clearance.size, np.int64)
-    seen = np.zeros(clearance.shape, np.bool_)
-    seen[start] = True
+    is_queued = np.zeros(clearance.shape, np.bool_)
+    is_queued[start] = True
     size = push(keys, items, 0, -clearance[start], start[0] * columns + start[1])
-    least = np.inf
+    width = np.inf
     while size > 0:
         # The least clearance of the points taken so far is the greatest that a way to this one can keep.
-        least = min(least, -keys[0])
+        width = min(width, -keys[0])
         row, column = items[0] // columns, items[0] % columns
         if row == goal[0] and column == goal[1]:
-            return float(least)
+            return float(width)
         size = pop(keys, items, size)
         # Put its neighbours that are new on the heap.
         for down in range(-1, 2):
             for right in range(-1, 2):
                 r, c = row + down, column + right
-                if 0 <= r < rows and 0 <= c < columns and not seen[r, c]:
-                    seen[r, c] = True
+                if 0 <= r < rows and 0 <= c < columns and not is_queued[r, c]:
+                    is_queued[r, c] = True
                     size = push(keys, items, size, -clearance[r, c], r * columns + c)
     return 0.0

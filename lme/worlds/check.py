@@ -18,26 +18,26 @@ from lme.worlds.world import Task, World
 
 def check_task(task: Task, robot: Robot) -> None:
     """Raise InputError if the robot is not the task's or collides at the start, or an obstacle is near the goal."""
-    where = _check_numbers(task)
+    subject = _check_numbers(task)
     if task.robot and robot.name != task.robot:
         raise InputError(
-            f"{where}: the map set draws a robot for every world, and the robot is {robot.name}: "
+            f"{subject}: the map set draws a robot for every world, and the robot is {robot.name}: "
             "must be driven with lme eval, or be another map"
         )
     if footprint_clearance(task.world, robot.hull, task.start) <= 0.0:
         raise InputError(
-            f"{where}: robot {robot.name} is in collision at the start {_place(task.start)}: "
+            f"{subject}: robot {robot.name} is in collision at the start {_coordinates(task.start)}: "
             "must be free (move map.start, or choose another world)"
         )
     clearance = point_clearance(task.world, task.goal)
     if clearance <= 0.0:
         raise InputError(
-            f"{where}: the goal {_place(task.goal)} lies inside an obstacle: "
+            f"{subject}: the goal {_coordinates(task.goal)} lies inside an obstacle: "
             "must be free (move map.goal, or choose another world)"
         )
     if clearance < robot.hull.r_min:
         raise InputError(
-            f"{where}: the goal {_place(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
+            f"{subject}: the goal {_coordinates(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
             f"{robot.hull.r_min:.3g} m, the inner radius of robot {robot.name}"
         )
 
@@ -49,19 +49,19 @@ def _check_numbers(task: Task) -> str:
     """
     if not isinstance(task, Task):
         raise InputError(f"the map set gives {task!r:.80} for a world: must be a lme.worlds.world.Task")
-    where, world = f"map {task.map_name}, world {task.number}", task.world
+    subject, world = f"map {task.map_name}, world {task.number}", task.world
     if not isinstance(task.start, Pose):
-        raise InputError(f"{where}: the start is {task.start!r:.80}: must be an lme.Pose")
+        raise InputError(f"{subject}: the start is {task.start!r:.80}: must be an lme.Pose")
     rules = task.goal_tolerance, task.time_limit, task.clock_distance
-    checked_array(task.start, (3,), f"{where}: has a start", "(x [m], y [m], yaw [rad])")
-    checked_array(task.goal, (2,), f"{where}: has a goal", "(x [m], y [m])")
+    checked_array(task.start, (3,), f"{subject}: has a start", "(x [m], y [m], yaw [rad])")
+    checked_array(task.goal, (2,), f"{subject}: has a goal", "(x [m], y [m])")
     checked_array(
-        rules, (3,), f"{where}: has rules", "(goal_tolerance [m], time_limit [s], clock_distance [m])"
+        rules, (3,), f"{subject}: has rules", "(goal_tolerance [m], time_limit [s], clock_distance [m])"
     )
-    checked_array(world.circles, (None, 3), f"{where}: has circles", "rows of (x, y, radius) [m]")
-    checked_array(world.edges, (None, 4), f"{where}: has walls", "rows of (x0, y0, x1, y1) [m]")
-    plausibility.check(f"{where}: start.yaw", task.start.yaw)
-    return where
+    checked_array(world.circles, (None, 3), f"{subject}: has circles", "rows of (x, y, radius) [m]")
+    checked_array(world.edges, (None, 4), f"{subject}: has walls", "rows of (x0, y0, x1, y1) [m]")
+    plausibility.check(f"{subject}: start.yaw", task.start.yaw)
+    return subject
 
 
 def point_clearance(world: World, point: Floats) -> float:
@@ -81,18 +81,18 @@ def footprint_clearance(world: World, footprint: Footprint, pose: Pose) -> float
     return sweep(np.array([pose], dtype=np.float64), footprint.box, circles, world.edges)[0]
 
 
-def _place(numbers: Iterable[float]) -> str:
+def _coordinates(numbers: Iterable[float]) -> str:
     return "(" + ", ".join(f"{number:g}" for number in numbers) + ")"
 
 
 def _point_segments(point: Floats, segments: Floats) -> Floats:
     """(S,) distances from a point (2,) to segments (S, 4)."""
-    # Nearest point of a segment: start + share · along, with share = (point − start) · along / |along|² in [0, 1].
+    # Nearest point of a segment: start + part · along, with part = (point − start) · along / |along|² in [0, 1].
     start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     length2 = (along**2).sum(axis=1)
     dot = ((point - start) * along).sum(axis=1)
-    share = np.clip(np.divide(dot, length2, out=np.zeros_like(dot), where=length2 > 0), 0.0, 1.0)
-    return np.asarray(np.hypot(*(start + share[:, None] * along - point).T))
+    part = np.clip(np.divide(dot, length2, out=np.zeros_like(dot), where=length2 > 0), 0.0, 1.0)
+    return np.asarray(np.hypot(*(start + part[:, None] * along - point).T))
 
 
 def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
@@ -102,8 +102,8 @@ def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
     corners = np.vstack(polygons)
     firsts = np.cumsum([0, *map(len, polygons[:-1])])
     low, high = np.minimum.reduceat(corners, firsts), np.maximum.reduceat(corners, firsts)
-    around = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
-    return any(_inside_polygon(polygons[i], point) for i in around.tolist())
+    candidates = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
+    return any(_inside_polygon(polygons[i], point) for i in candidates.tolist())
 
 
 def _inside_polygon(polygon: Floats, point: Floats) -> bool:
@@ -112,5 +112,5 @@ def _inside_polygon(polygon: Floats, point: Floats) -> bool:
     (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     rise = np.where(crosses, y1 - y0, 1.0)
-    at = x0 + (point[1] - y0) * (x1 - x0) / rise
-    return bool((crosses & (point[0] < at)).sum() % 2)
+    crossing_x = x0 + (point[1] - y0) * (x1 - x0) / rise
+    return bool((crosses & (point[0] < crossing_x)).sum() % 2)

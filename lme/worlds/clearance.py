@@ -29,5 +29,5 @@ def clearance_field(plan: FloorPlan, x: Floats, y: Floats, reach: float) -> Floa
 def inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
     """Return (Y, X) whether each lattice point lies in a polygon (V, 2), by the even–odd rule."""
     corners = np.ascontiguousarray(polygon, dtype=np.float64)
-    found: Bools = kernels.inside(corners, 0, len(corners), x, y)
-    return found
+    is_inside: Bools = kernels.inside(corners, 0, len(corners), x, y)
+    return is_inside

@@ -29,7 +29,7 @@ BUILDINGS, STAND_IN = "buildings", "floor_plans"  # real maps; generated ones, w
 STATIC, DYNABARN = "static", "dynabarn"
 
 _GRID_M = 0.05  # between the points at which a BARN world's passages are checked
-_APART_M = 8.0  # least distance from start to goal in a building, as in conf/map/building.yaml
+_MIN_DISTANCE_M = 8.0  # least distance from start to goal in a building, as in conf/map/building.yaml
 # Around a BARN world: the walls of its start area, its grid, and the open space at the goal
 _BARN_OUTLINE = np.array([[-4.5, 0.0], [0.0, 0.0], [0.0, 14.0], [-4.5, 14.0]])
 DISTURBANCES = ("latency", "slip", "scan_noise")  # keys of every simulator
@@ -53,57 +53,57 @@ class Place(NamedTuple):
     paths: tuple[str, ...]
 
 
-def _barn(place: Place) -> Task:
+def _barn(setting: Place) -> Task:
     """A fresh BARN world. Raises InputError if its passages, whose width is not chosen, are too narrow."""
-    number = FIRST_FRESH + place.choice
-    task = Barn(BarnConfig(subset="fresh", fresh_seed=place.seed, worlds=[number])).task(number)
-    space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, place.radius, place.margin)
+    number = FIRST_FRESH + setting.choice
+    task = Barn(BarnConfig(subset="fresh", fresh_seed=setting.seed, worlds=[number])).task(number)
+    space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, setting.radius, setting.margin)
     length = space.checked_length(f"map barn, world {number}", task.start, task.goal)
     return replace(task, shortest_path_length=length)
 
 
-def _indoor(place: Place) -> Task:
+def _indoor(setting: Place) -> Task:
     """A generated building of any kind."""
-    kind = list(KINDS)[place.choice % len(KINDS)]
-    config = IndoorConfig(kind=kind, building_seed=place.seed, radius=place.radius, margin=place.margin)
+    kind = list(KINDS)[setting.choice % len(KINDS)]
+    config = IndoorConfig(kind=kind, building_seed=setting.seed, radius=setting.radius, margin=setting.margin)
     return Indoor(config).task(0)
 
 
-def _floor_plan(place: Place) -> Task:
+def _floor_plan(setting: Place) -> Task:
     """A generated floor plan, with start and goal as far apart as in a real building."""
     config = IndoorConfig(
         kind="floor_plan",
-        building_seed=place.seed,
-        min_distance=_APART_M,
-        radius=place.radius,
-        margin=place.margin,
+        building_seed=setting.seed,
+        min_distance=_MIN_DISTANCE_M,
+        radius=setting.radius,
+        margin=setting.margin,
     )
     return Indoor(config).task(0)
 
 
-def _building(place: Place) -> Task:
+def _building(setting: Place) -> Task:
     """One of the real buildings, with a start and a goal of its own."""
     config = BuildingsConfig(
-        paths=list(place.paths),
+        paths=list(setting.paths),
         configurations=1,
-        sample_seed=place.seed,
-        min_distance=_APART_M,
-        radius=place.radius,
-        margin=place.margin,
+        sample_seed=setting.seed,
+        min_distance=_MIN_DISTANCE_M,
+        radius=setting.radius,
+        margin=setting.margin,
     )
     maps = Buildings(config)
-    return maps.task(place.choice % len(maps.numbers))
+    return maps.task(setting.choice % len(maps.numbers))
 
 
-def _traps(place: Place) -> Task:
+def _traps(setting: Place) -> Task:
     """A random trap."""
-    return Traps(TrapsConfig(kind="mixed", starts=1, start_seed=place.seed, radius=place.radius)).task(0)
+    return Traps(TrapsConfig(kind="mixed", starts=1, start_seed=setting.seed, radius=setting.radius)).task(0)
 
 
-def _dynabarn(place: Place) -> Task:
+def _dynabarn(setting: Place) -> Task:
     """Moving cylinders, at any difficulty; the arena is wide enough for all footprints."""
-    difficulty = list(DIFFICULTIES)[place.choice % len(DIFFICULTIES)]
-    return Dynabarn(DynabarnConfig(difficulty=difficulty, motion_seed=place.seed)).task(0)
+    difficulty = list(DIFFICULTIES)[setting.choice % len(DIFFICULTIES)]
+    return Dynabarn(DynabarnConfig(difficulty=difficulty, motion_seed=setting.seed)).task(0)
 
 
 _MAKERS: dict[str, Callable[[Place], Task]] = {
@@ -123,9 +123,9 @@ def families(subset: str, paths: Sequence[str] | None) -> tuple[str, ...]:
     return ("barn", "indoor", BUILDINGS if paths else STAND_IN, "traps")
 
 
-def task_in(family: str, place: Place) -> Task:
-    """Build the task of a family. Raises InputError if the world has no path for a disc of the place's radius."""
-    return _MAKERS[family](place)
+def task_in(family: str, setting: Place) -> Task:
+    """Build the task of a family. Raises InputError if the world has no path for a disc of the setting's radius."""
+    return _MAKERS[family](setting)
 
 
 def check_paths(paths: Sequence[str]) -> None:
@@ -157,8 +157,8 @@ class TrialRanges:
     scan_noise: list[float] = field(default_factory=lambda: [0.0, 0.02])  # [m] standard deviation
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            self._check(each.name, getattr(self, each.name))
+        for entry in fields(self):
+            self._check(entry.name, getattr(self, entry.name))
         require("map.ranges.num_beams[0]", self.num_beams[0], above=1)
         require("map.ranges.blind_arc[1]", self.blind_arc[1], at_most=1.9 * math.pi)
         require("map.ranges.range_max[0]", self.range_max[0], above=self.range_min[1])
@@ -263,10 +263,10 @@ class ColdTrialConfig:
         require("map.start_margin", self.start_margin, at_least=0.0)
         require("map.time_factor", self.time_factor, at_least=1.0)
         require("map.least_time", self.least_time, above=0.0)
-        chosen = self.worlds
-        if chosen is not None and not (chosen and set(chosen) <= set(range(self.count))):
+        worlds = self.worlds
+        if worlds is not None and not (worlds and set(worlds) <= set(range(self.count))):
             raise InputError(
-                f"map.worlds is {list(chosen)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
+                f"map.worlds is {list(worlds)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
             )
         if self.paths is not None:
             check_paths(self.paths)
@@ -284,7 +284,7 @@ class ColdTrial:
         self.config = config
         self._families = families(config.subset, config.paths)
         self._numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
-        self._kept: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
+        self._cached: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
 
     @property
     def name(self) -> str:
@@ -306,7 +306,7 @@ class ColdTrial:
         Raises InputError for a number that was not chosen, and if no robot of the ranges fits into the world.
         """
         check_chosen(number, self._numbers, "episode", NAME)
-        return self._kept(number)
+        return self._cached(number)
 
     def _draw(self, number: int) -> DrawnTask:
         """Draw the world and the disturbances first, then robots until one fits into the world."""
@@ -320,7 +320,7 @@ class ColdTrial:
             try:
                 task = self._task(number, family, seed, choice, robot)
             except InputError as error:
-                narrow = error
+                refusal = error
                 continue
             columns = {
                 "family": family,
@@ -329,7 +329,7 @@ class ColdTrial:
             }
             return DrawnTask(task, robot, disturbances, columns)
         raise InputError(
-            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of map.ranges fits ({narrow})"
+            f"map {NAME}, episode {number} ({family}): none of {ATTEMPTS} robots of map.ranges fits ({refusal})"
         )
 
     def _task(self, number: int, family: str, seed: int, choice: int, robot: Robot) -> Task:

@@ -86,10 +86,10 @@ def _outline(piece: Bools) -> Floats:
 
 def _next(starts: dict[tuple[int, int], list[_Run]], run: _Run) -> _Run:
     """The run after `run`. There are two if two cells touch at a corner: the left turn stays with its cell."""
-    onward = starts[run.end]
-    if len(onward) == 1:
-        return onward[0]
-    return next(option for option in onward if option.direction == (run.direction + 1) % 4)
+    followers = starts[run.end]
+    if len(followers) == 1:
+        return followers[0]
+    return next(option for option in followers if option.direction == (run.direction + 1) % 4)
 
 
 def _runs(piece: Bools) -> dict[tuple[int, int], list[_Run]]:
@@ -111,8 +111,8 @@ def _stretches(steps: Ints) -> list[tuple[int, int, int, int]]:
     """(line, from, to, sign) of every maximal stretch of equal non-zero values along the rows of `steps`."""
     padded = np.pad(steps, ((0, 0), (1, 1)))
     changes = np.diff(padded, axis=1) != 0
-    begins = np.argwhere(changes & (padded[:, 1:] != 0))
+    starts = np.argwhere(changes & (padded[:, 1:] != 0))
     ends = np.argwhere(changes & (padded[:, :-1] != 0))
-    signs = steps[begins[:, 0], begins[:, 1]]
-    stretches = np.column_stack([begins, ends[:, 1], signs])
+    signs = steps[starts[:, 0], starts[:, 1]]
+    stretches = np.column_stack([starts, ends[:, 1], signs])
     return [(line, low, high, sign) for line, low, high, sign in stretches.tolist()]

@@ -53,11 +53,11 @@ class Walking:
         self, rng: np.random.Generator, path: Floats, repeat: str, speed: float | None = None
     ) -> Mover:
         """Draw a person on a path (P, 2) [m]. speed: instead of a drawn one [m/s]."""
-        drawn = self.walking_speed + self.speed_spread * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+        pace = self.walking_speed + self.speed_spread * float(np.clip(rng.standard_normal(), -2.0, 2.0))
         return Mover(
             path=path,
             radius=self.body_radius,
-            speed=drawn if speed is None else speed,
+            speed=pace if speed is None else speed,
             repeat=repeat,
             motion=self.motion,
             sees_robot=bool(rng.random() < self.sees_robot),
@@ -118,30 +118,30 @@ class Crowded:
         area = space.area(task.start)
         count = config.count or max(1, round(config.density * area))
         rng = np.random.default_rng(np.random.SeedSequence([config.crowd_seed, number]))
-        places = self._places(task, space, count, rng)
-        people = tuple(config.person(rng, self._round(rng, space, place), "cycle") for place in places)
+        spots = self._spots(task, space, count, rng)
+        people = tuple(config.person(rng, self._round(rng, space, spot), "cycle") for spot in spots)
         world = replace(task.world, movers=(*task.world.movers, *people))
         measures = {**task.measures, "people": float(count), "people_per_m2": count / area}
         return replace(task, world=world, measures=measures)
 
-    def _places(self, task: Task, space: FreeSpace, count: int, rng: np.random.Generator) -> list[Floats]:
+    def _spots(self, task: Task, space: FreeSpace, count: int, rng: np.random.Generator) -> list[Floats]:
         """Draw the first places (2,) of the people [m], apart from each other and from the robot's start."""
         start, config = np.array(task.start[:2]), self.config
-        places: list[Floats] = []
-        apart = 2 * config.body_radius + _GAP
+        spots: list[Floats] = []
+        spacing = 2 * config.body_radius + _GAP
         for _ in range(count * PLACES_TRIED):
-            place = self._partner(task, space, start, rng)
-            if math.dist(place, start) >= config.clear and all(
-                math.dist(place, one) >= apart for one in places
+            spot = self._partner(task, space, start, rng)
+            if math.dist(spot, start) >= config.clear and all(
+                math.dist(spot, earlier) >= spacing for earlier in spots
             ):
-                places.append(place)
-            if len(places) == count:
-                return places
+                spots.append(spot)
+            if len(spots) == count:
+                return spots
         raise self._full(task, count)
 
-    def _partner(self, task: Task, space: FreeSpace, place: Floats, rng: np.random.Generator) -> Floats:
+    def _partner(self, task: Task, space: FreeSpace, spot: Floats, rng: np.random.Generator) -> Floats:
         try:
-            return space.draw_partner(rng, place, 0.0)
+            return space.draw_partner(rng, spot, 0.0)
         except InputError as error:
             raise self._full(task, self.config.count or 1) from error
 
@@ -152,22 +152,22 @@ class Crowded:
             f"{config.body_radius:g} m: must be a lower crowd.density, crowd.count or crowd.clear, or another map"
         )
 
-    def _round(self, rng: np.random.Generator, space: FreeSpace, place: Floats) -> Floats:
+    def _round(self, rng: np.random.Generator, space: FreeSpace, spot: Floats) -> Floats:
         """Draw a round trip (P, 2) from a place to others [m], at least `walk` apart where there is room for that."""
-        places = [place]
+        stops = [spot]
         for _ in range(PLACES - 1):
-            others = [space.draw_partner(rng, places[-1], 0.0) for _ in range(PLACES_TRIED // 10)]
-            far = [other for other in others if math.dist(other, places[-1]) >= self.config.walk]
-            places.append(far[0] if far else max(others, key=lambda other: math.dist(other, places[-1])))
-        ways = [space.way(begin, end) for begin, end in zip(places, [*places[1:], place], strict=True)]
-        return np.vstack([way[:-1] for way in ways])
+            draws = [space.draw_partner(rng, stops[-1], 0.0) for _ in range(PLACES_TRIED // 10)]
+            distant = [stop for stop in draws if math.dist(stop, stops[-1]) >= self.config.walk]
+            stops.append(distant[0] if distant else max(draws, key=lambda stop: math.dist(stop, stops[-1])))
+        legs = [space.way(begin, end) for begin, end in zip(stops, [*stops[1:], spot], strict=True)]
+        return np.vstack([leg[:-1] for leg in legs])
 
 
 def _floor(task: Task) -> FloorPlan:
     """Floor plan of the world: the box around its static obstacles, its start and its goal."""
     circles, ends = task.world.circles, task.world.edges.reshape(-1, 2)
     centres, radii = circles[:, :2], circles[:, 2:]
-    around = np.array([task.start[:2], task.goal])
-    points = np.vstack([centres - radii, centres + radii, ends, around - _BORDER, around + _BORDER])
+    endpoints = np.array([task.start[:2], task.goal])
+    points = np.vstack([centres - radii, centres + radii, ends, endpoints - _BORDER, endpoints + _BORDER])
     (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
     return FloorPlan(task.world, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))

@@ -136,17 +136,17 @@ def crossing(rng: np.random.Generator, bends: int) -> Floats:
         # Offset from the straight line, as a share of its length: Σ height_k sin(k π part), |height_k| ≤ _BOW / k².
         height = rng.uniform(-_BOW, _BOW, bends) / waves**2
         part = np.linspace(0.0, 1.0, 512)[:, None]
-        aside = np.sin(math.pi * part * waves) @ height
+        offset = np.sin(math.pi * part * waves) @ height
         along = end - start
-        curve = start + part * along + aside[:, None] * np.array([-along[1], along[0]])
+        curve = start + part * along + offset[:, None] * np.array([-along[1], along[0]])
         if np.abs(curve).max() <= _FURTHEST:
             return _evenly(curve)
 
 
 def _border_place(rng: np.random.Generator) -> Floats:
     """(2,) a random place as near the border as a cylinder can be [m]."""
-    place = np.array([rng.uniform(-_FURTHEST, _FURTHEST), rng.choice([-_FURTHEST, _FURTHEST])])
-    return place if rng.random() < 0.5 else place[::-1].copy()
+    position = np.array([rng.uniform(-_FURTHEST, _FURTHEST), rng.choice([-_FURTHEST, _FURTHEST])])
+    return position if rng.random() < 0.5 else position[::-1].copy()
 
 
 def _there_and_back(rng: np.random.Generator, curve: Floats) -> Floats:
@@ -158,8 +158,8 @@ def _there_and_back(rng: np.random.Generator, curve: Floats) -> Floats:
 def _evenly(curve: Floats) -> Floats:
     """(P, 2) points at equal distances along a polyline (K, 2), at most _STEP_M apart."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
-    places = np.linspace(0.0, along[-1], math.ceil(along[-1] / _STEP_M) + 1)
-    return np.column_stack([np.interp(places, along, curve[:, axis]) for axis in (0, 1)])
+    samples = np.linspace(0.0, along[-1], math.ceil(along[-1] / _STEP_M) + 1)
+    return np.column_stack([np.interp(samples, along, curve[:, axis]) for axis in (0, 1)])
 
 
 def _walls() -> tuple[Floats, ...]:

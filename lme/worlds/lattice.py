@@ -8,7 +8,7 @@ from numba import njit
 from lme.geometry.heap import enlarged, pop, push
 from lme.types import Bools, Floats, Ints
 
-_BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free
+_CROSSED = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free
     (0, 1): (),
     (1, 1): ((0, 1), (1, 0)),
     (1, 2): ((0, 1), (1, 1)),
@@ -38,8 +38,8 @@ def shortest_way(free: Bools, step: float, start: Ints, goal: Ints) -> Ints:
     (bordered, width, offsets, lengths), reached, (begin, end) = _searched(free, step, start, goal)
     if not math.isfinite(reached[end]):
         return np.empty((0, 2), dtype=np.int64)
-    way = _back(bordered, offsets, lengths, reached, begin, end)[::-1]
-    points = np.column_stack(np.divmod(way, width)) - _REACH
+    nodes = _trace_back(bordered, offsets, lengths, reached, begin, end)[::-1]
+    points = np.column_stack(np.divmod(nodes, width)) - _REACH
     moves = np.diff(points, axis=0)
     turns = (moves[1:] != moves[:-1]).any(axis=1)
     return np.asarray(points[np.concatenate([[True], turns, [True]])[: len(points)]])
@@ -64,8 +64,8 @@ def _searched(
 def _moves(width: int) -> tuple[Ints, Floats]:
     """Steps through the flat lattice (32, 5) to the end of each move and the points beside it; lengths (32,)."""
     offsets, lengths = [], []
-    for end, beside in _BETWEEN.items():
-        points = [end, *beside, *[end] * (4 - len(beside))]
+    for end, passed in _CROSSED.items():
+        points = [end, *passed, *[end] * (4 - len(passed))]
         mirrored = {
             tuple((a * row, b * column) if not swap else (a * column, b * row) for row, column in points)
             for swap in (False, True)
@@ -94,49 +94,49 @@ def _search(
     g[start] = 0.0
     keys[0], points[0], size = 0.0, start, 1
     while size > 0 and not keys[0] > g[goal] * (1.0 + _ROUNDING):
-        key, here = keys[0], points[0]
+        key, node = keys[0], points[0]
         size = pop(keys, points, size)
         if size + len(lengths) > len(keys):
             keys, points = enlarged(keys, points)
-        if key > g[here] + _straight(here, goal, width) * step:
+        if key > g[node] + _straight(node, goal, width) * step:
             continue  # outdated: a shorter path was found later
         # Try all moves from here: one that shortens the path to its end puts that point on the heap.
         for k in range(len(lengths)):
-            there = here + offsets[k, 0]
-            length = g[here] + lengths[k]
-            if length < g[there] and _all_free(free, here, offsets[k]):
-                g[there] = length
-                size = push(keys, points, size, length + _straight(there, goal, width) * step, there)
+            neighbour = node + offsets[k, 0]
+            length = g[node] + lengths[k]
+            if length < g[neighbour] and _all_free(free, node, offsets[k]):
+                g[neighbour] = length
+                size = push(keys, points, size, length + _straight(neighbour, goal, width) * step, neighbour)
     return g
 
 
 @njit(cache=True, error_model="numpy")
-def _back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: int, goal: int) -> Ints:
+def _trace_back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: int, goal: int) -> Ints:
     """Points of a shortest path from the goal back to the start."""
-    way = np.empty(free.size, np.int64)
-    here, count = goal, 0
-    while here != start:
+    nodes = np.empty(free.size, np.int64)
+    node, count = goal, 0
+    while node != start:
         # Go to the point through which the path to this one is the shortest: the least g + length of the move.
-        way[count], best = here, np.inf
+        nodes[count], best = node, np.inf
         count += 1
         for k in range(len(lengths)):  # the moves are symmetric: those to here are those from here
-            there = way[count - 1] + offsets[k, 0]
-            length = reached[there] + lengths[k]
-            if length < best and _all_free(free, way[count - 1], offsets[k]):
-                best, here = length, there
-    way[count] = start
-    found: Ints = way[: count + 1]
-    return found
+            neighbour = nodes[count - 1] + offsets[k, 0]
+            length = reached[neighbour] + lengths[k]
+            if length < best and _all_free(free, nodes[count - 1], offsets[k]):
+                best, node = length, neighbour
+    nodes[count] = start
+    path: Ints = nodes[: count + 1]
+    return path
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _straight(here: int, goal: int, width: int) -> float:
-    return math.hypot(here // width - goal // width, here % width - goal % width)
+def _straight(node: int, goal: int, width: int) -> float:
+    return math.hypot(node // width - goal // width, node % width - goal % width)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _all_free(free: Bools, here: int, offsets: Ints) -> bool:
+def _all_free(free: Bools, node: int, offsets: Ints) -> bool:
     for k in range(len(offsets)):  # noqa: SIM110
-        if not free[here + offsets[k]]:
+        if not free[node + offsets[k]]:
             return False
     return True

@@ -53,9 +53,9 @@ class MapFile(Room):
 
     def _configuration(self, number: int) -> Configuration:
         start, goal = self._start(), self._goal()
-        for key, place in (("start", start), ("goal", goal)):
-            if place is not None:
-                self._space.check_free(f"map.{key}", place)
+        for key, point in (("start", start), ("goal", goal)):
+            if point is not None:
+                self._space.check_free(f"map.{key}", point)
         if start is not None:
             return self._from_given_start(start, number)
         if goal is not None:
@@ -64,12 +64,12 @@ class MapFile(Room):
 
     def _from_given_start(self, start: Sequence[float], number: int) -> Configuration:
         """Configuration from the given start to the given goal, or to a drawn one."""
-        place, given = np.array(start[:2]), self._goal()
-        if given is None:
-            goal = self._space.draw_partner(self._rng(number), place, self.config.min_distance)
+        position, given_goal = np.array(start[:2]), self._goal()
+        if given_goal is None:
+            goal = self._space.draw_partner(self._rng(number), position, self.config.min_distance)
         else:
-            goal = np.array(given)
-        yaw = start[2] if len(start) == 3 else math.atan2(goal[1] - place[1], goal[0] - place[0])
+            goal = np.array(given_goal)
+        yaw = start[2] if len(start) == 3 else math.atan2(goal[1] - position[1], goal[0] - position[0])
         return Configuration(Pose(start[0], start[1], yaw), goal)
 
     def _to_given_goal(self, goal: Floats, number: int) -> Configuration:
@@ -79,11 +79,11 @@ class MapFile(Room):
         return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), goal)
 
 
-def _check_single(worlds: list[int] | None, what: str) -> None:
-    """Raise InputError if worlds other than the only one that `what` leaves, number 0, are chosen."""
+def _check_single(worlds: list[int] | None, keys: str) -> None:
+    """Raise InputError if worlds other than the only one that `keys` leaves, number 0, are chosen."""
     if worlds not in (None, [0]):
         raise InputError(
-            f"map.worlds is {worlds}: must be null or [0], since {what} together leave one configuration"
+            f"map.worlds is {worlds}: must be null or [0], since {keys} together leave one configuration"
         )
 
 

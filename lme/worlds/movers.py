@@ -103,18 +103,18 @@ class Mover:
             )
 
     def _checked_times(self, times: Floats) -> Floats:
-        given = np.array(times, dtype=np.float64)
+        values = np.array(times, dtype=np.float64)
         if (
-            given.shape != (len(self.path),)
-            or len(given) < 2
-            or not (np.diff(given) > 0.0).all()
-            or given[0] < 0.0
+            values.shape != (len(self.path),)
+            or len(values) < 2
+            or not (np.diff(values) > 0.0).all()
+            or values[0] < 0.0
         ):
             raise InputError(
-                f"mover.times has {given.size} values for {len(self.path)} waypoints: must be rising times "
+                f"mover.times has {values.size} values for {len(self.path)} waypoints: must be rising times "
                 "from 0 s on, one for each of at least two"
             )
-        return given
+        return values
 
 
 def _poses(path: Floats) -> Floats:
@@ -123,34 +123,34 @@ def _poses(path: Floats) -> Floats:
     return rows if rows.shape[1] == 3 else np.column_stack([rows, np.zeros(len(rows))])
 
 
-def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Floats:
-    """Return the values as an array. Raises InputError unless they are `least` or more rows of finite numbers."""
+def _rows(values: Floats, key: str, columns: tuple[int, ...], min_rows: int) -> Floats:
+    """Return the values as an array. Raises InputError unless they are at least `min_rows` rows of finite numbers."""
     rows = np.array(values, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < least or not np.isfinite(rows).all():
+    if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < min_rows or not np.isfinite(rows).all():
         shape = " or ".join(map(str, columns))
         raise InputError(
-            f"mover.{key} is {np.asarray(values).tolist()}: must be at least {least} rows of {shape} finite numbers"
+            f"mover.{key} is {np.asarray(values).tolist()}: must be at least {min_rows} rows of {shape} finite numbers"
         )
     return rows
 
 
-def mover_of(place: str, item: object) -> Mover:
-    """Build the mover that an entry of a file describes. Raises InputError, which begins with `place`."""
-    entry = Entry(place, item, ["path"], _KEYS)
-    given: dict[str, Any] = {key: entry.number(key) for key in _NUMBERS if entry.value(key) is not None}
-    if "turn_rate_deg" in given:
-        given["turn_rate"] = math.radians(given.pop("turn_rate_deg"))
+def mover_of(entry_name: str, item: object) -> Mover:
+    """Build the mover that an entry of a file describes. Raises InputError, which begins with the name of the entry."""
+    entry = Entry(entry_name, item, ["path"], _KEYS)
+    arguments: dict[str, Any] = {key: entry.number(key) for key in _NUMBERS if entry.value(key) is not None}
+    if "turn_rate_deg" in arguments:
+        arguments["turn_rate"] = math.radians(arguments.pop("turn_rate_deg"))
     if entry.value("outline") is not None:
-        given["outline"] = entry.points("outline", 3)
+        arguments["outline"] = entry.points("outline", 3)
     if entry.value("trigger") is not None:
-        given["trigger"] = tuple(entry.numbers("trigger", "x, y", 2))
+        arguments["trigger"] = tuple(entry.numbers("trigger", "x, y", 2))
     for key, names in (("repeat", REPEATS), ("motion", MOTIONS), ("sees_robot", (True, False))):
         if entry.value(key) is not None:
-            given[key] = _one_of(entry, key, names)
+            arguments[key] = _one_of(entry, key, names)
     try:
-        return Mover(path=_entry_poses(entry), **given)
+        return Mover(path=_entry_poses(entry), **arguments)
     except InputError as error:
-        raise InputError(f"{place}: {error}") from error
+        raise InputError(f"{entry_name}: {error}") from error
 
 
 def _one_of(entry: Entry, key: str, names: Sequence[object]) -> Any:

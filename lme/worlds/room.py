@@ -58,7 +58,8 @@ class Room:
     def __init__(self, config: RoomConfig) -> None:
         """Read the map. Raises InputError for an invalid file, or one with too little free space."""
         path = _path(config)
-        source = (path, path.stat().st_mtime_ns, _size(config), config.unknown)
+        size = None if config.size is None else (config.size[0], config.size[1])
+        source = (path, path.stat().st_mtime_ns, size, config.unknown)
         radius = STAGE_RADIUS if config.radius is None else config.radius
         self.config = config
         self._name = config.name or path.stem
@@ -167,7 +168,3 @@ def _path(config: RoomConfig) -> Path:
             f"map.name is {config.name!r}: must be one of {', '.join(shipped)}, or give map.path"
         )
     return resource_dir("maps") / config.name / DRAWING
-
-
-def _size(config: RoomConfig) -> tuple[float, float] | None:
-    return None if config.size is None else (config.size[0], config.size[1])

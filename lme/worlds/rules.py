@@ -36,10 +36,10 @@ class TaskRules:
             require("map.time_limit", self.time_limit, above=0.0)
             plausibility.check("map.time_limit", self.time_limit)
         require("map.clock_distance", self.clock_distance, at_least=0.0)
-        chosen = self.worlds
-        if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
+        worlds = self.worlds
+        if worlds is not None and (not worlds or len(set(worlds)) < len(worlds) or min(worlds) < 0):
             raise InputError(
-                f"map.worlds is {list(chosen)}: must be different numbers from 0 on, at least one, or null"
+                f"map.worlds is {list(worlds)}: must be different numbers from 0 on, at least one, or null"
             )
 
     def numbers(self, offered: Iterable[int]) -> tuple[int, ...]:
@@ -140,15 +140,15 @@ class DrawnRules(PacedRules):
         require("map.grid", self.grid, above=0.0)
 
 
-def fair_limit(fastest: float, factor: float = TIME_FACTOR, least: float = LEAST_TIME) -> float:
+def fair_limit(fastest: float, factor: float = TIME_FACTOR, min_limit: float = LEAST_TIME) -> float:
     """The time limit [s] of a task whose shortest path takes `fastest` [s] at the robot's full speed."""
-    return max(least, factor * fastest)
+    return max(min_limit, factor * fastest)
 
 
 def with_robot(values: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
     """Return the values of a map set's keys, with those of the robot for a `radius` and a `v_max` of null."""
-    own = {"radius": robot.hull.r_max, "v_max": robot.v_max}
-    return {**values, **{key: own[key] for key in own if key in values and values[key] is None}}
+    defaults = {"radius": robot.hull.r_max, "v_max": robot.v_max}
+    return {**values, **{key: defaults[key] for key in defaults if key in values and values[key] is None}}
 
 
 def path_measures(length: float, straight: float) -> dict[str, float]:
@@ -156,12 +156,12 @@ def path_measures(length: float, straight: float) -> dict[str, float]:
     return {"straight_m": straight, "detour": length / straight if straight else 1.0}
 
 
-def map_path(given: str, right: str) -> Path:
+def map_path(value: str, right: str) -> Path:
     """Return the file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
-    path = expanded(given)
+    path = expanded(value)
     if not path.is_file():
         problem = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"map.path is {given}: {problem}; must be {right}")
+        raise InputError(f"map.path is {value}: {problem}; must be {right}")
     return path
 
 

@@ -64,43 +64,43 @@ class FreeSpace:
             goals = self._goals(start, min_distance)
             if len(goals):
                 goal = self._point(goals[rng.integers(len(goals))])
-                x, y = self._place(start).tolist()
-                return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._place(goal))
+                x, y = self._coordinates(start).tolist()
+                return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._coordinates(goal))
         raise self._too_small(min_distance)
 
-    def draw_partner(self, rng: np.random.Generator, place: Floats, min_distance: float) -> Floats:
-        """Draw a place (2,) [m] that can be reached from a free `place` (2,), at least `min_distance` away.
+    def draw_partner(self, rng: np.random.Generator, position: Floats, min_distance: float) -> Floats:
+        """Draw a position (2,) [m] that can be reached from a free `position` (2,), at least `min_distance` away.
 
         Raises InputError if there is none.
         """
-        partners = self._goals(self._cell(place), min_distance)
+        partners = self._goals(self._cell(position), min_distance)
         if not len(partners):
             raise self._too_small(min_distance)
-        return self._place(self._point(partners[rng.integers(len(partners))]))
+        return self._coordinates(self._point(partners[rng.integers(len(partners))]))
 
-    def check_free(self, what: str, place: Floats | Sequence[float]) -> None:
-        """Raise InputError, which begins with `what`, unless the robot can be at `place`, x, y [m]."""
-        x, y = place[0], place[1]
+    def check_free(self, subject: str, position: Floats | Sequence[float]) -> None:
+        """Raise InputError, which begins with `subject`, unless the robot can be at `position`, x, y [m]."""
+        x, y = position[0], position[1]
         outline = self._plan.outline
         if not inside(outline, np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)).any():
-            raise InputError(f"{what} is ({x:g}, {y:g}), outside the map: must lie {self._plan.region}")
-        if not self._passable[*self._cell(place)]:
+            raise InputError(f"{subject} is ({x:g}, {y:g}), outside the map: must lie {self._plan.region}")
+        if not self._passable[*self._cell(position)]:
             raise InputError(
-                f"{what} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
+                f"{subject} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
                 "from every obstacle (map.radius)"
             )
 
-    def checked_length(self, where: str, start: Pose, goal: Floats) -> float:
+    def checked_length(self, subject: str, start: Pose, goal: Floats) -> float:
         """Length of the shortest path on the lattice [m].
 
-        Raises InputError, which begins with `where`, unless start and goal are free and a path joins them.
+        Raises InputError, which begins with `subject`, unless start and goal are free and a path joins them.
         """
-        self.check_free(f"{where}: the start", start)
-        self.check_free(f"{where}: the goal", goal)
+        self.check_free(f"{subject}: the start", start)
+        self.check_free(f"{subject}: the goal", goal)
         length = self.path_length(start, goal)
         if not math.isfinite(length):
             raise InputError(
-                f"{where}: no path from the start to the goal is wide enough for a disc of radius "
+                f"{subject}: no path from the start to the goal is wide enough for a disc of radius "
                 f"{self._radius:.3g} m (map.radius): must be a smaller robot, or a different start, goal or map"
             )
         return length
@@ -120,12 +120,12 @@ class FreeSpace:
         points = shortest_way(self._passable, self._step, self._cell(start), self._cell(goal))
         if not len(points):
             return np.empty((0, 2))
-        between = np.column_stack([self._x[points[1:-1, 1]], self._y[points[1:-1, 0]]])
-        return np.vstack([start, between, goal])
+        turns = np.column_stack([self._x[points[1:-1, 1]], self._y[points[1:-1, 0]]])
+        return np.vstack([start, turns, goal])
 
-    def area(self, place: Floats | Sequence[float]) -> float:
-        """Area of the free points that can be reached from a free place x, y [m²]."""
-        region = self._regions[*self._cell(place)]
+    def area(self, position: Floats | Sequence[float]) -> float:
+        """Area of the free points that can be reached from a free position x, y [m²]."""
+        region = self._regions[*self._cell(position)]
         return float(np.count_nonzero(self._regions == region)) * self._step**2 if region else 0.0
 
     def _too_small(self, min_distance: float) -> InputError:
@@ -145,26 +145,26 @@ class FreeSpace:
         """[row, column] of a point of the flat lattice."""
         return np.array(divmod(int(flat), len(self._x)))
 
-    def _place(self, point: Ints) -> Floats:
+    def _coordinates(self, point: Ints) -> Floats:
         return np.array([self._x[point[1]], self._y[point[0]]])
 
-    def _cell(self, place: Floats | Sequence[float]) -> Ints:
+    def _cell(self, point: Floats | Sequence[float]) -> Ints:
         """(2,) row and column of the point nearest to a place x, y [m]; of a free point if the place is free."""
-        x, y = place[0], place[1]
+        x, y = point[0], point[1]
         column = int(np.clip(round((x - self._x[0]) / self._step), 0, len(self._x) - 1))
         row = int(np.clip(round((y - self._y[0]) / self._step), 0, len(self._y) - 1))
         cell = np.array([row, column])
         if self._passable[row, column]:
             return cell
         # The nearest point is not free. If the place itself is, take the nearest of the free points around.
-        around = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
-        here = np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)
-        clearance = clearance_field(self._plan, *here, self._radius)
-        if clearance.item() < self._radius or not len(around):
+        candidates = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
+        coordinates = np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)
+        clearance = clearance_field(self._plan, *coordinates, self._radius)
+        if clearance.item() < self._radius or not len(candidates):
             return cell
-        around += np.maximum(cell - 1, 0)
-        away = np.hypot(self._x[around[:, 1]] - x, self._y[around[:, 0]] - y)
-        return np.asarray(around[away.argmin()])
+        candidates += np.maximum(cell - 1, 0)
+        distances = np.hypot(self._x[candidates[:, 1]] - x, self._y[candidates[:, 0]] - y)
+        return np.asarray(candidates[distances.argmin()])
 
 
 def _points_along(low: list[float], high: list[float], step: float) -> tuple[int, int]:
@@ -181,20 +181,20 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
 
 @njit(cache=True, error_model="numpy")
 def _reachable(
-    roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
+    roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, min_distance: float
 ) -> Points:
-    """Return the points of `roomy` in the region of [row, column], except itself, at least `least` [m] away."""
-    found, count = np.empty_like(roomy), 0
-    sure = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
+    """Return the points of `roomy` in the region of [row, column], except itself, at least `min_distance` [m] away."""
+    reachable, count = np.empty_like(roomy), 0
+    sure_square = (min_distance / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
     for point in roomy:
         # A point can be reached if it lies in the same region of free neighbours.
-        there, across = point // regions.shape[1], point % regions.shape[1]
-        if regions[there, across] != regions[row, column]:
+        row_index, column_index = point // regions.shape[1], point % regions.shape[1]
+        if regions[row_index, column_index] != regions[row, column]:
             continue
-        # Far enough if √(Δrow² + Δcolumn²) step ≥ least; most points surely are, by the square.
-        up, side = there - row, across - column
-        square = up * up + side * side
-        if square > 0 and (square > sure or math.hypot(up, side) * step >= least):
-            found[count] = point
+        # Far enough if √(Δrow² + Δcolumn²) step ≥ min_distance; most points surely are, by the square.
+        rows, columns = row_index - row, column_index - column
+        square = rows * rows + columns * columns
+        if square > 0 and (square > sure_square or math.hypot(rows, columns) * step >= min_distance):
+            reachable[count] = point
             count += 1
-    return found[:count]
+    return reachable[:count]

@@ -78,10 +78,10 @@ class Scene(Starts):
     def task(self, number: int) -> Task:
         """Build the task as `Starts.task` does. Also raises InputError if a mover stands at the start."""
         task = super().task(number)
-        for place, mover in enumerate(task.world.movers):
+        for index, mover in enumerate(task.world.movers):
             if _distance(mover, task.start) <= self._radius:
                 raise InputError(
-                    f"map {task.map_name}, start {number}: movers[{place}] overlaps the disc around the robot "
+                    f"map {task.map_name}, start {number}: movers[{index}] overlaps the disc around the robot "
                     "(map.radius): must start further away"
                 )
         return task
@@ -100,11 +100,11 @@ def read_scene(path: Path) -> Drawing:
 
 def _distance(mover: Mover, start: Pose) -> float:
     """Distance from a start to a mover that has not begun to move [m]; ≤ 0 inside it."""
-    stands = Pose(*mover.path[0].tolist())
+    pose = Pose(*mover.path[0].tolist())
     if mover.outline is None:
-        shape = World(circles=np.array([[stands.x, stands.y, mover.radius]]))
+        shape = World(circles=np.array([[pose.x, pose.y, mover.radius]]))
     else:
-        shape = World(polygons=(to_world(mover.outline, stands),))
+        shape = World(polygons=(to_world(mover.outline, pose),))
     return point_clearance(shape, np.array(start[:2]))
 
 

@@ -38,7 +38,7 @@ from lme.worlds.movers import mover_of
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 
 MAX_SIDES = 200_000  # of all shapes
-_MOST_PAIRS = 50_000_000  # of a polygon's sides, to see whether they cross; they take some 5 s
+_MAX_PAIRS = 50_000_000  # of a polygon's sides, to see whether they cross; they take some 5 s
 _PAIRS_AT_ONCE = 1_000_000
 _SLACK = 1e-9  # [m] rounding error allowed where a shape touches the bounds
 
@@ -55,21 +55,21 @@ def read_shapes(path: Path) -> FloorPlan:
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
     """Build the plan from the content of the YAML, as `read_shapes` does. place: the file's name in messages."""
-    entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_BESIDES))
+    entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_OTHER_KEYS))
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:
         raise entry.mistake("bounds", "[x_min, y_min, x_max, y_max] with each min less than its max")
     # Collect the solids, the circles and the walls, which are lines if thin and polygons if thick.
     outline = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     solids = [
-        _within(outline, where, make(where, item))
-        for key, make in _SOLIDS.items()
-        for where, item in entry.entries(key)
+        _within(outline, entry_name, maker(entry_name, item))
+        for key, maker in _SOLIDS.items()
+        for entry_name, item in entry.entries(key)
     ]
     circles = [_circle(outline, *item) for item in entry.entries("circles")]
     thin, thick = [np.empty((0, 4))], []
-    for where, item in entry.entries("walls"):
-        legs, thickness = _wall(outline, where, item)
+    for entry_name, item in entry.entries("walls"):
+        legs, thickness = _wall(outline, entry_name, item)
         if thickness is None:
             thin.append(legs)
         else:
@@ -87,21 +87,21 @@ def floor_plan(place: str, drawing: object) -> FloorPlan:
 
 def _place(entry: Entry, key: str, counts: tuple[int, ...]) -> tuple[float, ...] | None:
     """The start or the goal, if the file has it, else None."""
-    given = entry.value(key)
-    if given is None:
+    value = entry.value(key)
+    if value is None:
         return None
-    count = len(given) if isinstance(given, list) and len(given) in counts else counts[0]
+    count = len(value) if isinstance(value, list) and len(value) in counts else counts[0]
     return tuple(entry.numbers(key, "x, y] or [x, y, yaw" if len(counts) > 1 else "x, y", count))
 
 
-def _box(where: str, item: object) -> Floats:
-    entry = Entry(where, item, ["centre", "size"], ["yaw_deg"])
+def _box(name: str, item: object) -> Floats:
+    entry = Entry(name, item, ["centre", "size"], ["yaw_deg"])
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     return _placed(corners, entry)
 
 
-def _ellipse(where: str, item: object) -> Floats:
-    entry = Entry(where, item, ["centre", "size"], ["yaw_deg"])
+def _ellipse(name: str, item: object) -> Floats:
+    entry = Entry(name, item, ["centre", "size"], ["yaw_deg"])
     angles = np.arange(ELLIPSE_SIDES) * (2 * math.pi / ELLIPSE_SIDES)
     return _placed(np.column_stack([np.cos(angles), np.sin(angles)]) / 2, entry)
 
@@ -115,8 +115,8 @@ def _placed(unit: Floats, entry: Entry) -> Floats:
     return np.asarray((unit * size) @ turn + centre)
 
 
-def _polygon(where: str, item: object) -> Floats:
-    entry = Entry(where, item, ["points"])
+def _polygon(name: str, item: object) -> Floats:
+    entry = Entry(name, item, ["points"])
     points = entry.points("points", 3)
     following = np.roll(points, -1, axis=0)
     if (points[0] == points[-1]).all():
@@ -138,20 +138,20 @@ _SOLIDS: dict[str, Callable[[str, object], Floats]] = {
     "ellipses": _ellipse,
 }
 SHAPES = (*_SOLIDS, "circles", "walls")  # the keys of a shape file besides `bounds`
-_BESIDES = ("movers", "start", "goal")  # keys that are not shapes
+_OTHER_KEYS = ("movers", "start", "goal")  # keys that are not shapes
 
 
-def _circle(outline: Floats, where: str, item: object) -> list[float]:
-    entry = Entry(where, item, ["centre", "radius"])
+def _circle(outline: Floats, name: str, item: object) -> list[float]:
+    entry = Entry(name, item, ["centre", "radius"])
     centre, radius = entry.numbers("centre", "x, y", 2), entry.number("radius", above=0.0)
-    _within(outline, where, np.array([np.subtract(centre, radius), np.add(centre, radius)]))
+    _within(outline, name, np.array([np.subtract(centre, radius), np.add(centre, radius)]))
     return [*centre, radius]
 
 
-def _wall(outline: Floats, where: str, item: object) -> tuple[Floats, float | None]:
+def _wall(outline: Floats, name: str, item: object) -> tuple[Floats, float | None]:
     """The legs (L, 4) of the wall's centre line, and its thickness [m]."""
-    entry = Entry(where, item, ["points"], ["thickness"])
-    points = _within(outline, where, entry.points("points", 2))
+    entry = Entry(name, item, ["points"], ["thickness"])
+    points = _within(outline, name, entry.points("points", 2))
     thick = entry.value("thickness") is not None
     return np.hstack([points[:-1], points[1:]]), entry.number("thickness", above=0.0) if thick else None
 
@@ -160,18 +160,18 @@ def _bar(leg: Floats, thickness: float) -> Floats:
     """(4, 2) corners of one leg of a wall, half a thickness longer at both ends so that its corners close."""
     along = (leg[2:] - leg[:2]) * (thickness / 2 / math.hypot(*(leg[2:] - leg[:2])))
     across = np.array([-along[1], along[0]])
-    first, last = leg[:2] - along, leg[2:] + along
-    return np.array([first - across, last - across, last + across, first + across])
+    start, end = leg[:2] - along, leg[2:] + along
+    return np.array([start - across, end - across, end + across, start + across])
 
 
-def _within(outline: Floats, where: str, points: Floats) -> Floats:
+def _within(outline: Floats, name: str, points: Floats) -> Floats:
     """The points (V, 2) unchanged. Raises InputError unless all of them lie within the bounds."""
     low, high = outline[0], outline[2]
     outside = ((points < low - _SLACK) | (points > high + _SLACK)).any(axis=1)
     if outside.any():
         x, y = points[outside][0]
         bounds = ", ".join(f"{number:g}" for number in (*low, *high))
-        raise InputError(f"{where}: reaches ({x:g}, {y:g}): must lie within bounds [{bounds}]")
+        raise InputError(f"{name}: reaches ({x:g}, {y:g}): must lie within bounds [{bounds}]")
     return points
 
 
@@ -188,25 +188,25 @@ def _crosses_itself(start: Floats, end: Floats) -> bool:
         np.searchsorted(low[order, axis], high[order, axis], side="right")
         for axis, order in enumerate(orders)
     ]
-    order, last = min(zip(orders, ranks, strict=True), key=lambda choice: choice[1].sum())
-    first = np.arange(1, len(order) + 1)
-    ends = np.cumsum(last - first)  # of the pairs of each side with later ones
-    if ends[-1] > _MOST_PAIRS:
+    order, stops = min(zip(orders, ranks, strict=True), key=lambda choice: choice[1].sum())
+    starts = np.arange(1, len(order) + 1)
+    ends = np.cumsum(stops - starts)  # of the pairs of each side with later ones
+    if ends[-1] > _MAX_PAIRS:
         raise ValueError(f"{ends[-1]} pairs of sides overlap")
     # Compare the pairs in batches, since all of them may not fit into memory.
     begin = 0
     while begin < len(order):
         stop = max(int(np.searchsorted(ends, ends[begin] + _PAIRS_AT_ONCE)), begin + 1)
-        counts = (last - first)[begin:stop]
-        one = np.repeat(np.arange(begin, stop), counts)
-        other = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[one]
-        i, j = order[one], order[other]
+        counts = (stops - starts)[begin:stop]
+        side = np.repeat(np.arange(begin, stop), counts)
+        later_side = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + starts[side]
+        i, j = order[side], order[later_side]
         # Sides whose boxes meet cross if the ends of each lie on different sides of the other.
-        near = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
-        i, j = i[near], j[near]
-        own = _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j])
-        theirs = _side(start[j], end[j], start[i]) * _side(start[j], end[j], end[i])
-        if ((own < 0) & (theirs < 0)).any():
+        may_meet = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
+        i, j = i[may_meet], j[may_meet]
+        sides_of_j = _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j])
+        sides_of_i = _side(start[j], end[j], start[i]) * _side(start[j], end[j], end[i])
+        if ((sides_of_j < 0) & (sides_of_i < 0)).any():
             return True
         begin = stop
     return False

@@ -108,21 +108,21 @@ class Social:
         stream = [config.scene_seed, list(SCENES).index(config.kind), number]
         rng = np.random.default_rng(np.random.SeedSequence(stream))
         middle = scene.size[1] / 2
-        aside, turn = rng.uniform(-1.0, 1.0, 2).tolist()
+        offset, turn = rng.uniform(-1.0, 1.0, 2).tolist()
         start, goal = (
-            Pose(scene.ends[0], middle + aside * _ASIDE, turn * _TURN),
+            Pose(scene.ends[0], middle + offset * _ASIDE, turn * _TURN),
             np.array([scene.ends[1], middle]),
         )
         plan, space = _floor(config.kind, self._radius)
         people = self._people(rng, scene, start, number)
-        where = f"map {self._name}, world {number}"
+        subject = f"map {self._name}, world {number}"
         return config.task(
             self._name,
             number,
             World(segments=plan.world.segments, movers=people),
             start,
             goal,
-            length=space.checked_length(where, start, goal),
+            length=space.checked_length(subject, start, goal),
             speed=config.pace,
             measures={"people": float(len(people)), "people_per_m2": len(people) / math.prod(scene.size)},
         )
@@ -133,11 +133,11 @@ class Social:
         density, area = self.config.density, math.prod(scene.size)
         count = scene.people if density is None else max(1, round(density * area))
         people: list[Mover] = []
-        apart = 2 * self.config.body_radius + GAP
+        spacing = 2 * self.config.body_radius + GAP
         for path in itertools.islice(scene.paths(rng), count * TRIES):
-            taken = (one.path[0, :2] for one in people)
-            far = math.dist(path[0], start[:2]) >= CLEAR
-            if far and all(math.dist(path[0], place) >= apart for place in taken):
+            first_points = (person.path[0, :2] for person in people)
+            is_clear = math.dist(path[0], start[:2]) >= CLEAR
+            if is_clear and all(math.dist(path[0], point) >= spacing for point in first_points):
                 speed = None if scene.speeds is None else rng.uniform(*scene.speeds)
                 people.append(self.config.person(rng, path, scene.repeat, speed))
             if len(people) == count:
@@ -174,8 +174,8 @@ def _goes_ahead(rng: np.random.Generator) -> Iterator[Floats]:
 def _comes_through(rng: np.random.Generator) -> Iterator[Floats]:
     """Yield paths to and fro between the rooms; every second person is in the goal's room at first."""
     for direction in itertools.cycle((-1, 1)):
-        here, there = np.column_stack([rng.uniform([0.6, 7.4], [4.6, 11.4]), rng.uniform(0.6, 5.4, 2)])
-        path = np.array([here, [5.4, 3.0], [6.6, 3.0], there, [6.6, 3.0], [5.4, 3.0]])
+        a, b = np.column_stack([rng.uniform([0.6, 7.4], [4.6, 11.4]), rng.uniform(0.6, 5.4, 2)])
+        path = np.array([a, [5.4, 3.0], [6.6, 3.0], b, [6.6, 3.0], [5.4, 3.0]])
         yield path if direction == 1 else np.roll(path, -3, axis=0)
 
 
@@ -197,8 +197,8 @@ def _talks(rng: np.random.Generator) -> Iterator[Floats]:
 def _queues(rng: np.random.Generator) -> Iterator[Floats]:
     """Yield places in a queue across the robot's way from one wall, then in further queues from either wall."""
     for x, from_above in ((6.0, True), (4.5, False), (7.5, False), (3.0, True), (9.0, True)):
-        for place in range(_IN_QUEUE):
-            y = 0.6 + place * _PITCH
+        for rank in range(_IN_QUEUE):
+            y = 0.6 + rank * _PITCH
             yield np.array([[x, 8.0 - y if from_above else y]]) + rng.uniform(-0.05, 0.05, 2)
 
 

@@ -44,13 +44,15 @@ class StartsConfig(PacedRules):
 class Starts:
     """The same task from a different start for every number. Start n does not depend on which others are chosen."""
 
-    def __init__(self, name: str, config: StartsConfig, place: Place, start: Floats, goal: Floats) -> None:
+    def __init__(
+        self, name: str, config: StartsConfig, make_world: Place, start: Floats, goal: Floats
+    ) -> None:
         """Choose the starts.
 
         name: name of the map in its tasks. start, goal: (2,) [m]; starts are drawn around `start`.
         """
         self.config = config
-        self._name, self._place = name, place
+        self._name, self._make_world = name, make_world
         self._start, self._goal = start, goal
         self._numbers = config.numbers(range(config.starts))
 
@@ -68,7 +70,7 @@ class Starts:
         check_chosen(number, self._numbers, "start", self._name)
         start = drawn_start(self._start, self._goal, self.config, number)
         straight = math.dist(start[:2], self._goal)
-        world, space = self._place(number)
+        world, space = self._make_world(number)
         length = space.checked_length(f"map {self._name}, start {number}", start, self._goal)
         return self.config.task(
             self._name,
@@ -85,8 +87,8 @@ class Starts:
 def drawn_start(start: Floats, goal: Floats, config: StartsConfig, number: int) -> Pose:
     """Draw start `number`: `start` (2,) moved sideways off its line to `goal` (2,) [m], heading near the goal."""
     rng = np.random.default_rng(np.random.SeedSequence([config.start_seed, number]))
-    aside, turned = rng.uniform(-1.0, 1.0, 2).tolist()
+    offset, turn = rng.uniform(-1.0, 1.0, 2).tolist()
     ahead = math.atan2(goal[1] - start[1], goal[0] - start[0])
-    step = aside * config.lateral
+    step = offset * config.lateral
     x, y = start[0] - step * math.sin(ahead), start[1] + step * math.cos(ahead)
-    return Pose(float(x), float(y), ahead + turned * config.turn)
+    return Pose(float(x), float(y), ahead + turn * config.turn)

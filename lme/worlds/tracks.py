@@ -51,9 +51,9 @@ class RecordedPeopleConfig(PacedRules):
         for key in ("frame_rate", "every", "body_radius"):
             require(f"map.{key}", getattr(self, key), above=0.0)
         for key in ("start", "goal"):
-            place = getattr(self, key)
-            if place is not None and (len(place) != 2 or not all(map(math.isfinite, place))):
-                raise InputError(f"map.{key} is {list(place)}: must be x, y in metres, or null")
+            point = getattr(self, key)
+            if point is not None and (len(point) != 2 or not all(map(math.isfinite, point))):
+                raise InputError(f"map.{key} is {list(point)}: must be x, y in metres, or null")
 
 
 class RecordedPeople:
@@ -74,20 +74,20 @@ class RecordedPeople:
         self._name = config.name or path.stem
         # By default, the robot crosses the recorded area in the direction of x, in the middle of y.
         self._tracks = _read(path, path.stat().st_mtime_ns, config.frame_rate)
-        places = np.vstack([track[:, 1:] for track in self._tracks])
-        (x0, y0), (x1, y1) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
+        positions = np.vstack([track[:, 1:] for track in self._tracks])
+        (x0, y0), (x1, y1) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
         self._start = np.array(config.start or [x0, (y0 + y1) / 2])
         self._goal = np.array(config.goal or [x1, (y0 + y1) / 2])
-        last = max(track[-1, 0] for track in self._tracks)
-        if not last / config.every <= MOST_BEGINNINGS:
+        end_time = max(track[-1, 0] for track in self._tracks)
+        if not end_time / config.every <= MOST_BEGINNINGS:
             raise InputError(
-                f"{path}: lasts {last:.4g} s at map.frame_rate {config.frame_rate:g}: must have at most "
+                f"{path}: lasts {end_time:.4g} s at map.frame_rate {config.frame_rate:g}: must have at most "
                 f"{MOST_BEGINNINGS} beginnings, one for each map.every, {config.every:g} s"
             )
         # Offer only worlds at whose beginning nobody stands where the robot starts.
         self._spans = np.array([track[[0, -1], 0] for track in self._tracks])
         offered = [
-            number for number in range(math.ceil(last / config.every - 1e-9)) if self._is_clear(number)
+            number for number in range(math.ceil(end_time / config.every - 1e-9)) if self._is_clear(number)
         ]
         if not offered:
             raise InputError(
@@ -114,15 +114,15 @@ class RecordedPeople:
         """Build the task of beginning `number`. Raises InputError for one that was not chosen."""
         check_chosen(number, self._numbers, "world", self._name)
         config = self.config
-        way = self._goal - self._start
+        displacement = self._goal - self._start
         x, y = self._start.tolist()
-        length = float(np.hypot(*way))
+        length = float(np.hypot(*displacement))
         people = self._people(number, config.limit(length))
         return config.task(
             self._name,
             number,
             World(movers=people),
-            Pose(x, y, math.atan2(way[1], way[0])),
+            Pose(x, y, math.atan2(displacement[1], displacement[0])),
             self._goal.copy(),
             length=length,
             speed=config.pace,
@@ -132,7 +132,7 @@ class RecordedPeople:
     def _people(self, number: int, time_limit: float) -> tuple[Mover, ...]:
         """People who are there between the beginning and the time limit [s]."""
         begin = number * self.config.every
-        cut = (_from(track, begin) for track in self._tracks)
+        cut = (_from_time(track, begin) for track in self._tracks)
         radius = self.config.body_radius
         return tuple(
             Mover(path=track[:, 1:], times=track[:, 0], radius=radius)
@@ -143,17 +143,17 @@ class RecordedPeople:
     def _is_clear(self, number: int) -> bool:
         begin = number * self.config.every
         present = np.flatnonzero((self._spans[:, 0] <= begin) & (begin < self._spans[:, 1]))
-        there = (_from(self._tracks[number], begin) for number in present)
-        return all(math.dist(track[0, 1:], self._start) > CLEAR for track in there)
+        tracks = (_from_time(self._tracks[number], begin) for number in present)
+        return all(math.dist(track[0, 1:], self._start) > CLEAR for track in tracks)
 
 
-def _from(track: Floats, begin: float) -> Floats:
+def _from_time(track: Floats, begin: float) -> Floats:
     """The part of a track (N, 3) of t, x, y after a time, with that time as 0."""
-    later = track[track[:, 0] > begin]
+    remaining = track[track[:, 0] > begin]
     if track[0, 0] <= begin < track[-1, 0]:
-        here = [np.interp(begin, track[:, 0], track[:, axis]) for axis in (1, 2)]
-        later = np.vstack([[begin, *here], later])
-    return np.asarray(later - [begin, 0.0, 0.0])
+        position = [np.interp(begin, track[:, 0], track[:, axis]) for axis in (1, 2)]
+        remaining = np.vstack([[begin, *position], remaining])
+    return np.asarray(remaining - [begin, 0.0, 0.0])
 
 
 @lru_cache(maxsize=8)
@@ -168,18 +168,18 @@ def _read(path: Path, _modified: int, frame_rate: float) -> tuple[Floats, ...]:
     # Sorted by id and then by time, the rows of an id are a track, or several where it was lost for long.
     persons = np.flatnonzero(np.diff(rows[order, 1])) + 1
     tracks: list[Floats] = []
-    for own in np.split(order, persons):
-        track, person = np.column_stack([times[own], rows[own, 2:]]), rows[own[0], 1]
+    for lines in np.split(order, persons):
+        track, person = np.column_stack([times[lines], rows[lines, 2:]]), rows[lines[0], 1]
         if (np.diff(track[:, 0]) <= 0.0).any():
             raise InputError(f"{path}: id {person:g} is twice in a frame; must be once")
         tracks += np.split(track, np.flatnonzero(np.diff(track[:, 0]) > _LOST) + 1)
-    found = tuple(track for track in tracks if len(track) > 1)
-    if not found:
+    long_tracks = tuple(track for track in tracks if len(track) > 1)
+    if not long_tracks:
         raise InputError(
             f"{path}: nobody is in two frames{_apart(tracks, frame_rate)}; must hold lines of {_COLUMNS}"
         )
-    _warn_of_units(path, found, frame_rate)
-    return found
+    _warn_of_units(path, long_tracks, frame_rate)
+    return long_tracks
 
 
 def _apart(tracks: Sequence[Floats], frame_rate: float) -> str:
@@ -201,8 +201,8 @@ def _warn_of_units(path: Path, tracks: Sequence[Floats], frame_rate: float) -> N
     speeds = np.hypot(steps[:, 1], steps[:, 2]) / steps[:, 0]
     walking = speeds[speeds > _WALKING[0]]
     speed = float(np.median(walking)) if len(walking) else 0.0
-    places = np.vstack([track[:, 1:] for track in tracks])
-    width, height = np.ptp(places, axis=0).tolist()
+    positions = np.vstack([track[:, 1:] for track in tracks])
+    width, height = np.ptp(positions, axis=0).tolist()
     if max(width, height) > _WIDEST:
         warnings.warn(
             f"{path}: people walk in {width:.4g} by {height:.4g} m, at {speed:.3g} m/s (median): positions must be in "

@@ -99,8 +99,8 @@ def _random_zigzag(draw: Uniform, door: float) -> Legs:
     """Three walls from alternate sides, each across the straight line."""
     step = max(draw(1.3, 2.0), door)
     ends = [MIDDLE + draw(0.6, 2.0), MIDDLE - draw(0.6, 2.0), MIDDLE + draw(0.6, 2.0)]
-    places = [(MIDDLE - step, 0.0), (MIDDLE, SIDE), (MIDDLE + step, 0.0)]
-    return [[[x, y], [x, end]] for (x, y), end in zip(places, ends, strict=True)]
+    points = [(MIDDLE - step, 0.0), (MIDDLE, SIDE), (MIDDLE + step, 0.0)]
+    return [[[x, y], [x, end]] for (x, y), end in zip(points, ends, strict=True)]
 
 
 def _cup(x: float, depth: float, below: float, above: float) -> list[list[float]]:

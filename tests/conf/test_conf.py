@@ -240,7 +240,7 @@ def test_the_gait_table_drives_a_walking_go2_from_starts_of_its_own(composer, ch
     for name in swept:
         words = ["experiment=gait", "hydra.mode=RUN", f"map={name}", "system=lme"]
         config = compose_job(composer, words).config
-        assert config.sim["natural_frequency"] > 0.0
+        assert config.sim["natural_frequency_v"] > 0.0
         maps = build.map_set(config)
         assert len(maps.numbers) == 20
         assert min(maps.numbers) > 99

@@ -27,7 +27,7 @@ _TABLE = np.where(np.arange(256) < INSCRIBED, _NEUTRAL + _FACTOR * np.arange(256
 
 _ORIGIN = np.zeros(2)
 _SPACING_M = 0.05  # between points of a path
-_AHEAD = 40  # [points] search window for the robot's next position on the path
+_SEARCH_WINDOW = 40  # [points] search window for the robot's next position on the path
 
 
 @dataclass(slots=True)
@@ -53,9 +53,9 @@ class _Route:
     """A planned path in the odometry frame, and the robot's position on it."""
 
     points: Floats  # (K, 2) [m], evenly spaced, from the robot to the target
-    found: bool  # False: no path exists, the points are a straight line
+    reaches_target: bool  # False: no path exists, the points are a straight line
     forbidden: Bools  # (K,) at the time of planning
-    at: int = 0  # index of the point nearest to the robot
+    index: int = 0  # index of the point nearest to the robot
 
 
 class GlobalPath:
@@ -93,31 +93,36 @@ class GlobalPath:
         If no path exists, the path is the straight line and the subgoal is the robot's position. Raises
         InputError if the true map is needed and none was given.
         """
-        costmap = self._updated(observation)
-        before, self._age = self._route, self._age + 1
-        due = before is None or self._age >= self._period
-        if due or (before is not None and before.found and self._obstructed(before, costmap)):
+        costmap = self._update_costmap(observation)
+        previous, self._age = self._route, self._age + 1
+        due = previous is None or self._age >= self._period
+        if due or (previous is not None and previous.reaches_target and self._obstructed(previous, costmap)):
             self._route, self._age = self._plan(observation, costmap), 0
         route = self._route
         assert route is not None
         _follow(route, observation.odometry)
-        switched = before is not None and before is not route and self._switched(route, before)
-        ahead = to_robot(route.points[route.at + 1 :], observation.odometry)
+        # A new route is a switch if it departs from the old one by more than the robot's width.
+        switched = (
+            previous is not None
+            and previous is not route
+            and departs(route.points, previous.points[previous.index :], 2.0 * self._robot.r)
+        )
+        ahead = to_robot(route.points[route.index + 1 :], observation.odometry)
         path = np.vstack([_ORIGIN, ahead])
-        subgoal = self._in_sight(path, observation) if route.found else _ORIGIN
-        return Guidance(subgoal, path, switched, not route.found)
+        subgoal = self._farthest_visible(path, observation) if route.reaches_target else _ORIGIN
+        return Guidance(subgoal, path, switched, not route.reaches_target)
 
-    def _updated(self, observation: Observation) -> Costmap:
+    def _update_costmap(self, observation: Observation) -> Costmap:
         """Return the map; an observed one is rebuilt first if it is due."""
         if self.costmap is None:
-            self.costmap = self._begun(to_world(observation.target, observation.odometry))
+            self.costmap = self._new_costmap(to_world(observation.target, observation.odometry))
         if self._config.global_map == "observed":
-            taken = self._clock.due(observation)
-            if taken is not None:
-                self.costmap.observe(taken)
+            map_input = self._clock.due(observation)
+            if map_input is not None:
+                self.costmap.observe(map_input)
         return self.costmap
 
-    def _begun(self, goal: Floats) -> Costmap:
+    def _new_costmap(self, goal: Floats) -> Costmap:
         """Create the map before the first scan: empty, or the true one."""
         if self._config.global_map == "observed":
             return Costmap(self._config.costmap, self._robot, goal[None])
@@ -131,8 +136,8 @@ class GlobalPath:
 
     def _obstructed(self, route: _Route, costmap: Costmap) -> bool:
         """Return whether a point of the path ahead has become forbidden since planning."""
-        now = costmap.forbidden(route.points[route.at :])
-        return bool((now & ~route.forbidden[route.at :]).any())
+        forbidden = costmap.forbidden(route.points[route.index :])
+        return bool((forbidden & ~route.forbidden[route.index :]).any())
 
     def _plan(self, observation: Observation, costmap: Costmap) -> _Route:
         """Plan a new route on the current map."""
@@ -151,56 +156,52 @@ class GlobalPath:
         From a forbidden start it leads straight to the nearest passable cell, and likewise to a forbidden target;
         it ends at that cell if the robot would touch an obstacle at the target.
         """
-        here, there = costmap.cell(robot), costmap.cell(target)
-        window = costmap.window([here, there])
+        begin, end = costmap.cell(robot), costmap.cell(target)
+        window = costmap.window([begin, end])
         low = (window[0].start, window[1].start)
         costs = np.ascontiguousarray(costmap.costs[window])
-        here, there = (here[0] - low[0], here[1] - low[1]), (there[0] - low[0], there[1] - low[1])
-        start = nearest_passable(costs, self.cell_costs, here, there)
-        goal = nearest_passable(costs, self.cell_costs, there, here)
+        begin, end = (begin[0] - low[0], begin[1] - low[1]), (end[0] - low[0], end[1] - low[1])
+        start = nearest_passable(costs, self.cell_costs, begin, end)
+        goal = nearest_passable(costs, self.cell_costs, end, begin)
         if start[0] < 0:
             return None
         g = search(costs, self.cell_costs, start, goal, self._config.heuristic_weight)
         cells = trace(g, costs, self.cell_costs, start, goal)
         if len(cells) == 0:
             return None
-        way = costmap.points(straighten(cells, g, costs, self.cell_costs) + np.array(low))
-        way = way[1:] if start == here else way
-        way = way[:-1] if goal == there else way
-        touching = costs[there] == TOUCHING
-        return np.vstack([robot, way] if touching else [robot, way, target])
+        corners = costmap.points(straighten(cells, g, costs, self.cell_costs) + np.array(low))
+        corners = corners[1:] if start == begin else corners
+        corners = corners[:-1] if goal == end else corners
+        touching = costs[end] == TOUCHING
+        return np.vstack([robot, corners] if touching else [robot, corners, target])
 
-    def _in_sight(self, path: Floats, observation: Observation) -> Floats:
+    def _farthest_visible(self, path: Floats, observation: Observation) -> Floats:
         """Farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
 
         The corridor has the radius of the padded robot, else of the robot, else of its inner disc, limited to the
         current clearance. If no point is in sight, the point one robot radius along the path is taken.
         """
         robot, padding = self._robot, self._config.costmap.footprint_padding
-        near = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]
+        ahead = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]
         points = obstacle_points(observation.scan, robot.lidar.mount)
         room = math.sqrt((points * points).sum(axis=1).min(initial=math.inf)) * (1.0 - 1e-9)
         for radius in (robot.r + padding, robot.r, robot.footprint.r_min):
-            free = np.flatnonzero(~fan_blocked(_ORIGIN, near, points, min(radius, room)))
+            free = np.flatnonzero(~fan_blocked(_ORIGIN, ahead, points, min(radius, room)))
             if len(free):
-                return np.array(near[free[-1]])
-        step = min(math.ceil(robot.r / _SPACING_M), len(near))
-        return np.array(near[step - 1])
-
-    def _switched(self, route: _Route, before: _Route) -> bool:
-        """Return whether the route departs from the old one by more than the robot's width."""
-        return departs(route.points, before.points[before.at :], 2.0 * self._robot.r)
+                return np.array(ahead[free[-1]])
+        step = min(math.ceil(robot.r / _SPACING_M), len(ahead))
+        return np.array(ahead[step - 1])
 
 
 def _follow(route: _Route, pose: Pose) -> None:
     """Update the robot's position on the route: the nearest point from the last position on."""
-    ahead = route.points[route.at : route.at + _AHEAD]
-    away = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
-    route.at = min(route.at + int(away.argmin()), len(route.points) - 2)
+    ahead = route.points[route.index : route.index + _SEARCH_WINDOW]
+    distances = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
+    route.index = min(route.index + int(distances.argmin()), len(route.points) - 2)
 
 
 def _spaced(corners: Floats) -> Floats:
     """Evenly spaced points (K, 2), K ≥ 2, at most `_SPACING_M` apart along a polyline (C, 2), ends included."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    places = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SPACING_M) + 1))
-    return np.column_stack([np.interp(places, along, corners[:, k]) for k in (0, 1)])
+    samples = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SPACING_M) + 1))
+    return np.column_stack([np.interp(samples, along, corners[:, k]) for k in (0, 1)])

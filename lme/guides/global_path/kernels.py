@@ -16,7 +16,7 @@ from lme.types import Floats, Ints
 
 Cell = tuple[int, int]
 
-_SAME = 1e-9  # relative difference of equal costs, by rounding
+_EPS = 1e-9  # relative difference of equal costs, by rounding
 _TIE = 1e-8  # [cost/cell²] penalty for distance from the line: above rounding, below any cost difference
 _SQRT2 = math.sqrt(2.0)
 
@@ -34,23 +34,23 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
     # Best-first search: `keys` and `cells` are a heap of cells by `_key`.
     g = np.full(rows * columns, np.inf)
     keys, cells = np.empty(8 * rows * columns + 1), np.empty(8 * rows * columns + 1, np.int32)
-    first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
-    g[first] = 0.0
-    keys[0], cells[0], size = _octile(start[0] - goal[0], start[1] - goal[1]) * scale, first, 1
+    start_index, goal_index = start[0] * columns + start[1], goal[0] * columns + goal[1]
+    g[start_index] = 0.0
+    keys[0], cells[0], size = _octile(start[0] - goal[0], start[1] - goal[1]) * scale, start_index, 1
     while size > 0:
         key, cell = keys[0], cells[0]
         size = pop(keys, cells, size)
         i, j = cell // columns, cell % columns
-        if key > _key(g[cell], scale, i, j, start, goal) * (1.0 + _SAME):
+        if key > _key(g[cell], scale, i, j, start, goal) * (1.0 + _EPS):
             continue  # outdated: a cheaper path was found later
-        if cell == last:
+        if cell == goal_index:
             break
         # A cheaper way over this cell lowers the cost of a neighbour.
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 step = _step(costs, table, i, j, di, dj)
                 neighbour = cell + di * columns + dj
-                if step < np.inf and g[cell] + step < g[neighbour] * (1.0 - _SAME):
+                if step < np.inf and g[cell] + step < g[neighbour] * (1.0 - _EPS):
                     g[neighbour] = g[cell] + step
                     key = _key(g[neighbour], scale, i + di, j + dj, start, goal)
                     size = push(keys, cells, size, key, neighbour)
@@ -74,17 +74,17 @@ def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> In
         if (i == start[0] and j == start[1]) or count == g.size:
             return path[:count][::-1].copy()
         # Go back to the neighbour with the least cost by way of it; in a tie, to the one nearer to the line.
-        least, nearest, came_i, came_j = np.inf, np.inf, i, j
+        lowest, nearest, parent_i, parent_j = np.inf, np.inf, i, j
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 step = _step(costs, table, i, j, di, dj)
                 cost = g[i + di, j + dj] + step if step < np.inf else np.inf
                 if cost == np.inf:
                     continue
-                off = _off_line(i + di, j + dj, start, goal)
-                if cost < least * (1.0 - _SAME) or (cost <= least * (1.0 + _SAME) and off < nearest):
-                    least, nearest, came_i, came_j = min(cost, least), off, i + di, j + dj
-        i, j = came_i, came_j
+                offset = _off_line(i + di, j + dj, start, goal)
+                if cost < lowest * (1.0 - _EPS) or (cost <= lowest * (1.0 + _EPS) and offset < nearest):
+                    lowest, nearest, parent_i, parent_j = min(cost, lowest), offset, i + di, j + dj
+        i, j = parent_i, parent_j
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,36 +95,36 @@ def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
     is tried first.
     """
     corners = np.empty_like(path)
-    count, here, last = 0, 0, len(path) - 1
-    while here < last:
-        corners[count] = path[here]
+    count, begin, goal_index = 0, 0, len(path) - 1
+    while begin < goal_index:
+        corners[count] = path[begin]
         count += 1
         # Try ever shorter lines, until one costs no more than the path between its ends.
-        span = last - here
+        span = goal_index - begin
         while span > 1:
-            there = here + span
-            allowed = (g[path[there, 0], path[there, 1]] - g[path[here, 0], path[here, 1]]) * (1.0 + _SAME)
-            if _line_cost(costs, table, path[here], path[there], allowed) <= allowed:
+            end = begin + span
+            allowed = (g[path[end, 0], path[end, 1]] - g[path[begin, 0], path[begin, 1]]) * (1.0 + _EPS)
+            if _line_cost(costs, table, path[begin], path[end], allowed) <= allowed:
                 break
             span = 3 * span // 4
-        here += span
-    corners[count] = path[last]
+        begin += span
+    corners[count] = path[goal_index]
     return corners[: count + 1]
 
 
 @njit(cache=True, error_model="numpy")
-def departs(path: Floats, other: Floats, limit: float) -> bool:
-    """Return whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `other` (L, 2)."""
-    last = 0  # start here, since the next point is probably near the same one
+def departs(path: Floats, previous: Floats, limit: float) -> bool:
+    """Return whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `previous` (L, 2)."""
+    nearest_index = 0  # start here, since the next point is probably near the same one
     for k in range(len(path)):
         # Look for a near point, beginning at the last one.
-        near = False
-        for n in range(len(other)):
-            m = (last + n) % len(other)
-            if (path[k, 0] - other[m, 0]) ** 2 + (path[k, 1] - other[m, 1]) ** 2 <= limit * limit:
-                near, last = True, m
+        is_near = False
+        for n in range(len(previous)):
+            m = (nearest_index + n) % len(previous)
+            if (path[k, 0] - previous[m, 0]) ** 2 + (path[k, 1] - previous[m, 1]) ** 2 <= limit * limit:
+                is_near, nearest_index = True, m
                 break
-        if not near:
+        if not is_near:
             return True
     return False
 
@@ -133,7 +133,7 @@ def departs(path: Floats, other: Floats, limit: float) -> bool:
 def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> Cell:
     """Passable cell nearest to `cell`, in a tie the one nearer to `towards`; (-1, -1) if there is none."""
     rows, columns = costs.shape
-    best, best_away, found_i, found_j = np.inf, np.inf, -1, -1
+    best, best_towards, best_i, best_j = np.inf, np.inf, -1, -1
     # Square rings around the cell, until all cells of the next are farther away than the best.
     for ring in range(max(rows, columns)):
         if ring * ring > best:
@@ -143,28 +143,28 @@ def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> 
             across = 1 if abs(i - cell[0]) == ring else max(2 * ring, 1)
             for j in range(cell[1] - ring, cell[1] + ring + 1, across):
                 if 0 <= j < columns and table[costs[i, j]] < np.inf:
-                    near = (i - cell[0]) ** 2 + (j - cell[1]) ** 2
-                    away = (i - towards[0]) ** 2 + (j - towards[1]) ** 2
-                    if near < best or (near == best and away < best_away):
-                        best, best_away, found_i, found_j = near, away, i, j
-    return found_i, found_j
+                    square = (i - cell[0]) ** 2 + (j - cell[1]) ** 2
+                    towards_square = (i - towards[0]) ** 2 + (j - towards[1]) ** 2
+                    if square < best or (square == best and towards_square < best_towards):
+                        best, best_towards, best_i, best_j = square, towards_square, i, j
+    return best_i, best_j
 
 
 @njit(cache=True, error_model="numpy")
-def _line_cost(costs, table, a, b, enough):
-    """Cost of the straight line between two cells, sampled twice per cell; stops once it exceeds `enough`."""
+def _line_cost(costs, table, a, b, max_cost):
+    """Cost of the straight line between two cells, sampled twice per cell; stops once it exceeds `max_cost`."""
     di, dj = b[0] - a[0], b[1] - a[1]
     length = math.hypot(di, dj)
     pieces = math.ceil(2.0 * length)
-    total, before = 0.0, table[costs[a[0], a[1]]]
+    total, previous_cost = 0.0, table[costs[a[0], a[1]]]
     # Trapezoidal rule: each piece costs its length times the mean of its ends.
     for k in range(1, pieces + 1):
         i = int(math.copysign(math.floor(abs(di) * k / pieces + 0.5), di))
         j = int(math.copysign(math.floor(abs(dj) * k / pieces + 0.5), dj))
-        here = table[costs[a[0] + i, a[1] + j]]
-        total += 0.5 * (before + here) * length / pieces
-        before = here
-        if total > enough:
+        cell_cost = table[costs[a[0] + i, a[1] + j]]
+        total += 0.5 * (previous_cost + cell_cost) * length / pieces
+        previous_cost = cell_cost
+        if total > max_cost:
             break
     return total
 

@@ -11,21 +11,21 @@ from lme.types import Floats
 @njit(cache=True)
 def distances_to(points: Floats, target: Floats) -> Floats:
     """Euclidean distance of each of the (N, 2) points to the (2,) target [m]: (N,)."""
-    out = np.empty(len(points))
+    distances = np.empty(len(points))
     for i in range(len(points)):
         dx = points[i, 0] - target[0]
         dy = points[i, 1] - target[1]
-        out[i] = math.sqrt(dx * dx + dy * dy)
-    return out
+        distances[i] = math.sqrt(dx * dx + dy * dy)
+    return distances
 
 
 @njit(cache=True)
 def turns(points: Floats) -> Floats:
     """Unsigned angle between +x and each of the (N, 2) points, seen from the origin [rad]: (N,)."""
-    out = np.empty(len(points))
+    angles = np.empty(len(points))
     for i in range(len(points)):
-        out[i] = abs(math.atan2(points[i, 1], points[i, 0]))
-    return out
+        angles[i] = abs(math.atan2(points[i, 1], points[i, 0]))
+    return angles
 
 
 @njit(cache=True)
@@ -45,11 +45,11 @@ def nearest_near_segment(points: Floats, end: Floats, radius: float) -> int:
         # Nearer than the radius to the start, the end or the inside of the segment, by where the point projects.
         along = x * end[0] + y * end[1]
         if along <= 0.0:
-            near = square < radius * radius
+            is_near = square < radius * radius
         elif along >= length_square:
-            near = (x - end[0]) ** 2 + (y - end[1]) ** 2 < radius * radius
+            is_near = (x - end[0]) ** 2 + (y - end[1]) ** 2 < radius * radius
         else:
-            near = (end[0] * y - end[1] * x) ** 2 < radius * radius * length_square
-        if near:
+            is_near = (end[0] * y - end[1] * x) ** 2 < radius * radius * length_square
+        if is_near:
             best, best_square = i, square
     return best

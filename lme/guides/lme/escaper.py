@@ -88,16 +88,16 @@ class LocalMinimumEscaper:
         self._history = History(self._config.history_length, self._config.history_min_distance * self._radius)
         self._subgoal: Floats | None = None
         self._reckoning = DeadReckoning(self._dt)
-        self._last: Step | None = None
+        self._last_step: Step | None = None
 
     def decide(self, observation: Observation) -> Decision:
         """Advance one control period and return the subgoal."""
-        self._last = self._step(observation)
-        return self._last.decision
+        self._last_step = self._step(observation)
+        return self._last_step.decision
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
-        return None if self._last is None else explain(self._last)
+        return None if self._last_step is None else explain(self._last_step)
 
     def _step(self, observation: Observation) -> Step:
         """Run one step of Algorithm 1: generate, score, keep or switch."""

@@ -52,16 +52,16 @@ def _ahead(xi, yi, xj, yj):
 @njit(cache=True, error_model="numpy")
 def _span_neighbours(points, gap_square, full_circle, spanned):
     """Mark the gaps between neighbours that are near each other on the shorter arc."""
-    last = len(points) - 1
-    for i in range(last):
+    last_point = len(points) - 1
+    for i in range(last_point):
         xi, yi, xj, yj = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
         dx, dy = xj - xi, yj - yi
         spanned[i] = dx * dx + dy * dy < gap_square and _ahead(xi, yi, xj, yj)
     # The gap from the last point to the first is spanned across ±π.
-    if full_circle and last > 0:
-        xi, yi, xj, yj = points[0, 0], points[0, 1], points[last, 0], points[last, 1]
+    if full_circle and last_point > 0:
+        xi, yi, xj, yj = points[0, 0], points[0, 1], points[last_point, 0], points[last_point, 1]
         dx, dy = xj - xi, yj - yi
-        spanned[last] = dx * dx + dy * dy < gap_square and not _ahead(xi, yi, xj, yj)
+        spanned[last_point] = dx * dx + dy * dy < gap_square and not _ahead(xi, yi, xj, yj)
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,28 +95,28 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
     Block numbers continue into the next turn: b ≥ K is block b − K, reached across ±π.
     """
     num_blocks = len(nearest)
-    joined = 0  # every gap from the current block up to this one is spanned
+    chain_end = 0  # every gap from the current block up to this one is spanned
     for a in range(num_blocks):
-        joined = max(joined, a)
+        chain_end = max(chain_end, a)
         end = a + num_blocks if full_circle else num_blocks - 1
         # Skip the blocks that follow without an open gap.
-        while joined < end and spanned[start[joined % num_blocks + 1] - 1]:
-            joined += 1
-        if joined == end:
+        while chain_end < end and spanned[start[chain_end % num_blocks + 1] - 1]:
+            chain_end += 1
+        if chain_end == end:
             if full_circle:
                 return
             continue
         # The farthest block that is linked to this one spans all gaps before it.
-        farthest = _last_in_view(points, gap, start, nearest[a], a, joined, end)
-        linked = _farthest_linked(points, gap * gap, start, boxes, a, joined, farthest)
-        for b in range(joined, linked):
+        farthest = _last_in_view(points, gap, start, nearest[a], a, chain_end, end)
+        linked = _farthest_linked(points, gap * gap, start, boxes, a, chain_end, farthest)
+        for b in range(chain_end, linked):
             spanned[start[b % num_blocks + 1] - 1] = True
-        joined = linked
+        chain_end = linked
 
 
 @njit(cache=True, error_model="numpy")
-def _last_in_view(points, gap, start, nearest, a, joined, end):
-    """Last block after `joined`, up to `end`, that may contain a point within the gap of a point in block a.
+def _last_in_view(points, gap, start, nearest, a, chain_end, end):
+    """Last block after `chain_end`, up to `end`, that may contain a point within the gap of a point in block a.
 
     The bearings of two points within the gap differ by at most asin(gap / d), where d is the distance of one of
     them from the origin, and always by less than π.
@@ -130,7 +130,7 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):
     cosine = math.sqrt(1.0 - sine * sine) if bounded else 0.0
     limit_x, limit_y = xi * cosine - yi * sine, yi * cosine + xi * sine
     # Stop at the first block that begins beyond it, or is no longer ahead.
-    for b in range(joined + 1, end + 1):
+    for b in range(chain_end + 1, end + 1):
         j = start[b - num_blocks] if b >= num_blocks else start[b]
         xj, yj = points[j, 0], points[j, 1]
         ahead = i != j and (_ahead(xi, yi, xj, yj) if b < num_blocks else not _ahead(xj, yj, xi, yi))
@@ -140,11 +140,11 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
-    """Farthest block b, joined < b ≤ farthest, with a point linked to one in block a; else `joined`."""
+def _farthest_linked(points, gap_square, start, boxes, a, chain_end, farthest):
+    """Farthest block b, chain_end < b ≤ farthest, with a point linked to one in block a; else `chain_end`."""
     num_blocks = len(start) - 1
     left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
-    for b in range(farthest, joined, -1):
+    for b in range(farthest, chain_end, -1):
         k = b - num_blocks if b >= num_blocks else b
         # The distance between the two boxes is a lower bound for that between their points.
         dx = max(boxes[k, 0] - right, left - boxes[k, 1], 0.0)
@@ -153,12 +153,12 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
             points, gap_square, start, boxes, a, k, b >= num_blocks
         ):
             return b
-    return joined
+    return chain_end
 
 
 @njit(cache=True, error_model="numpy")
-def _linked(points, gap_square, start, boxes, a, b, turned):
-    """Return whether a point of block b is near one of block a and ahead of it; turned: b is reached across ±π."""
+def _linked(points, gap_square, start, boxes, a, b, is_wrapped):
+    """Return whether a point of block b is near one of block a and ahead of it; is_wrapped: b is reached across ±π."""
     left, right, bottom, top = boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3]
     for i in range(start[a], start[a + 1]):
         xi, yi = points[i, 0], points[i, 1]
@@ -166,12 +166,12 @@ def _linked(points, gap_square, start, boxes, a, b, turned):
         dx, dy = max(left - xi, xi - right, 0.0), max(bottom - yi, yi - top, 0.0)
         if dx * dx + dy * dy >= gap_square:
             continue
-        for j in range(start[b], min(start[b + 1], i) if turned else start[b + 1]):
+        for j in range(start[b], min(start[b + 1], i) if is_wrapped else start[b + 1]):
             xj, yj = points[j, 0], points[j, 1]
             dx, dy = xj - xi, yj - yi
             if dx * dx + dy * dy >= gap_square:
                 continue
-            if (not _ahead(xj, yj, xi, yi)) if turned else _ahead(xi, yi, xj, yj):
+            if (not _ahead(xj, yj, xi, yi)) if is_wrapped else _ahead(xi, yi, xj, yj):
                 return True
     return False
 

@@ -26,13 +26,13 @@ class Choice(StrEnum):
         return self in (Choice.REACHED, Choice.BETTER)
 
 
-def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Floats:
+def update_position(points: Floats, previous: Twist, current: Twist, dt: float) -> Floats:
     """Transform fixed points to the robot frame of one control period later: UpdatePos (§III.D).
 
     points: (N, 2) in the old robot frame [m]. First order, as in the paper: translate by the mean forward
     velocity, then rotate by the mean turn rate.
     """
-    return _shift_and_turn(points, *_motion(before, now, dt))
+    return _shift_and_turn(points, *_motion(previous, current, dt))
 
 
 def carried(points: Floats, move: Move, dt: float) -> Floats:
@@ -42,41 +42,41 @@ def carried(points: Floats, move: Move, dt: float) -> Floats:
     return to_robot(points, move.pose)
 
 
-def _motion(before: Twist, now: Twist, dt: float) -> tuple[float, float]:
+def _motion(previous: Twist, current: Twist, dt: float) -> tuple[float, float]:
     """Distance [m] and turn [rad] of one control period, by the mean velocities."""
-    return (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt
+    return (previous.v + current.v) / 2 * dt, (previous.omega + current.omega) / 2 * dt
 
 
 @njit(cache=True)
 def _shift_and_turn(points: Floats, forward: float, angle: float) -> Floats:
     cos, sin = math.cos(angle), math.sin(angle)
-    moved = np.empty(points.shape)
+    transformed = np.empty(points.shape)
     for i in range(len(points)):
         x, y = points[i, 0] - forward, points[i, 1]
-        moved[i, 0] = cos * x + sin * y
-        moved[i, 1] = cos * y - sin * x
-    return moved
+        transformed[i, 0] = cos * x + sin * y
+        transformed[i, 1] = cos * y - sin * x
+    return transformed
 
 
 @njit(cache=True)
 def _remember(positions: Floats, length: int, forward: float, angle: float) -> Floats:
     """Append the origin to the (N, 2) positions, keep the last `length`, and transform them by a motion."""
-    kept = min(len(positions), length - 1)
-    recent = np.zeros((kept + 1, 2))
-    recent[:kept] = positions[len(positions) - kept :]
+    num_kept = min(len(positions), length - 1)
+    recent = np.zeros((num_kept + 1, 2))
+    recent[:num_kept] = positions[len(positions) - num_kept :]
     return _shift_and_turn(recent, forward, angle)
 
 
 @njit(cache=True)
 def _at_least(points: Floats, distance: float) -> Floats:
     """Those of the (N, 2) points whose distance from the origin is at least `distance` [m]."""
-    kept = np.empty(points.shape)
+    distant = np.empty(points.shape)
     count = 0
     for i in range(len(points)):
         if math.hypot(points[i, 0], points[i, 1]) >= distance:
-            kept[count, 0], kept[count, 1] = points[i, 0], points[i, 1]
+            distant[count, 0], distant[count, 1] = points[i, 0], points[i, 1]
             count += 1
-    return kept[:count]
+    return distant[:count]
 
 
 def choose(old_distance: float, old_score: float, new_score: float, d1: float, d2: float) -> Choice:

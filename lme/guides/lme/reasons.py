@@ -34,25 +34,25 @@ class Term(NamedTuple):
     value: float
 
 
-def reason(now: Explanation, before: Explanation | None = None) -> str:
+def reason(current: Explanation, previous: Explanation | None = None) -> str:
     """Reason for one decision: one sentence, or two if no candidate is reachable.
 
-    before: the decision one control period earlier, for naming what has changed; None at the first step.
+    previous: the decision one control period earlier, for naming what has changed; None at the first step.
     Source: second half of Algorithm 1.
     """
-    choice = now.decision.choice
+    choice = current.decision.choice
     if choice is Choice.BETTER:
-        sentence = _explain_better(now, before)
+        sentence = _explain_better(current, previous)
     else:
         sentence = {
             Choice.FIRST: _explain_first,
             Choice.REACHED: _explain_reached,
             Choice.KEPT: _explain_kept,
-        }[choice](now)
-    if not now.decision.blocked:
+        }[choice](current)
+    if not current.decision.blocked:
         return sentence
-    taken = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
-    return f"{sentence}. No candidate is reachable: {taken}"
+    outcome = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
+    return f"{sentence}. No candidate is reachable: {outcome}"
 
 
 def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
@@ -60,123 +60,130 @@ def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
 
     Consecutive decisions that kept the subgoal, or that replaced a reached one, share one sentence.
     """
-    found = []
-    for _, group in groupby(enumerate(steps), lambda one: _group_key(*one)):
-        first, *others = [step for step, _ in group]
-        last = others[-1] if others else first
-        before = steps[first - 1] if first else None
-        text = _shared_sentence(steps[first : last + 1]) if others else reason(steps[first], before)
-        found.append((first, last, text))
-    return found
+    spans = []
+    for _, group in groupby(enumerate(steps), lambda item: _group_key(*item)):
+        begin, *later = [step for step, _ in group]
+        end = later[-1] if later else begin
+        previous = steps[begin - 1] if begin else None
+        text = _shared_sentence(steps[begin : end + 1]) if later else reason(steps[begin], previous)
+        spans.append((begin, end, text))
+    return spans
 
 
-def difference_terms(now: Explanation) -> list[Term]:
+def difference_terms(explanation: Explanation) -> list[Term]:
     """Difference of the best candidate's score from the old subgoal's, by criterion, largest first.
 
     At the first step: the difference from the average of the candidates.
     """
-    rival = now.features.mean(axis=1) if now.old_features is None else now.old_features
-    values = now.parameters.weights * (now.features[:, now.new] - rival)
-    terms = [Term(name, float(value)) for name, value in zip(now.names, values, strict=True)]
+    rival = (
+        explanation.features.mean(axis=1) if explanation.old_features is None else explanation.old_features
+    )
+    values = explanation.parameters.weights * (explanation.features[:, explanation.new] - rival)
+    terms = [Term(name, float(value)) for name, value in zip(explanation.names, values, strict=True)]
     return sorted(terms, key=lambda term: -abs(term.value))
 
 
 def main_terms(terms: Sequence[Term]) -> list[Term]:
-    """Fewest leading terms such that Σ|rest| is at most LEFT_OUT of the sum of all terms."""
-    most = LEFT_OUT * abs(sum(term.value for term in terms))
-    rests = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
-    return [term for term, rest in zip(terms, rests, strict=True) if rest > most]
+    """Fewest leading terms such that Σ|remainder| is at most LEFT_OUT of the sum of all terms."""
+    tolerance = LEFT_OUT * abs(sum(term.value for term in terms))
+    remainders = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
+    return [term for term, remainder in zip(terms, remainders, strict=True) if remainder > tolerance]
 
 
-def _group_key(step: int, now: Explanation) -> Choice | int:
+def _group_key(step: int, explanation: Explanation) -> Choice | int:
     """Group key: the choice if consecutive decisions share one sentence, else the step's number."""
-    choice = now.decision.choice
+    choice = explanation.decision.choice
     return choice if choice in (Choice.KEPT, Choice.REACHED) else step
 
 
 def _shared_sentence(steps: Sequence[Explanation]) -> str:
     """One sentence for two or more decisions that are all KEPT or all REACHED."""
     blocked = sum(step.decision.blocked for step in steps)
-    aside = f". No candidate was reachable at {blocked} of them" if blocked else ""
+    note = f". No candidate was reachable at {blocked} of them" if blocked else ""
     if steps[0].decision.choice is Choice.KEPT:
         closest = max(steps, key=_gain)
         return (
-            f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}{aside}"
+            f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}{note}"
         )
     d1 = steps[0].parameters.d1
     if math.isinf(d1):
-        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{aside}"
-    away = _fewest_digits(max(_old_distance(step) for step in steps), d1)
-    return f"switched at {len(steps)} steps: the old one was reached, at most {away} m away (d1 {d1:.6g} m){aside}"
+        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{note}"
+    distance = _fewest_digits(max(_old_distance(step) for step in steps), d1)
+    return f"switched at {len(steps)} steps: the old one was reached, at most {distance} m away (d1 {d1:.6g} m){note}"
 
 
-def _explain_first(now: Explanation) -> str:
-    terms = difference_terms(now)
-    lead, count = sum(term.value for term in terms), len(now.candidates)
+def _explain_first(explanation: Explanation) -> str:
+    terms = difference_terms(explanation)
+    lead, count = sum(term.value for term in terms), len(explanation.candidates)
     if count == 1:
         return "first subgoal: the only candidate"
     if lead <= 0.0:
         return f"first subgoal: no better than the rest of {count} candidates"
-    named = _named(main_terms(terms))
-    return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {named}"
+    terms_text = _list_terms(main_terms(terms))
+    return f"first subgoal: the best of {count} candidates, {_text(lead)} above their average, {terms_text}"
 
 
-def _explain_reached(now: Explanation) -> str:
-    d1, gain = now.parameters.d1, _gain(now)
-    takes = f"the best new one, which scores {_difference(gain)}, takes its place"
+def _explain_reached(explanation: Explanation) -> str:
+    d1, gain = explanation.parameters.d1, _gain(explanation)
+    replacement = f"the best new one, which scores {_relative_score(gain)}, takes its place"
     if math.isinf(d1):
-        return f"switched: d1 is infinite, so no subgoal is maintained; {takes}"
-    away = _fewest_digits(_old_distance(now), d1)
-    return f"switched: the old one is reached, {away} m away (d1 {d1:.6g} m); {takes}"
+        return f"switched: d1 is infinite, so no subgoal is maintained; {replacement}"
+    distance = _fewest_digits(_old_distance(explanation), d1)
+    return f"switched: the old one is reached, {distance} m away (d1 {d1:.6g} m); {replacement}"
 
 
-def _explain_better(now: Explanation, before: Explanation | None) -> str:
-    named = main_terms(difference_terms(now))
-    change = _describe_changes(now, before, named)
-    scores = f"new subgoal scores {_fewest_digits(_gain(now), now.parameters.d2)} higher (d2 {now.parameters.d2:.6g})"
-    return f"switched: {scores}, {_named(named)}{f'; the old one {change}' if change else ''}"
+def _explain_better(current: Explanation, previous: Explanation | None) -> str:
+    leading_terms = main_terms(difference_terms(current))
+    change = _describe_changes(current, previous, leading_terms)
+    d2 = current.parameters.d2
+    scores = f"new subgoal scores {_fewest_digits(_gain(current), d2)} higher (d2 {d2:.6g})"
+    return f"switched: {scores}, {_list_terms(leading_terms)}{f'; the old one {change}' if change else ''}"
 
 
-def _explain_kept(now: Explanation) -> str:
-    return f"kept: the best new one scores {_against_d2(now)}"
+def _explain_kept(explanation: Explanation) -> str:
+    return f"kept: the best new one scores {_against_d2(explanation)}"
 
 
-def _against_d2(now: Explanation, at_most: str = "") -> str:
-    gain, d2 = _gain(now), now.parameters.d2
+def _against_d2(explanation: Explanation, at_most: str = "") -> str:
+    gain, d2 = _gain(explanation), explanation.parameters.d2
     if gain <= 0.0:
-        return f"{at_most.replace('most', 'least') if gain else at_most}{_difference(gain)}"
+        return f"{at_most.replace('most', 'least') if gain else at_most}{_relative_score(gain)}"
     if math.isinf(d2):
-        return f"{at_most}{_shown(gain)} higher, and d2 is infinite"
-    return f"{at_most}{_fewest_digits(gain, d2)} higher, {_shown(d2 - gain)} short of d2 ({d2:.6g})"
+        return f"{at_most}{_text(gain)} higher, and d2 is infinite"
+    return f"{at_most}{_fewest_digits(gain, d2)} higher, {_text(d2 - gain)} short of d2 ({d2:.6g})"
 
 
-def _old_distance(now: Explanation) -> float:
+def _old_distance(explanation: Explanation) -> float:
     """Distance from the robot to the old subgoal [m]."""
-    assert now.old is not None
-    return math.hypot(now.old[0], now.old[1])
+    assert explanation.old is not None
+    return math.hypot(explanation.old[0], explanation.old[1])
 
 
-def _gain(now: Explanation) -> float:
+def _gain(explanation: Explanation) -> float:
     """Score of the best candidate minus that of the old subgoal."""
-    assert now.old_score is not None
-    return float(now.scores[now.new] - now.old_score)
+    assert explanation.old_score is not None
+    return float(explanation.scores[explanation.new] - explanation.old_score)
 
 
-def _describe_changes(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
+def _describe_changes(
+    current: Explanation, previous: Explanation | None, leading_terms: Sequence[Term]
+) -> str:
     """Describe how the old subgoal's features fell since the last step, for criteria that favour the new one."""
-    if before is None or now.old_features is None:
+    if previous is None or current.old_features is None:
         return ""
-    then = _features_of_chosen(before)
-    words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[now.view.surmount]}
+    features = _features_of_chosen(previous)
+    words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[current.view.surmount]}
     falls = []
-    for term in named:
-        row = now.names.index(term.name)
+    for term in leading_terms:
+        row = current.names.index(term.name)
         falls.append(
-            _describe_fall(term, then[row], now.old_features[row], now.parameters.weights[row], words)
+            _describe_fall(
+                term, features[row], current.old_features[row], current.parameters.weights[row], words
+            )
         )
     if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
-    return _join([fall for fall in falls if fall])
+    return _join_phrases([fall for fall in falls if fall])
 
 
 def _features_of_chosen(step: Explanation) -> Floats:
@@ -186,32 +193,34 @@ def _features_of_chosen(step: Explanation) -> Floats:
     return step.features[:, step.new]
 
 
-def _describe_fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
+def _describe_fall(
+    term: Term, previous: float, current: float, weight: float, words: Mapping[str, str]
+) -> str:
     """Describe how the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
-    lost = weight * (then - now)
-    if term.value <= 0.0 or lost < term.value / 2:
+    loss = weight * (previous - current)
+    if term.value <= 0.0 or loss < term.value / 2:
         return ""
     if term.name == "c_o":
-        return _NARROWED if now > 0.0 else words["c_o"]
-    return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
+        return _NARROWED if current > 0.0 else words["c_o"]
+    return words[term.name] if previous == _BEST.get(term.name) else f"fell by {_text(loss)} in {term.name}"
 
 
-def _join(parts: Sequence[str]) -> str:
+def _join_phrases(parts: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
 
 
-def _named(terms: Sequence[Term]) -> str:
+def _list_terms(terms: Sequence[Term]) -> str:
     return "mainly " + ", ".join(
-        f"{term.name} {'+' if term.value > 0 else '−'}{_shown(abs(term.value), whole_from=math.inf)}"
+        f"{term.name} {'+' if term.value > 0 else '−'}{_text(abs(term.value), whole_from=math.inf)}"
         for term in terms
     )
 
 
-def _difference(gain: float) -> str:
-    return f"{_shown(abs(gain))} {'higher' if gain > 0 else 'lower'}" if gain else "the same"
+def _relative_score(gain: float) -> str:
+    return f"{_text(abs(gain))} {'higher' if gain > 0 else 'lower'}" if gain else "the same"
 
 
-def _shown(value: float, whole_from: float = 100.0) -> str:
+def _text(value: float, whole_from: float = 100.0) -> str:
     """Format a positive number with few digits, without decimals if it is at least `whole_from`."""
     if value < 0.001:
         return "less than 0.001"

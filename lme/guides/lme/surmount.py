@@ -39,15 +39,16 @@ def find_blockage(
     rule "corridor": the sector of the nearest scan point within r of the segment O–T;
     "line_of_sight": the sector that the ray towards T hits before T. A closed ring has no ends to pass.
     """
-    owner = _blocking_point(points, target, radius, rule)
+    blocking_point = nearest_near_segment if rule == "corridor" else _point_on_ray
+    owner = int(blocking_point(points, target, radius))
     if owner < 0:
         return None
     sector, closed = _sector_of(points, owner, 2.0 * radius, full_circle)
     if closed:
         return None
-    seen = sector_points(points, sector)
-    first_is_nearer, B = _past_the_end(seen, target, radius)
-    return Blockage(seen, seen[0], seen[-1], seen[0] if first_is_nearer else seen[-1], B)
+    blocking = sector_points(points, sector)
+    first_is_nearer, B = _past_the_end(blocking, target, radius)
+    return Blockage(blocking, blocking[0], blocking[-1], blocking[0] if first_is_nearer else blocking[-1], B)
 
 
 @njit(cache=True)
@@ -76,12 +77,6 @@ def sector_points(points: Floats, sector: Sequence[int] | Ints) -> Floats:
     if first <= last:
         return points[first : last + 1]
     return np.concatenate((points[first:], points[: last + 1]))
-
-
-def _blocking_point(points: Floats, target: Floats, radius: float, rule: str) -> int:
-    if rule == "corridor":
-        return int(nearest_near_segment(points, target, radius))
-    return _point_on_ray(points, target, radius)
 
 
 def _point_on_ray(points: Floats, target: Floats, radius: float) -> int:

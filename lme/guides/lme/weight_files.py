@@ -46,23 +46,26 @@ def find_weights(weights: str) -> Path:
     if path.is_file():
         return path
     if path.is_dir():
-        return _of_run(path)
+        if not (path / WEIGHTS).is_file():
+            raise InputError(
+                f"weights is {path}: holds no {WEIGHTS}; must be the directory of a finished lme train; "
+                "resume that training to finish it"
+            )
+        return path / WEIGHTS
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.yaml"))}
     if weights in registered:
         return registered[weights]
-    known = [*shipped, *registered]
+    names = [*shipped, *registered]
     raise InputError(
-        f"weights is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a "
+        f"weights is {weights!r}: {nearest(weights, names)}must be one of {', '.join(names)}, the directory of a "
         "training run, or the path of a weight file"
     )
 
 
 def with_network(node: Mapping[str, Any], part: str = "planner") -> Mapping[str, Any]:
     """Return the config of a part with `weights`, if given, replaced by the path of the network that it names."""
-    given = node.get("weights")
-    return (
-        {**node, "weights": str(find_network(given, f"{part}.weights"))} if isinstance(given, str) else node
-    )
+    name = node.get("weights")
+    return {**node, "weights": str(find_network(name, f"{part}.weights"))} if isinstance(name, str) else node
 
 
 def find_network(weights: str, key: str = "planner.weights") -> Path:
@@ -71,15 +74,15 @@ def find_network(weights: str, key: str = "planner.weights") -> Path:
     key: the config key of `weights`, for the error. Raises InputError if there is none.
     """
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
-    known = {**registered, **shipped_networks()}
+    networks = {**registered, **shipped_networks()}
     path = expanded(weights)
     if path.is_dir():
         path = path / NETWORK
-    if weights in known or path.is_file():
-        return known.get(weights, path)
+    if weights in networks or path.is_file():
+        return networks.get(weights, path)
     raise InputError(
-        f"{key} is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a run of "
-        f"lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
+        f"{key} is {weights!r}: {nearest(weights, networks)}must be one of {', '.join(networks)}, the directory of a "
+        f"run of lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
     )
 
 
@@ -95,12 +98,3 @@ def shipped_networks() -> dict[str, Path]:
 
 def _shipped(folder: str, ending: str) -> dict[str, Path]:
     return {path.stem: path for path in sorted((resource_dir("conf") / folder).glob(f"*.{ending}"))}
-
-
-def _of_run(directory: Path) -> Path:
-    if not (directory / WEIGHTS).is_file():
-        raise InputError(
-            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train; "
-            "resume that training to finish it"
-        )
-    return directory / WEIGHTS

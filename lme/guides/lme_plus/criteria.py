@@ -92,10 +92,10 @@ def ranked(
     The first points are the candidates. sight: `Sight.plain`. See `lme.guides.lme.score.rank`.
     """
     points, pose, field, box, margin, v_max = sight
-    named = Sight(points, pose, Field(*field), box, margin, v_max)
+    named_sight = Sight(points, pose, Field(*field), box, margin, v_max)
     # One row per criterion, in the order of `CRITERIA`.
     features = np.empty((4, len(pool)))
-    features[0], features[1] = a_reach(pool, named), a_dev(pool, named)
-    features[2], features[3] = a_rest(pool, named), c_o(pool, named)
+    features[0], features[1] = a_reach(pool, named_sight), a_dev(pool, named_sight)
+    features[2], features[3] = a_rest(pool, named_sight), c_o(pool, named_sight)
     scores, new, blocked = rank(features, weights, candidates, 3)
     return features, scores, new, blocked

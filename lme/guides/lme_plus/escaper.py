@@ -23,12 +23,12 @@ from lme.robots import Robot
 from lme.types import Floats, Observation, Pose
 
 _NAMES = tuple(CRITERIA)
-_NONE = np.empty((0, 2))
+_NO_POINTS = np.empty((0, 2))
 _CANDIDATES = 100  # random ones
-_EVERY = 3  # decisions with the same expected times, if nobody is near and the target does not move
-_BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
-_TRIED = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
-_MOST = 5.0  # greatest number of these doublings
+_MAX_AGE = 3  # decisions with the same expected times, if nobody is near and the target does not move
+_PASSAGE_AHEAD = 1.0  # [m] ahead of the robot, where it tries a narrow passage
+_DOUBLING_TIME = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
+_MAX_DOUBLINGS = 5.0  # greatest number of these doublings
 _STANDS = 0.05  # [m/s] below this speed the robot counts as standing
 _SAME_TARGET = 0.1  # [m] by which the target may move before the times are recomputed
 
@@ -83,14 +83,14 @@ class LocalMinimumEscaperPlus:
         parts = self._config.parts
         self._memory = Memory(self._robot, self._config.reach, parts.memory, parts.people)
         self._learned = LearnedTimes()
-        self._learned_for: Floats | None = None  # the target, in the carried frame
+        self._learned_target: Floats | None = None  # the target, in the carried frame
         self._field: Field | None = None
         self._age = 0  # decisions made with the field
-        self._tried = 0.0  # [s] spent before narrow passages on the way to the target
+        self._time_at_passages = 0.0  # [s] spent before narrow passages on the way to the target
         self._stuck = StuckPlaces(self._robot.dt)  # on the way to the target
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
-        self._last: Step | None = None
+        self._last_step: Step | None = None
 
     def decide(self, observation: Observation) -> tuple[Decision, Floats, Floats]:
         """Advance one control period.
@@ -99,23 +99,23 @@ class LocalMinimumEscaperPlus:
         [m].
         """
         self._memory.see(observation)
-        self.sight, way = self._look(observation)
-        self._last = step = self._step(observation, self.sight, way)
+        self.sight, route = self._look(observation)
+        self._last_step = step = self._step(observation, self.sight, route)
         waits = (
             step.decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
         )
-        if waits and len(way) and self._config.parts.stuck:
-            self._stuck.wait(to_world(way[0], self.sight.pose))
-        return step.decision, self.sight.points, way
+        if waits and len(route) and self._config.parts.stuck:
+            self._stuck.wait(to_world(route[0], self.sight.pose))
+        return step.decision, self.sight.points, route
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
-        return None if self._last is None else explain(self._last)
+        return None if self._last_step is None else explain(self._last_step)
 
-    def _step(self, observation: Observation, sight: Sight, way: Floats) -> Step:
-        """Run one step of Algorithm 1 with the criteria of LME+. way (K, 2): places on the fastest way."""
+    def _step(self, observation: Observation, sight: Sight, route: Floats) -> Step:
+        """Run one step of Algorithm 1 with the criteria of LME+. route (K, 2): places on the fastest way."""
         subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
-        pool = self._generate(observation, way, subgoal)
+        pool = self._generate(observation, route, subgoal)
         candidates = len(pool) - (subgoal is not None)
         features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
         old = None if subgoal is None else candidates
@@ -125,7 +125,10 @@ class LocalMinimumEscaperPlus:
             subgoal = to_robot(self._subgoal, sight.pose)
         assert subgoal is not None
         decision = Decision(subgoal, choice, blocked)
-        view, parameters = self._view(observation, sight), self._parameters
+        # View for the explanation: the points of the scan and the target, without a history or a blockage.
+        radius = self._robot.footprint.r_min + self._config.margin
+        view = View(self._memory.seen, observation.target, radius, _NO_POINTS, None, "every")
+        parameters = self._parameters
         return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _choose(self, subgoal: Floats | None, scores: Floats, new: int) -> Choice:
@@ -135,19 +138,14 @@ class LocalMinimumEscaperPlus:
         distance, parameters = math.hypot(*subgoal.tolist()), self._parameters
         return choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
 
-    def _view(self, observation: Observation, sight: Sight) -> View:
-        """View for an explanation: the points of the scan and the target; LME+ has no history and no blockage."""
-        radius = self._robot.footprint.r_min + self._config.margin
-        return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
-
     def _look(self, observation: Observation) -> tuple[Sight, Floats]:
         """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
         config, robot, pose = self._config, self._robot, self._memory.pose
         field = self._times(to_world(observation.target, pose), pose)
-        way, ahead = field.descent(pose, self._reach(observation))
-        self._tried += robot.dt if ahead < _BEFORE else 0.0
+        route, ahead = field.descent(pose, self._reach(observation))
+        self._time_at_passages += robot.dt if ahead < _PASSAGE_AHEAD else 0.0
         margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
-        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), way
+        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), route
 
     def _reach(self, observation: Observation) -> float:
         """Greatest distance of a candidate [m]."""
@@ -157,31 +155,31 @@ class LocalMinimumEscaperPlus:
         """Return the expected times of the last decisions, or new ones if those are old or of another target."""
         memory, field = self._memory, self._field
         self._age += 1
-        old = self._age >= _EVERY or len(memory.people) > 0
+        old = self._age >= _MAX_AGE or len(memory.people) > 0
         if field is None or old or apart(target, field.target) > _SAME_TARGET:
-            learned, here = self._learned_of(target), np.array(pose[:2])
-            narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
-            given = memory.points, target, here, memory.people, learned, narrow, self._stuck.rows
-            self._field = field = self._travel.field(*given)
+            learned, position = self._learned_of(target), np.array(pose[:2])
+            narrow_factor = NARROW * 2.0 ** min(self._time_at_passages / _DOUBLING_TIME, _MAX_DOUBLINGS)
+            inputs = memory.points, target, position, memory.people, learned, narrow_factor, self._stuck.rows
+            self._field = field = self._travel.field(*inputs)
             self._age = 0
         return field
 
     def _learned_of(self, target: Floats) -> LearnedTimes:
         """Return the times learned for ways to a target; all is forgotten if this is another one."""
-        other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
-        if other:
-            self._tried = 0.0
+        is_new_target = self._learned_target is None or apart(target, self._learned_target) > OTHER_TARGET
+        if is_new_target:
+            self._time_at_passages = 0.0
             self._stuck.forget()
-        if other or not (self._config.parts.memory and self._config.parts.learned):
-            self._learned, self._learned_for = LearnedTimes(), target
+        if is_new_target or not (self._config.parts.memory and self._config.parts.learned):
+            self._learned, self._learned_target = LearnedTimes(), target
         return self._learned
 
-    def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
+    def _generate(self, observation: Observation, route: Floats, subgoal: Floats | None) -> Floats:
         """Random candidates all around, places on the fastest way, the target if it is in range; last the subgoal."""
         reach = self._reach(observation)
         parts = [sample(self._rng, self._candidates, reach, -math.pi, 2 * math.pi)]
         if self._config.parts.structured:
-            parts.append(way)
+            parts.append(route)
         if math.hypot(*observation.target.tolist()) <= reach:
             parts.append(observation.target[None])
         if subgoal is not None:

@@ -36,8 +36,8 @@ class LmePlus:
 
     def guide(self, observation: Observation) -> Guidance:
         """Return the subgoal with the least expected time, the known obstacle points, and the fastest way."""
-        decision, points, way = self.escaper.decide(observation)
-        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points, way)
+        decision, points, route = self.escaper.decide(observation)
+        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points, route)
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""

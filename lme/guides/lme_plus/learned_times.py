@@ -15,9 +15,9 @@ OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned o
 Learned = tuple[
     Floats, tuple[int, int]
 ]  # times (A, B) [s], and in them the row and column before a grid's first cell
-_AFTER = 2.0  # [s] total time stuck before a place, from which on the place counts
+_MIN_WAIT = 2.0  # [s] total time stuck before a place, from which on the place counts
 _COST = 10.0  # [-] delay of the way through a place, in multiples of the time stuck before it
-_SAME = 0.5  # [m] nearer places count as one
+_PLACE_DISTANCE = 0.5  # [m] nearer places count as one
 _RADIUS = 0.3  # [m] around a place within which the way takes longer
 
 
@@ -27,43 +27,43 @@ def learn(
     corner: tuple[int, int],
     times: Floats,
     grid: GridNumbers,
-    here: Floats,
+    position: Floats,
     target: Floats,
-    most: float,
+    max_time: float,
     v_max: float,
     moves: float,
 ) -> None:
     """Raise the times of the disc's cells in `learned` (A, B) to what a search found, or to the least that it allows.
 
     corner: index of the grid's frame in `learned`. times (W, W): see `travel_times`, which has searched all ways of
-    up to `most` [s] from the robot at `here` (2,) to the target (2,). A cell without a time therefore takes at least
-    `most`, less the time of the straight way from the robot, to within the time for one cell. Outside of an ellipse,
-    this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are
+    up to `max_time` [s] from the robot at `position` (2,) to the target (2,). A cell without a time therefore takes at
+    least `max_time`, less the time of the straight way from the robot, to within the time for one cell. Outside of an
+    ellipse, this is no more than the straight way to the target takes, even if the target `moves` [m]: cells there are
     left out.
     """
     low_x, low_y, cell, size = grid
     # Robot and target as (row, column); the disc and the ellipse bound the columns of each row.
-    x, y = (here[0] - low_x) / cell + 0.5, (here[1] - low_y) / cell + 0.5
+    x, y = (position[0] - low_x) / cell + 0.5, (position[1] - low_y) / cell + 0.5
     to_x, to_y = (target[0] - low_x) / cell + 0.5, (target[1] - low_y) / cell + 0.5
-    ellipse = _ellipse(x, y, to_x, to_y, (most * v_max + moves) / cell)
+    ellipse = _ellipse(x, y, to_x, to_y, (max_time * v_max + moves) / cell)
     middle, radius, cell_time = 0.5 * (size + 1.0), disc_radius(size), cell / v_max
     for i in range(1, size + 1):
         half = math.sqrt(max(radius * radius - (i - middle) ** 2, 0.0))
         low, high = _columns(i, ellipse)
-        first, last = math.ceil(max(middle - half, low)), int(min(middle + half, high))
-        if first > last:
+        first_column, last_column = math.ceil(max(middle - half, low)), int(min(middle + half, high))
+        if first_column > last_column:
             continue
-        known, found = (
-            learned[corner[0] + i, corner[1] + first : corner[1] + last + 1],
-            times[i, first : last + 1],
+        row_learned, row_times = (
+            learned[corner[0] + i, corner[1] + first_column : corner[1] + last_column + 1],
+            times[i, first_column : last_column + 1],
         )
-        # known = max(known, min(found, most − straight way from the robot)).
+        # row_learned = max(row_learned, min(row_times, max_time − straight time from the robot)).
         across = (i - x) ** 2
-        for n in range(len(known)):  # without branches, for the processor's vectors
-            along = first + n - y
-            least = most - math.sqrt(across + along * along) * cell_time
-            time = found[n] if found[n] < least else least
-            known[n] = time if time > known[n] else known[n]
+        for n in range(len(row_learned)):  # without branches, for the processor's vectors
+            along = first_column + n - y
+            lower_bound = max_time - math.sqrt(across + along * along) * cell_time
+            time = row_times[n] if row_times[n] < lower_bound else lower_bound
+            row_learned[n] = time if time > row_learned[n] else row_learned[n]
 
 
 @njit(cache=True, error_model="numpy")
@@ -72,10 +72,10 @@ def _ellipse(x, y, to_x, to_y, length):
 
     Returns its centre, and a, b, c of a x² + 2 b x y + c y² ≤ 1 about the centre.
     """
-    apart = math.hypot(to_x - x, to_y - y)
-    cos, sin = ((to_x - x) / apart, (to_y - y) / apart) if apart > 0.0 else (1.0, 0.0)
+    distance = math.hypot(to_x - x, to_y - y)
+    cos, sin = ((to_x - x) / distance, (to_y - y) / distance) if distance > 0.0 else (1.0, 0.0)
     # Inverse squares of the half axes: length / 2, and √(length² − apart²) / 2.
-    along, across = 4.0 / length**2, 4.0 / max(length**2 - apart**2, 1e-9)
+    along, across = 4.0 / length**2, 4.0 / max(length**2 - distance**2, 1e-9)
     a, c = cos * cos * along + sin * sin * across, sin * sin * along + cos * cos * across
     b = cos * sin * (along - across)
     return 0.5 * (x + to_x), 0.5 * (y + to_y), a, b, c
@@ -85,12 +85,12 @@ def _ellipse(x, y, to_x, to_y, length):
 def _columns(row, ellipse):
     """First and last column of the ellipse in a row; the last is before the first if there is none."""
     x, y, a, b, c = ellipse
-    off = row - x
-    # Solve a off² + 2 b off s + c s² = 1 for the columns y + s.
-    root = (b * off) ** 2 - c * (a * off * off - 1.0)
+    offset = row - x
+    # Solve a offset² + 2 b offset s + c s² = 1 for the columns y + s.
+    root = (b * offset) ** 2 - c * (a * offset * offset - 1.0)
     if root < 0.0:
         return 1.0, 0.0
-    return y - (b * off + math.sqrt(root)) / c, y - (b * off - math.sqrt(root)) / c
+    return y - (b * offset + math.sqrt(root)) / c, y - (b * offset - math.sqrt(root)) / c
 
 
 class LearnedTimes:
@@ -109,29 +109,29 @@ class LearnedTimes:
 
     def around(self, grid: Grid) -> Learned:
         """Return the times and the grid's corner in them; the caller may change those of the grid's cells."""
-        wide = grid.size + 2
+        width = grid.size + 2
         low = round(grid.x / grid.cell) - 1, round(grid.y / grid.cell) - 1
         corner = low[0] - self._first[0], low[1] - self._first[1]
         rows, columns = self._times.shape
-        if 0 <= corner[0] <= rows - wide and 0 <= corner[1] <= columns - wide:
+        if 0 <= corner[0] <= rows - width and 0 <= corner[1] <= columns - width:
             return self._times, corner
         # Grow by whole widths of the disc, on every side where the frame is outside.
         if not self._times.size:
             self._first = low
         pads, first = [], []
-        for at, start, count in zip(low, self._first, self._times.shape, strict=True):
-            before, after = max(start - at, 0), max(at + wide - start - count, 0)
-            pads.append((-(-before // wide) * wide, -(-after // wide) * wide))
+        for low_index, start, count in zip(low, self._first, self._times.shape, strict=True):
+            pad_before, pad_after = max(start - low_index, 0), max(low_index + width - start - count, 0)
+            pads.append((-(-pad_before // width) * width, -(-pad_after // width) * width))
             first.append(start - pads[-1][0])
         self._times, self._first = np.pad(self._times, pads), (first[0], first[1])
         return self._times, (low[0] - self._first[0], low[1] - self._first[1])
 
     def learn(
-        self, times: Floats, grid: Grid, here: Floats, target: Floats, most: float, v_max: float
+        self, times: Floats, grid: Grid, position: Floats, target: Floats, max_time: float, v_max: float
     ) -> None:
-        """Learn from the `times` (W, W) of a search of all ways from `here` to `target` (2,) of up to `most` [s]."""
+        """Learn from the `times` (W, W) of a search of ways from `position` to `target` of up to `max_time` [s]."""
         moves = 2.0 * OTHER_TARGET
-        learn(*self.around(grid), times, (*grid,), here, target, most, v_max, moves)
+        learn(*self.around(grid), times, (*grid,), position, target, max_time, v_max, moves)
 
 
 class StuckPlaces:
@@ -154,16 +154,16 @@ class StuckPlaces:
         self._places, self._waited = np.empty((0, 2)), np.empty(0)  # [m], and the time stuck before each [s]
         self.rows: Floats = np.empty((0, 6))
 
-    def wait(self, place: Floats) -> None:
-        """Count one control period in which the robot is stuck before a place (2,) [m]."""
-        away = distances_to(self._places, place)
-        if len(away) and away.min() < _SAME:
-            self._waited[away.argmin()] += self._dt
+    def wait(self, position: Floats) -> None:
+        """Count one control period in which the robot is stuck before a position (2,) [m]."""
+        distances = distances_to(self._places, position)
+        if len(distances) and distances.min() < _PLACE_DISTANCE:
+            self._waited[distances.argmin()] += self._dt
         else:
-            self._places = np.vstack((self._places, place))
+            self._places = np.vstack((self._places, position))
             self._waited = np.append(self._waited, self._dt)
-        stuck = self._waited > _AFTER
-        slower = _COST * self._waited[stuck] / (2.0 * _RADIUS)
+        is_stuck = self._waited > _MIN_WAIT
+        slower = _COST * self._waited[is_stuck] / (2.0 * _RADIUS)
         self.rows = np.column_stack(
-            (self._places[stuck], np.zeros((len(slower), 2)), np.full(len(slower), _RADIUS), slower)
+            (self._places[is_stuck], np.zeros((len(slower), 2)), np.full(len(slower), _RADIUS), slower)
         )

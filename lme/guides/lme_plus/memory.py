@@ -17,7 +17,7 @@ from lme.types import Bools, Floats, Limits, Observation, Pose
 
 _NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
 _STANDING = 0.05  # [m/s] below this speed people count as standing
-_SAME = 0.5  # [m] a person this near to where one stood a period ago is the same
+_MAX_STEP = 0.5  # [m] a person this near to where one stood a period ago is the same
 _SORTED = 1.0  # [m] driven before points are sorted into near and far again
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 _SQUARE = 0.05  # [m] one point is kept per square of this side
@@ -62,7 +62,7 @@ def remember(
     """
     half = _half(reach, square)
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
-    kept = np.empty((len(points) + len(memory), 2))
+    merged = np.empty((len(points) + len(memory), 2))
     count = 0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     # Points of the scan in the carried frame, the first one in each square.
@@ -74,7 +74,7 @@ def remember(
         i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
         if not taken[i, j]:
             taken[i, j] = True
-            kept[count, 0], kept[count, 1] = x, y
+            merged[count, 0], merged[count, 1] = x, y
             count += 1
     # Remembered points in the squares that are left, unless the scan sees their place.
     lidar = pose[0] + cos * mount[0] - sin * mount[1], pose[1] + sin * mount[0] + cos * mount[1]
@@ -87,16 +87,16 @@ def remember(
         if taken[i, j] or _in_sight(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack, range_max):
             continue
         taken[i, j] = True
-        kept[count, 0], kept[count, 1] = x, y
+        merged[count, 0], merged[count, 1] = x, y
         count += 1
     # Leave `taken` as it was, and transform the kept points to the robot frame.
-    kept, around = kept[:count], np.empty((count, 2))
+    merged, robot_points = merged[:count], np.empty((count, 2))
     for n in range(count):
-        i, j = math.floor(kept[n, 0] / square) - first_i, math.floor(kept[n, 1] / square) - first_j
+        i, j = math.floor(merged[n, 0] / square) - first_i, math.floor(merged[n, 1] / square) - first_j
         taken[i, j] = False
-        x, y = kept[n, 0] - pose[0], kept[n, 1] - pose[1]
-        around[n, 0], around[n, 1] = cos * x + sin * y, cos * y - sin * x
-    return kept, around
+        x, y = merged[n, 0] - pose[0], merged[n, 1] - pose[1]
+        robot_points[n, 0], robot_points[n, 1] = cos * x + sin * y, cos * y - sin * x
+    return merged, robot_points
 
 
 @njit(cache=True, error_model="numpy")
@@ -112,20 +112,20 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
     distance = math.sqrt(dx * dx + dy * dy)
     if distance + slack > range_max:
         return False
-    away = distance - slack
+    min_range = distance - slack
     for beam in range(max(middle - 1, 0), min(middle + 2, len(ranges))):  # noqa: SIM110 (slow when compiled)
-        if not ranges[beam] > away:
+        if not ranges[beam] > min_range:
             return False
     return True
 
 
 @njit(cache=True, error_model="numpy")
-def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
-    """Split points (N, 2) into those within `reach` of a place [m] and the others, each in their order."""
-    near = np.empty(len(points), np.bool_)
+def split(points: Floats, centre: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
+    """Split points (N, 2) into those within `reach` of a centre [m] and the others, each in their order."""
+    is_near = np.empty(len(points), np.bool_)
     for n in range(len(points)):
-        near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
-    return points[near], points[~near]
+        is_near[n] = math.hypot(points[n, 0] - centre[0], points[n, 1] - centre[1]) <= reach
+    return points[is_near], points[~is_near]
 
 
 class Memory:
@@ -144,17 +144,17 @@ class Memory:
         keeps: False leaves only the points of the current scan. people: False keeps the points of tracked people like
         all others.
         """
-        self._keeps, self._tells_people = keeps, people
+        self._remembers_points, self._separates_people = keeps, people
         self._dt = robot.dt
         self._mount = robot.lidar.mount
         self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
         self.points: Floats = _NOTHING  # in the carried frame
         self.known: Floats = _NOTHING  # the same in the robot frame
-        self._far: Floats = _NOTHING  # out of reach, in the carried frame
+        self._far_points: Floats = _NOTHING  # out of reach, in the carried frame
         self._sorted_at = self.pose
-        self._near = reach + _SORTED
-        self._reach = self._near + _SORTED  # holds all points within `reach`, wherever they were last sorted
-        self._taken = squares_around(self._reach, _SQUARE)
+        self._inner = reach + _SORTED
+        self._reach = self._inner + _SORTED  # holds all points within `reach`, wherever they were last sorted
+        self._squares = squares_around(self._reach, _SQUARE)
         self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
         # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and time they have stood [s]
         self.people = _NOBODY
@@ -166,13 +166,13 @@ class Memory:
         if move is not None:
             self.pose = _moved(self.pose, move, self._dt, observation.limits)
         self.seen = obstacle_points(scan, self._mount)
-        still, theirs = self._without_people(observation.pedestrians)
+        static_points, people_points = self._without_people(observation.pedestrians)
         if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
             self._sort()
         self.points, self.known = remember(
-            self._taken,
-            self.points if self._keeps else self.points[:0],
-            still,
+            self._squares,
+            self.points if self._remembers_points else self.points[:0],
+            static_points,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (*self._mount,),
@@ -182,36 +182,36 @@ class Memory:
             _SLACK,
             scan.range_max,
         )
-        if len(theirs):
-            self.known = np.concatenate((self.known, theirs))
+        if len(people_points):
+            self.known = np.concatenate((self.known, people_points))
 
     def _sort(self) -> None:
         """Move the points that have come into reach to the near ones, and those that have left it to the far ones."""
         self._sorted_at = self.pose
-        if self._keeps:
-            points = np.concatenate((self.points, self._far))
-            self.points, self._far = split(points, self.pose[:2], self._near)
+        if self._remembers_points:
+            points = np.concatenate((self.points, self._far_points))
+            self.points, self._far_points = split(points, self.pose[:2], self._inner)
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """Split the scan's points into those of no person and those of people, (M, 2) each; note where people are."""
-        before, self.people = self.people, _NOBODY
-        if not (self._tells_people and len(pedestrians)):
+        previous, self.people = self.people, _NOBODY
+        if not (self._separates_people and len(pedestrians)):
             return self.seen, self.seen[:0]
-        own, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
+        is_person, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
         people[:, :2] = to_world(people[:, :2], self.pose)
         people[:, 2:4] = to_world(people[:, 2:4], Pose(0.0, 0.0, self.pose.yaw))
-        self.people = np.column_stack((people, self._standing(people, before)))
-        return self.seen[~own], self.seen[own]
+        self.people = np.column_stack((people, self._standing(people, previous)))
+        return self.seen[~is_person], self.seen[is_person]
 
-    def _standing(self, people: Floats, before: Floats) -> Floats:
+    def _standing(self, people: Floats, previous: Floats) -> Floats:
         """Time for which each of the people (P, 5) has stood [s]: (P,), by those of the last period (Q, 6)."""
-        still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
-        if not (still.any() and len(before)):
+        is_still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
+        if not (is_still.any() and len(previous)):
             return np.zeros(len(people))
-        away = np.hypot(*(people[:, None, :2] - before[:, :2]).transpose(2, 0, 1))
-        same = away.argmin(axis=1)
-        known = still & (away.min(axis=1) < _SAME)
-        return np.where(known, before[same, 5] + self._dt, 0.0)
+        distances = np.hypot(*(people[:, None, :2] - previous[:, :2]).transpose(2, 0, 1))
+        nearest = distances.argmin(axis=1)
+        is_known = is_still & (distances.min(axis=1) < _MAX_STEP)
+        return np.where(is_known, previous[nearest, 5] + self._dt, 0.0)
 
 
 def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
@@ -219,14 +219,14 @@ def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
     if move.pose is not None:
         x, y, yaw = compose(pose, move.pose)
         return Pose(x, y, yaw)
-    before, now = move.before, move.now
-    distance = _way(before.v, now.v, limits.alpha_v, dt)
-    turn = _way(before.omega, now.omega, limits.alpha_omega, dt)
+    previous, current = move.before, move.now
+    distance = _ramp_distance(previous.v, current.v, limits.alpha_v, dt)
+    turn = _ramp_distance(previous.omega, current.omega, limits.alpha_omega, dt)
     middle = pose.yaw + turn / 2
     return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)
 
 
-def _way(before: float, now: float, alpha: float, dt: float) -> float:
-    """Integral over `dt` of a rate that changes from `before` to `now` at `alpha` and then holds."""
-    ramp = min(abs(now - before) / alpha, dt)
-    return (before + now) / 2 * ramp + now * (dt - ramp)
+def _ramp_distance(initial: float, final: float, alpha: float, dt: float) -> float:
+    """Integral over `dt` of a rate that changes from `initial` to `final` at `alpha` and then holds."""
+    ramp = min(abs(final - initial) / alpha, dt)
+    return (initial + final) / 2 * ramp + final * (dt - ramp)

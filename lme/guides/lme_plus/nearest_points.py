@@ -41,7 +41,7 @@ def draw(
     """
     low_x, low_y, cell, size = grid
     span, half, border = _span(comfort, cell), _half(comfort, cell), pad(comfort, cell)
-    near, nearest, count = _half(inner, cell), np.inf, 0
+    inner_half, nearest, count = _half(inner, cell), np.inf, 0
     for m in range(len(points)):
         x, y = (points[m, 0] - low_x) / cell, (points[m, 1] - low_y) / cell
         i, j = math.floor(x), math.floor(y)
@@ -51,7 +51,7 @@ def draw(
         inside = 0 <= i < size and 0 <= j < size
         # The first point in a cell covers its whole window, and the others at least the inner part of it.
         if inside and first[i, j] >= 0:
-            reach = near
+            reach = inner_half
         else:
             reach = half
             marks[count] = (i - half + border) * squares.shape[1] + j - half + border
@@ -67,8 +67,8 @@ def draw(
                 across = (a + 0.5 - x) ** 2
                 row = squares[a + border, left + border : left + border + _LANES]
                 for k in range(_LANES):
-                    off = middle + k - y
-                    row[k] = min(row[k], across + off * off)
+                    offset = middle + k - y
+                    row[k] = min(row[k], across + offset * offset)
     return count, math.sqrt(nearest)
 
 
@@ -82,11 +82,11 @@ def erase(
     cell: float,
 ) -> None:
     """Undo `draw`: make `squares` infinite and `first` −1 again."""
-    half, border, wide = _half(comfort, cell), pad(comfort, cell), squares.shape[1]
+    half, border, width = _half(comfort, cell), pad(comfort, cell), squares.shape[1]
     size = len(first)
     # The marked windows contain those of all other points.
     for n in range(count):
-        top, left = marks[n] // wide, marks[n] % wide
+        top, left = marks[n] // width, marks[n] % width
         i, j = top + half - border, left + half - border
         if 0 <= i < size and 0 <= j < size:
             first[i, j] = -1

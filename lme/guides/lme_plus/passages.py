@@ -40,16 +40,16 @@ def half_width(
             m = first[a, b]
             while m >= 0:
                 dx, dy = points[m, 0] - x, points[m, 1] - y
-                away = dx * dx + dy * dy
-                if away < nearest:
-                    ax, ay, nearest = dx, dy, away
+                point_square = dx * dx + dy * dy
+                if point_square < nearest:
+                    ax, ay, nearest = dx, dy, point_square
                 m = following[m]
     if nearest < 0.25 * cell * cell:
         return 0.0
     # Least distance from that point to one on the other side.
-    most = 4.0 * pace.inner * pace.inner
+    max_square = 4.0 * pace.inner * pace.inner
     side = HALF_DIAGONAL * math.sqrt(nearest)
-    width, reach = most, int(2.0 * pace.inner / cell + 0.5)
+    width, reach = max_square, int(2.0 * pace.inner / cell + 0.5)
     for a in range(max(i - reach, 0), min(i + reach + 1, size)):
         for b in range(max(j - reach, 0), min(j + reach + 1, size)):
             # Skip cells that lie wholly on the side of the first point.
@@ -61,7 +61,7 @@ def half_width(
                 if dx * ax + dy * ay < 0.0:
                     width = min(width, (dx - ax) ** 2 + (dy - ay) ** 2)
                 m = following[m]
-    return 0.5 * math.sqrt(width) if width < most else 0.0
+    return 0.5 * math.sqrt(width) if width < max_square else 0.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -72,15 +72,15 @@ def may_be_passage(squares, i, j, tight, comfort):
     nearest is farther from one of twelve cells about 2 cells away, by nearly all of the way there.
     """
     square = squares[i, j]
-    least = max(tight - HALF_DIAGONAL, 0.5)
-    if square < least * least:
+    min_distance = max(tight - HALF_DIAGONAL, 0.5)
+    if square < min_distance * min_distance:
         return False
-    away = math.sqrt(square)
+    distance = math.sqrt(square)
     # Four cells 2 away along the axes, then eight that are √5 away.
-    straight = min(away + _ONE_SIDED * 2.0, comfort) ** 2
+    straight = min(distance + _ONE_SIDED * 2.0, comfort) ** 2
     if max(squares[i - 2, j], squares[i + 2, j], squares[i, j - 2], squares[i, j + 2]) >= straight:
         return False
-    aslant = min(away + _ONE_SIDED * math.sqrt(5.0), comfort) ** 2
+    aslant = min(distance + _ONE_SIDED * math.sqrt(5.0), comfort) ** 2
     rows = max(squares[i - 2, j - 1], squares[i - 2, j + 1], squares[i + 2, j - 1], squares[i + 2, j + 1])
     columns = max(squares[i - 1, j - 2], squares[i - 1, j + 2], squares[i + 1, j - 2], squares[i + 1, j + 2])
     return max(rows, columns) < aslant

@@ -18,9 +18,9 @@ from lme.types import Bools, Floats, Pose
 BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
 _CELL = 0.15  # [m] side of a cell
 NARROW = 100.0  # [-] factor of the time at v_max in a passage that leaves less than the margin
-_EVERY = 3  # cells between two places on the way of steepest descent
+_STRIDE = 3  # cells between two places on the way of steepest descent
 _WINDING = 4.0  # [-] greatest length of a way that is followed in the grid, in multiples of the reach
-_ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
+_ORIGIN = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
@@ -58,15 +58,15 @@ class Field(NamedTuple):
     target: Floats
     v_max: float
 
-    def rest(self, places: Floats, pose: Pose = _ITSELF) -> Floats:
-        """T at (N, 2) places in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
+    def rest(self, positions: Floats, pose: Pose = _ORIGIN) -> Floats:
+        """T at (N, 2) positions in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
 
-        If the robot has no way to the target, such places have the time of the straight line to it.
+        If the robot has no way to the target, such positions have the time of the straight line to it.
         """
         frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
         ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
-        found: Floats = rest_at(self.times, places, frame, grid, *ends)
-        return found
+        costs: Floats = rest_at(self.times, positions, frame, grid, *ends)
+        return costs
 
     def kept(self) -> Field:
         """Return a copy with times of its own, which stay when the next field is computed."""
@@ -78,8 +78,8 @@ class Field(NamedTuple):
         Also returns how far ahead the way becomes narrow [m], inf if nowhere.
         """
         grid = (*self.grid,)
-        found: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _EVERY)
-        return found
+        descent: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _STRIDE)
+        return descent
 
 
 class Travel:
@@ -103,13 +103,13 @@ class Travel:
         self,
         points: Floats,
         target: Floats,
-        here: Floats,
+        position: Floats,
         people: Floats = _NOBODY,
         learned: LearnedTimes | None = None,
         narrow: float = NARROW,
         stuck: Floats = _NOBODY,
     ) -> Field:
-        """Compute the field of a robot at `here` (2,) to its `target` (2,), among `points` (M, 2).
+        """Compute the field of a robot at `position` (2,) to its `target` (2,), among `points` (M, 2).
 
         It is valid until the next call. people (P, 6): x, y, vx, vy and radius of people who are not among the
         points, in the same frame [m, m/s], and how long they have stood [s]. learned: times that earlier fields gave
@@ -118,25 +118,25 @@ class Travel:
         `StuckPlaces.rows`. Where people and such places overlap, the longest time counts.
         """
         # A grid of whole cells around the robot; people and stuck places form one crowd.
-        x, y = (math.floor((at - self._reach) / _CELL) * _CELL for at in here.tolist())
+        x, y = (math.floor((coordinate - self._reach) / _CELL) * _CELL for coordinate in position.tolist())
         grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
         pace = (*self._pace._replace(narrow=narrow),)
         crowd = self._crowd(people)
         crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
-        scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
-        given = (*self._workspace,), *scene, BEYOND
+        scene = points, target, position, (*grid,), pace, crowd, *learned.around(grid)
+        inputs = (*self._workspace,), *scene, BEYOND
         # Search, and again with ways that leave the grid if it has no good one to a target in it.
-        work, places = self._workspace, (grid, here, target, self._pace.v_max)
-        field = Field(work.times, work.narrow, travel_times(*given, False), *places)
-        if self._is_no_good(field):  # perhaps there is a better way around outside the grid
-            field = Field(work.times, work.narrow, travel_times(*given, True), *places)
+        work, ends = self._workspace, (grid, position, target, self._pace.v_max)
+        field = Field(work.times, work.narrow, travel_times(*inputs, False), *ends)
+        if self._is_detour(field):  # perhaps there is a better way around outside the grid
+            field = Field(work.times, work.narrow, travel_times(*inputs, True), *ends)
         time = field.robot_time
         if math.isfinite(time) and not len(people):
-            learned.learn(field.times, grid, here, target, time + BEYOND, field.v_max)
+            learned.learn(field.times, grid, position, target, time + BEYOND, field.v_max)
         return field
 
-    def _is_no_good(self, field: Field) -> bool:
+    def _is_detour(self, field: Field) -> bool:
         """Return whether the grid has no way, or only a narrow one, to a target that is in it."""
         if apart(field.here, field.target) > self._reach:
             return False
@@ -150,10 +150,10 @@ class Travel:
             return _NOBODY
         reach = people[:, 4] + self._berth
         speed = np.hypot(people[:, 2], people[:, 3])
-        leaves = np.maximum(
+        leave_time = np.maximum(
             people[:, 5], self._patience
         )  # people are expected to stand for as long again as they have stood
-        wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leaves)
+        wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leave_time)
         return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))
 
 

@@ -78,18 +78,18 @@ class Workspace(NamedTuple):
 
 def workspace(size: int, cell: float, comfort: float) -> Workspace:
     """A workspace for grids of `size` × `size` cells of side `cell` [m], and one comfort [m]."""
-    wide, padded, disc = size + 2, size + 2 * pad(comfort, cell), _disc(size)
+    width, padded, disc = size + 2, size + 2 * pad(comfort, cell), _disc(size)
     return Workspace(
-        times=np.full((wide, wide), np.inf),
+        times=np.full((width, width), np.inf),
         tentative=np.where(disc, np.inf, -np.inf).ravel(),
-        steps=np.zeros(wide * wide),
-        narrow=np.zeros(wide * wide, np.bool_),
-        away=np.empty(wide * wide),
+        steps=np.zeros(width * width),
+        narrow=np.zeros(width * width, np.bool_),
+        away=np.empty(width * width),
         squares=np.full((padded, padded), np.inf),
         first=np.full((size, size), -1, np.int32),
         marks=np.empty(padded * padded, np.int32),
-        nodes=np.empty((2, 5 * wide * wide), np.int32),
-        walls=np.empty(wide * wide, np.int32),
+        nodes=np.empty((2, 5 * width * width), np.int32),
+        walls=np.empty(width * width, np.int32),
         used=np.zeros(2, np.int64),
         edge=np.flatnonzero(_edge(disc)).astype(np.int32),
     )
@@ -118,93 +118,93 @@ def disc_radius(size: int) -> float:
 @njit(cache=True, error_model="numpy")
 def rest_at(
     times: Floats,
-    places: Floats,
+    positions: Floats,
     pose: tuple[float, float, float],
     grid: Grid | GridNumbers,
     robot_time: float,
-    beyond: float,
-    here: Floats,
+    slack: float,
+    robot: Floats,
     target: Floats,
     v_max: float,
 ) -> Floats:
-    """T at the (N, 2) places in the frame at `pose` [s]: (N,), the least possible where nothing was searched.
+    """T at the (N, 2) positions in the frame at `pose` [s]: (N,), the least possible where nothing was searched.
 
-    The search ended `beyond` [s] after the time of the robot, which is at `here` (2,). If that is inf, such places
+    The search ended `slack` [s] after the time of the robot, which is at `robot` (2,). If that is inf, such positions
     have the time of the straight line to the target (2,), at v_max [m/s].
     """
-    places = _placed(places, pose)
-    out = times_at(times, places, grid)
-    known = robot_time < np.inf
-    for n in range(len(places)):
-        if out[n] == np.inf:
+    positions = _placed(positions, pose)
+    costs = times_at(times, positions, grid)
+    is_reached = robot_time < np.inf
+    for n in range(len(positions)):
+        if costs[n] == np.inf:
             # Not searched: the time at which the search ended, less the straight way from the robot; or, if the robot
             # has no way, the straight line to the target.
-            apart = here if known else target
-            dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
+            reference = robot if is_reached else target
+            dx, dy = positions[n, 0] - reference[0], positions[n, 1] - reference[1]
             straight = math.sqrt(dx * dx + dy * dy) / v_max
-            out[n] = max(robot_time + beyond - straight, 0.0) if known else straight
-    return out
+            costs[n] = max(robot_time + slack - straight, 0.0) if is_reached else straight
+    return costs
 
 
 @njit(cache=True, error_model="numpy")
 def turns_at(
     times: Floats,
-    places: Floats,
+    positions: Floats,
     pose: tuple[float, float, float],
     grid: Grid | GridNumbers,
     target: Floats,
 ) -> Floats:
-    """Angles between the straight ways from `pose` to (N, 2) places in its frame and the steepest descents of T there.
+    """Angles between the straight ways from `pose` to (N, 2) positions in its frame and the steepest descents there.
 
     From 0 to π [rad]: (N,). The slope is that between the cells `_STEP` cells to each side of the place's own, or on
-    one side only where the search did not reach the other. The angle is 0 at places that the search did not reach,
+    one side only where the search did not reach the other. The angle is 0 at positions that the search did not reach,
     and nearer than `_STEP` cells to the target or the grid's edge.
     """
     low_x, low_y, cell, size = grid
-    to_x, to_y, near = target[0], target[1], (_STEP * cell) ** 2
-    placed, out = _placed(places, pose), np.zeros(len(places))
-    for n in range(len(places)):
+    to_x, to_y, near_square = target[0], target[1], (_STEP * cell) ** 2
+    placed, angles = _placed(positions, pose), np.zeros(len(positions))
+    for n in range(len(positions)):
         x, y = placed[n, 0], placed[n, 1]
         i, j = math.floor((x - low_x) / cell) + 1, math.floor((y - low_y) / cell) + 1
         inside = _STEP < i <= size - _STEP and _STEP < j <= size - _STEP
-        if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < near:
+        if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < near_square:
             continue
         # Steepest descent of T by differences, and its angle with the straight way.
         down_x = _fall(times[i - _STEP, j], times[i, j], times[i + _STEP, j])
         down_y = _fall(times[i, j - _STEP], times[i, j], times[i, j + _STEP])
         x, y = x - pose[0], y - pose[1]
-        out[n] = abs(math.atan2(x * down_y - y * down_x, x * down_x + y * down_y))
-    return out
+        angles[n] = abs(math.atan2(x * down_y - y * down_x, x * down_x + y * down_y))
+    return angles
 
 
 @njit(cache=True, error_model="numpy")
-def _fall(before, here, after):
+def _fall(lower, centre, upper):
     """Fall of T from one side of a cell to the other; twice that on one side if only this side has a time."""
-    if before < np.inf:
-        return before - after if after < np.inf else 2.0 * (before - here)
-    return 2.0 * (here - after) if after < np.inf else 0.0
+    if lower < np.inf:
+        return lower - upper if upper < np.inf else 2.0 * (lower - centre)
+    return 2.0 * (centre - upper) if upper < np.inf else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _placed(places, pose):
-    """Transform places (N, 2) from the frame at `pose` to that of the grid."""
+def _placed(positions, pose):
+    """Transform positions (N, 2) from the frame at `pose` to that of the grid."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    out = np.empty(places.shape)
-    for n in range(len(places)):
-        x, y = places[n, 0], places[n, 1]
-        out[n, 0], out[n, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
-    return out
+    transformed = np.empty(positions.shape)
+    for n in range(len(positions)):
+        x, y = positions[n, 0], positions[n, 1]
+        transformed[n, 0], transformed[n, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+    return transformed
 
 
 @njit(cache=True, error_model="numpy")
-def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
-    """T at the (N, 2) places by bilinear interpolation of the cells that have one [s]: (N,); inf if none has."""
+def times_at(times: Floats, positions: Floats, grid: Grid | GridNumbers) -> Floats:
+    """T at the (N, 2) positions by bilinear interpolation of the cells that have one [s]: (N,); inf if none has."""
     low_x, low_y, cell, size = grid
-    out = np.full(len(places), np.inf)
-    for n in range(len(places)):
+    interpolated = np.full(len(positions), np.inf)
+    for n in range(len(positions)):
         # Place in cells, kept inside the grid: cell i is centred on i.
-        x = min(max((places[n, 0] - low_x) / cell + 0.5, 1.0), size - 1e-9)
-        y = min(max((places[n, 1] - low_y) / cell + 0.5, 1.0), size - 1e-9)
+        x = min(max((positions[n, 0] - low_x) / cell + 0.5, 1.0), size - 1e-9)
+        y = min(max((positions[n, 1] - low_y) / cell + 0.5, 1.0), size - 1e-9)
         i, j = int(x), int(y)
         # Weighted mean of those of the four cells around it that have a time.
         total, weights = 0.0, 0.0
@@ -216,8 +216,8 @@ def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
                     total += weight * time
                     weights += weight
         if weights > 0.0:
-            out[n] = total / weights
-    return out
+            interpolated[n] = total / weights
+    return interpolated
 
 
 @njit(cache=True, error_model="numpy")
@@ -238,10 +238,10 @@ def descend(
     i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
     j = min(max(int((pose[1] - low_y) / cell) + 1, 1), size)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    most = int(length / cell)
-    places = np.empty((most // every + 1, 2))
-    count, way, ahead = 0, 0.0, 0.0 if narrow[i * (size + 2) + j] else np.inf
-    for k in range(1, most + 1):
+    max_steps = int(length / cell)
+    path = np.empty((max_steps // every + 1, 2))
+    count, travelled, ahead = 0, 0.0, 0.0 if narrow[i * (size + 2) + j] else np.inf
+    for k in range(1, max_steps + 1):
         # Neighbour towards which T falls most steeply; at a minimum the way ends.
         steepest, di, dj = 0.0, 0, 0
         for a in range(-1, 2):
@@ -251,12 +251,12 @@ def descend(
                     steepest, di, dj = fall, a, b
         if di == 0 and dj == 0:
             break
-        i, j, way = i + di, j + dj, way + cell * math.sqrt(di * di + dj * dj)
+        i, j, travelled = i + di, j + dj, travelled + cell * math.sqrt(di * di + dj * dj)
         if ahead == np.inf and narrow[i * (size + 2) + j]:
-            ahead = way
+            ahead = travelled
         if k % every == 0:
             # Centre of the cell in the frame at the pose.
             x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]
-            places[count, 0], places[count, 1] = cos * x + sin * y, cos * y - sin * x
+            path[count, 0], path[count, 1] = cos * x + sin * y, cos * y - sin * x
             count += 1
-    return places[:count], ahead
+    return path[:count], ahead

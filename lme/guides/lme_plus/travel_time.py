@@ -31,7 +31,7 @@ from lme.types import Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
-_BESIDE = 20.0  # [-] factor of the time at v_max, from the nearest passage to a target that has none
+_PASSAGE = 20.0  # [-] factor of the time at v_max, from the nearest passage to a target that has none
 _TINY = 1e-9  # [m] instead of a band without width
 _GAIN = 0.1  # [times for a cell] by which a known time must improve to be recomputed
 
@@ -47,7 +47,7 @@ def travel_times(
     people: Floats,
     learned: Floats,
     corner: tuple[int, int],
-    beyond: float,
+    slack: float,
     leave: bool,
 ) -> float:
     """Solve for T of every cell [s], in `work.times` until the next call, and return that of the robot's cell.
@@ -57,31 +57,31 @@ def travel_times(
     the robot is expected at a place after the time of the straight way. learned (A, B): the least times known before
     [s], where `corner` is that of the grid's frame. A way that leaves the disc is straight and free from there to the
     target, or takes what was learned of the cell at its edge if that is more; to a target in the disc, ways leave it
-    only if `leave` is true. Only ways from the robot that take at most `beyond` [s] more than the best are searched;
+    only if `leave` is true. Only ways from the robot that take at most `slack` [s] more than the best are searched;
     cells on no such way are inf, as are those without passage. Python passes plain tuples: Numba needs 5 µs more to
     recognise each named one.
     """
-    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people, learned, corner
-    time: float = _solve(*named, beyond, leave)
+    arguments = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people, learned, corner
+    time: float = _solve(*arguments, slack, leave)
     return time
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(work, points, target, robot, grid, pace, people, learned, corner, beyond, leave):
+def _solve(work, points, target, robot, grid, pace, people, learned, corner, slack, leave):
     # Target and robot as (row, column); the frame is row and column 0.
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
-    place = grid.x, grid.y, grid.cell, grid.size
+    frame = grid.x, grid.y, grid.cell, grid.size
     # Draw the distances to the obstacle points; they are erased after the search.
     following = np.empty(len(points), np.int32)
     lists = work.first, following, work.marks
-    marks, nearest = draw(work.squares, *lists, points, robot, place, pace.comfort, pace.inner)
-    least = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
+    marks, nearest = draw(work.squares, *lists, points, robot, frame, pace.comfort, pace.inner)
+    min_distance = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
     inside = _inside(x, y, grid.size)
     enclosed = inside and not leave
     obstacles = points, following, work.first
     time = _march(
-        work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, least, beyond, enclosed
+        work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, min_distance, slack, enclosed
     )
     erase(work.squares, work.first, work.marks, marks, pace.comfort, grid.cell)
     return time
@@ -93,50 +93,52 @@ def _clear(work):
     times = work.times.ravel()
     # Only cells that were put into a bucket or seen to be no passage have changed.
     for n in range(work.used[0]):
-        at = work.nodes[0, n]
-        times[at] = work.tentative[at] = np.inf
-        work.steps[at], work.narrow[at] = 0.0, False
+        cell = work.nodes[0, n]
+        times[cell] = work.tentative[cell] = np.inf
+        work.steps[cell], work.narrow[cell] = 0.0, False
     for n in range(work.used[1]):
-        at = work.walls[n]
-        work.tentative[at], work.steps[at] = np.inf, 0.0
+        cell = work.walls[n]
+        work.tentative[cell], work.steps[cell] = np.inf, 0.0
     work.used[:] = 0
 
 
 @njit(cache=True, error_model="numpy")
-def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
+def _march(
+    work, obstacles, target, robot, grid, pace, people, learned, corner, min_distance, slack, enclosed
+):
     """Solve |∇T| = s from the target, and from the edge of the disc unless the ways are `enclosed` in it.
 
-    target, robot: (row, column). least [m]: distance to points that suffices near the robot.
+    target, robot: (row, column). min_distance [m]: distance to points that suffices near the robot.
     """
     _clear(work)
-    wide, cell_time = grid.size + 2, grid.cell / pace.v_max
+    width, cell_time = grid.size + 2, grid.cell / pace.v_max
     # Robot's cell, flat views of the arrays, and lengths in cells.
     x, y = target
     rx, ry = robot
-    here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
-    final, tentative, steps, far = work.times.ravel(), work.tentative, work.steps, work.away
+    robot_cell = min(max(int(rx + 0.5), 1), grid.size) * width + min(max(int(ry + 0.5), 1), grid.size)
+    final, tentative, steps, robot_distances = work.times.ravel(), work.tentative, work.steps, work.away
     narrow, passable = work.narrow, pace.tight < pace.inner
-    least_half, most = pace.tight / grid.cell, pace.comfort / grid.cell
+    half_min, comfort = pace.tight / grid.cell, pace.comfort / grid.cell
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
     # Sources: cells around the target, and at the edge the straight time or what was learned, if that is more.
-    beside = _beside(squares, border, x, y, grid, pace)
+    beside_square = _passage_radius_square(squares, border, x, y, grid, pace)
     at_target, count = _sources(cells, work.edge, x, y, grid.size, enclosed)
     # Sort them into buckets, linked lists of nodes, by T plus the straight way from the robot, in cells.
     heads = np.full(BUCKETS, -1, np.int32)
     first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
     for n in range(count):
-        i, j = cells[n] // wide, cells[n] % wide
+        i, j = cells[n] // width, cells[n] % width
         time = math.hypot(i - x, j - y) * cell_time
         if n >= at_target:
             time = max(time, learned[i + corner[0], j + corner[1]])
         tentative[cells[n]] = time
         bucket = min(int(time / cell_time + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
-    # Take nodes bucket by bucket, until `beyond` after the robot's cell.
-    bucket, stop, least_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
+    # Take nodes bucket by bucket, until `slack` after the robot's cell.
+    bucket, stop, min_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
     node = heads[0]
-    aside, ahead = np.uint64(1), np.uint64(wide)  # indices without a sign are faster: none can be negative
+    dj, di = np.uint64(1), np.uint64(width)  # indices without a sign are faster: none can be negative
     while True:
         if node < 0:
             bucket += 1
@@ -144,73 +146,75 @@ def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, 
                 break
             node = heads[bucket]
             continue
-        at = np.uint64(cells[node])
+        cell = np.uint64(cells[node])
         node = follow[node]
         # Skip a node if its cell has already got this time or a better one.
-        known = tentative[at]
-        if final[at] <= known:
+        arrival = tentative[cell]
+        if final[cell] <= arrival:
             continue
-        final[at] = known
-        if at == np.uint64(here):
-            stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
+        final[cell] = arrival
+        if cell == np.uint64(robot_cell):
+            stop = min(bucket + int(slack / cell_time) + 1, BUCKETS)
         # Update the four neighbours by way of this cell.
         for k in range(_NEIGHBOURS):
-            near = at + aside if k == 0 else at - aside if k == 1 else at + ahead if k == 2 else at - ahead
-            enough = tentative[near] - least_gain
-            if known >= enough:
+            neighbour = cell + dj if k == 0 else cell - dj if k == 1 else cell + di if k == 2 else cell - di
+            max_time = tentative[neighbour] - min_gain
+            if arrival >= max_time:
                 continue  # a time by way of this cell is longer than its own
-            step = steps[near]
+            step = steps[neighbour]
             if step == 0.0:
                 # First visit: time across the cell, by its distance to points and the width of a passage.
-                i, j = int(near) // wide, int(near) % wide
-                away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
+                i, j = int(neighbour) // width, int(neighbour) % width
+                distance = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
                 square = squares[i + border, j + border] * grid.cell * grid.cell
                 tight, half = square < pace.inner * pace.inner, 0.0
-                if tight and passable and may_be_passage(squares, i + border, j + border, least_half, most):
+                if tight and passable and may_be_passage(squares, i + border, j + border, half_min, comfort):
                     half = half_width(i - 1, j - 1, squares, border + 1, obstacles, grid, pace)
-                step = grid.cell * _slowness(max(square, half * half), half, away * grid.cell, least, pace)
+                step = grid.cell * _slowness(
+                    max(square, half * half), half, distance * grid.cell, min_distance, pace
+                )
                 # Close to a target without a passage, cells without a point in them are slow instead of closed.
                 if (
                     tight
-                    and step > _BESIDE * cell_time
-                    and (i - x) ** 2 + (j - y) ** 2 < beside
+                    and step > _PASSAGE * cell_time
+                    and (i - x) ** 2 + (j - y) ** 2 < beside_square
                     and square > 0.5 * grid.cell**2
                 ):
-                    step = _BESIDE * cell_time
+                    step = _PASSAGE * cell_time
                 # Time that people on their way cost when the robot can be here.
                 if len(people):
-                    place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
-                    step += grid.cell * _in_the_way(place, away * cell_time, people)
-                steps[near], far[near], narrow[near] = step, away, half > 0.0
+                    position = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
+                    step += grid.cell * _people_cost(position, distance * cell_time, people)
+                steps[neighbour], robot_distances[neighbour], narrow[neighbour] = step, distance, half > 0.0
                 if step == np.inf:
-                    walls[blocked] = near
+                    walls[blocked] = neighbour
                     blocked += 1
-                    if tentative[near] == np.inf:
-                        tentative[near] = -np.inf  # not looked at again
+                    if tentative[neighbour] == np.inf:
+                        tentative[neighbour] = -np.inf  # not looked at again
             if step == np.inf:
                 continue
             # Upwind difference: the lesser final time along each axis.
             time = _eikonal(
-                min(final[near - ahead], final[near + ahead]),
-                min(final[near - aside], final[near + aside]),
+                min(final[neighbour - di], final[neighbour + di]),
+                min(final[neighbour - dj], final[neighbour + dj]),
                 step,
             )
             # Put the neighbour into its bucket; if that is not a later one, it comes next.
-            if time < enough and count < len(cells):
-                tentative[near] = time
-                into = min(int(time / cell_time + far[near] - first), BUCKETS - 1)
-                cells[count] = near
-                if into <= bucket:
+            if time < max_time and count < len(cells):
+                tentative[neighbour] = time
+                new_bucket = min(int(time / cell_time + robot_distances[neighbour] - first), BUCKETS - 1)
+                cells[count] = neighbour
+                if new_bucket <= bucket:
                     follow[count], node = node, count
                 else:
-                    follow[count], heads[into] = heads[into], count
+                    follow[count], heads[new_bucket] = heads[new_bucket], count
                 count += 1
     work.used[0], work.used[1] = count, blocked
-    return final[here]
+    return final[robot_cell]
 
 
 @njit(cache=True, error_model="numpy")
-def _beside(squares, border, x, y, grid, pace):
+def _passage_radius_square(squares, border, x, y, grid, pace):
     """Squared distance up to which slow ways lead to a target without a passage [cells²]; 0 if it has one."""
     if _inside(x, y, grid.size):
         square = squares[int(x + 0.5) + border, int(y + 0.5) + border] * grid.cell * grid.cell
@@ -234,8 +238,8 @@ def _sources(cells, edge, x, y, size, enclosed):
                 at_target += 1
     count = at_target
     if not enclosed:
-        for at in edge:
-            cells[count] = at
+        for cell in edge:
+            cells[count] = cell
             count += 1
     return at_target, count
 
@@ -251,40 +255,40 @@ def _inside(x, y, size):
 def _eikonal(a, b, step):
     """Time of a cell whose neighbours have the times a along one axis and b along the other; inf: no neighbour."""
     # (T − a)² + (T − b)² = step² if T is later than both, else T is a straight step from the earlier one.
-    apart = abs(a - b)
-    if apart < step:
-        return 0.5 * (a + b + math.sqrt(2.0 * step * step - apart * apart))
+    difference = abs(a - b)
+    if difference < step:
+        return 0.5 * (a + b + math.sqrt(2.0 * step * step - difference * difference))
     return min(a, b) + step
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _slowness(square, half, away, least, pace):
+def _slowness(square, half, robot_distance, min_distance, pace):
     """Time per metre [s/m] by squared distance to the nearest point and distance to the robot; inf: no passage."""
     if square >= pace.comfort * pace.comfort:
         return 1.0 / pace.v_max
     d = math.sqrt(square)
     # Nearer than `inner`: slower up to `narrow` times at `tight`, but in the robot's own passage as at `inner`.
     if d < pace.inner:
-        beside = d >= least and away <= pace.room
-        if d < pace.tight and not beside:
+        is_beside = d >= min_distance and robot_distance <= pace.room
+        if d < pace.tight and not is_beside:
             return np.inf
-        if half == 0.0 or not beside:
-            share = (pace.inner - max(d, pace.tight)) / max(pace.inner - pace.tight, _TINY)
-            return (1.0 + pace.slowdown + (pace.narrow - 1.0 - pace.slowdown) * share) / pace.v_max
+        if half == 0.0 or not is_beside:
+            fraction = (pace.inner - max(d, pace.tight)) / max(pace.inner - pace.tight, _TINY)
+            return (1.0 + pace.slowdown + (pace.narrow - 1.0 - pace.slowdown) * fraction) / pace.v_max
         d = pace.inner
-    # From `inner` to `comfort`: 1 + slowdown · share², with share 1 at `inner`.
-    share = (pace.comfort - d) / (pace.comfort - pace.inner)
-    return (1.0 + pace.slowdown * share * share) / pace.v_max
+    # From `inner` to `comfort`: 1 + slowdown · fraction², with fraction 1 at `inner`.
+    fraction = (pace.comfort - d) / (pace.comfort - pace.inner)
+    return (1.0 + pace.slowdown * fraction * fraction) / pace.v_max
 
 
 @njit(cache=True, error_model="numpy")
-def _in_the_way(place, time, people):
-    """Time per metre that people cost at a place after some time [s/m]."""
+def _people_cost(position, time, people):
+    """Time per metre that people cost at a position after some time [s/m]."""
     cost = 0.0
     for n in range(len(people)):
         # Offset of the person by then, at constant velocity.
-        dx = people[n, 0] + time * people[n, 2] - place[0]
-        dy = people[n, 1] + time * people[n, 3] - place[1]
+        dx = people[n, 0] + time * people[n, 2] - position[0]
+        dy = people[n, 1] + time * people[n, 3] - position[1]
         if dx * dx + dy * dy < people[n, 4] * people[n, 4]:
             cost = max(cost, people[n, 5])
     return cost

@@ -97,18 +97,18 @@ class TangentBug:
         self._mode = Mode.TOWARD
         self._nearest = math.inf  # [m] least distance to the target so far, of the robot or the boundary
         self._side = 0  # +1: pass the obstacle's left end, with the obstacle on the right; −1: the right end
-        self._along = np.zeros(2)  # scan point on the followed boundary, in the odometry frame
-        self._place = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
+        self._followed_point = np.zeros(2)  # scan point on the followed boundary, in the odometry frame
+        self._leave_position = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
 
     def guide(self, observation: Observation) -> Guidance:
         """Return the next place of the local tangent graph; the robot's position if obstacles enclose it."""
-        before = self._mode, self._side
+        previous = self._mode, self._side
         points = _by_bearing(self._blind.points(observation), self._mount)
         view = _View(points, observation, self._r, self._config.margin)
         act = {Mode.TOWARD: self._toward, Mode.FOLLOW: self._follow, Mode.LEAVE: self._leave}[self._mode]
-        place = act(view)
-        switched = (self._mode, self._side) != before
-        return Guidance(np.zeros(2) if place is None else place, None, switched, place is None)
+        subgoal = act(view)
+        switched = (self._mode, self._side) != previous
+        return Guidance(np.zeros(2) if subgoal is None else subgoal, None, switched, subgoal is None)
 
     def _toward(self, view: _View) -> Floats | None:
         """Drive straight, or past an end of the blocking obstacle, while that comes nearer to the target."""
@@ -117,46 +117,46 @@ class TangentBug:
         if owner < 0:
             self._side = 0
             return view.target
-        ends, least = view.ends(owner)
+        ends, min_distance = view.ends(owner)
         lengths = {side: self._length_over(view, end.place, side) for side, end in ends.items()}
-        nearer = [side for side, end in ends.items() if _distance(end.place, view.target) < self._nearest]
-        if nearer:
-            self._side = min(nearer, key=lengths.__getitem__)
+        sides = [side for side, end in ends.items() if _distance(end.place, view.target) < self._nearest]
+        if sides:
+            self._side = min(sides, key=lengths.__getitem__)
             return ends[self._side].place
         self._mode = Mode.FOLLOW
         self._side = min(lengths, key=lengths.__getitem__, default=view.side_of_target(owner))
-        self._along = to_world(view.points[owner], view.odometry)
-        self._nearest = min(self._nearest, least)
+        self._followed_point = to_world(view.points[owner], view.odometry)
+        self._nearest = min(self._nearest, min_distance)
         return self._follow(view)
 
-    def _length_over(self, view: _View, place: Floats, side: int) -> float:
-        """Length of the path to the target over a place [m], minus `keep` on the previous side."""
-        length = math.hypot(*place) + _distance(place, view.target)
+    def _length_over(self, view: _View, position: Floats, side: int) -> float:
+        """Length of the path to the target by way of a position [m], minus `keep` on the previous side."""
+        length = math.hypot(*position) + _distance(position, view.target)
         return length - self._config.keep if side == self._side else length
 
     def _follow(self, view: _View) -> Floats | None:
         """Drive to the end of the visible boundary, unless a place nearer than the whole boundary is in sight."""
-        place = view.nearest_place()
-        if _distance(place, view.target) < self._nearest - self._config.leave_gain:
-            self._mode, self._place = Mode.LEAVE, to_world(place, view.odometry)
-            return place
-        end, least = view.next_end(to_robot(self._along, view.odometry), self._side)
-        self._nearest = min(self._nearest, view.distance, least)
+        position = view.nearest_place()
+        if _distance(position, view.target) < self._nearest - self._config.leave_gain:
+            self._mode, self._leave_position = Mode.LEAVE, to_world(position, view.odometry)
+            return position
+        end, min_distance = view.next_end(to_robot(self._followed_point, view.odometry), self._side)
+        self._nearest = min(self._nearest, view.distance, min_distance)
         if end is None:
             return None
-        self._along = to_world(end.point, view.odometry)
+        self._followed_point = to_world(end.point, view.odometry)
         return end.place
 
     def _leave(self, view: _View) -> Floats | None:
         """Drive to the chosen place until the robot itself is nearer to the target than the boundary."""
-        place = to_robot(self._place, view.odometry)
+        position = to_robot(self._leave_position, view.odometry)
         if view.distance < self._nearest:
             self._mode = Mode.TOWARD
             return self._toward(view)
-        if view.blocking(place, closely=True) >= 0:
+        if view.blocking(position, closely=True) >= 0:
             self._mode = Mode.FOLLOW
             return self._follow(view)
-        return place
+        return position
 
 
 class _View:
@@ -171,20 +171,20 @@ class _View:
         self.odometry = observation.odometry
         self.distance = math.hypot(*self.target)
         self._radius = r + margin
-        away = np.hypot(points[:, 0], points[:, 1])
+        distances = np.hypot(points[:, 0], points[:, 1])
         from_target = np.hypot(points[:, 0] - self.target[0], points[:, 1] - self.target[1])
-        wide = np.minimum(self._radius, np.maximum(TOUCHING * from_target, r))
-        self._radii = np.minimum(wide, TOUCHING * away)
-        self._close = np.minimum(self._radii, r + margin / 2.0)
-        self._ways, self._owners = free_ways(points, self._radii, UNITS)
+        radii = np.minimum(self._radius, np.maximum(TOUCHING * from_target, r))
+        self._radii = np.minimum(radii, TOUCHING * distances)
+        self._reduced_radii = np.minimum(self._radii, r + margin / 2.0)
+        self._free, self._owners = free_ways(points, self._radii, UNITS)
         slope = GRAZING * abs(observation.scan.angle_increment)
         self._breaks = breaks_before(points, 2.0 * self._radius, slope)
-        self._profile = self._ways, self._owners, self._breaks, slope
-        self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point
+        self._profile = self._free, self._owners, self._breaks, slope
+        self._jumps = self._free, self._owners, np.arange(len(points) + 1), slope  # a break after every point
 
-    def blocking(self, place: Floats, closely: bool = False) -> int:
-        """Index of the point that blocks the line to a place, −1 if none; closely: with half the margin."""
-        return int(first_on_way(self.points, self._close if closely else self._radii, place))
+    def blocking(self, position: Floats, closely: bool = False) -> int:
+        """Index of the point that blocks the line to a position, −1 if none; closely: with half the margin."""
+        return int(first_on_way(self.points, self._reduced_radii if closely else self._radii, position))
 
     def side_of_target(self, owner: int) -> int:
         """Side of the target relative to a point: +1 left, −1 right."""
@@ -194,14 +194,14 @@ class _View:
     def ends(self, owner: int) -> tuple[dict[int, Vertex], float]:
         """Left (+1) and right (−1) end of a point's obstacle, and the obstacle's least distance to the target [m]."""
         start = _direction(self.points[owner])
-        found, nearest = {}, math.inf
+        ends, nearest = {}, math.inf
         for side in (1, -1):
-            k, longer, least = sweep(*self._profile, UNITS, start, side, self.target)
-            end = self._mouth(start, side) or (self._node(k, longer, side) if k >= 0 else None)
+            k, is_longer, min_distance = sweep(*self._profile, UNITS, start, side, self.target)
+            end = self._mouth(start, side) or (self._node(k, is_longer, side) if k >= 0 else None)
             if end is not None:
-                found[side] = end
-            nearest = min(nearest, least)
-        return found, nearest
+                ends[side] = end
+            nearest = min(nearest, min_distance)
+        return ends, nearest
 
     def next_end(self, along: Floats, side: int) -> tuple[Vertex | None, float]:
         """End, on one side, of the visible boundary with the scan point nearest to `along`.
@@ -213,51 +213,51 @@ class _View:
             return None, math.inf
         index = int(np.argmin(np.hypot(*(self.points - along).T)))
         start = self._in_sight(index, side)
-        k, longer, least = sweep(*self._profile, UNITS, start, side, self.target)
-        return self._node(k, longer, side) if k >= 0 else self._along_wall(start, side), least
+        k, is_longer, min_distance = sweep(*self._profile, UNITS, start, side, self.target)
+        return self._node(k, is_longer, side) if k >= 0 else self._along_wall(start, side), min_distance
 
     def nearest_place(self) -> Floats:
         """Reachable place nearest to the target: the target, an end, or the farthest point towards the target."""
         if self.blocking(self.target) < 0:
             return self.target
         k = _direction(self.target)
-        places = [self._node(k, True, side).place for k, side in all_ends(*self._profile).tolist()]
-        places.append(min(self._ways[k], self.distance) * UNITS[k])
-        return min(places, key=lambda place: _distance(place, self.target))
+        positions = [self._node(k, True, side).place for k, side in all_ends(*self._profile).tolist()]
+        positions.append(min(self._free[k], self.distance) * UNITS[k])
+        return min(positions, key=lambda position: _distance(position, self.target))
 
     def _mouth(self, start: int, side: int) -> Vertex | None:
         """Opening of a pocket that contains the target; the scan has no break there if it shows the inside."""
-        k, longer, _ = sweep(*self._jumps, UNITS, start, side, self.target)
-        if k < 0 or not longer:
+        k, is_longer, _ = sweep(*self._jumps, UNITS, start, side, self.target)
+        if k < 0 or not is_longer:
             return None
         node = self._node(k, True, side)
-        onward = first_on_way(self.points - node.place, self._close, self.target - node.place)
-        return node if onward < 0 else None
+        blocking = first_on_way(self.points - node.place, self._reduced_radii, self.target - node.place)
+        return node if blocking < 0 else None
 
     def _in_sight(self, index: int, side: int) -> int:
         """Direction of a point, turned back until no nearer obstacle hides the point's obstacle."""
         start = _direction(self.points[index])
-        back = ((start - side * turned) % len(UNITS) for turned in range(len(UNITS)))
-        return next((k for k in back if joined(self._owners[k], index, self._breaks)), start)
+        directions = ((start - side * steps) % len(UNITS) for steps in range(len(UNITS)))
+        return next((k for k in directions if joined(self._owners[k], index, self._breaks)), start)
 
     def _along_wall(self, start: int, side: int) -> Vertex | None:
         """Next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
-        k = first_longer(self._ways, start, side, 2.0 * self._radius)
+        k = first_longer(self._free, start, side, 2.0 * self._radius)
         if k < 0:
             return None
         if k == start:
             return self._node(k, False, side)
         return Vertex(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
 
-    def _node(self, k: int, longer: bool, side: int) -> Vertex:
+    def _node(self, k: int, is_longer: bool, side: int) -> Vertex:
         """Node at the end of the obstacle in direction k: past its end, or where another obstacle hides it."""
         point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
-        if not longer:
-            return Vertex(self._ways[k] * UNITS[k], point)
-        away = math.hypot(*point)
-        bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / away)
-        length = math.sqrt(away * away - radius * radius) + self._radius
-        length = min(length, self._ways[(k + side) % len(UNITS)])
+        if not is_longer:
+            return Vertex(self._free[k] * UNITS[k], point)
+        distance = math.hypot(*point)
+        bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / distance)
+        length = math.sqrt(distance * distance - radius * radius) + self._radius
+        length = min(length, self._free[(k + side) % len(UNITS)])
         return Vertex(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
 
 

@@ -19,19 +19,19 @@ def first_on_way(points: Floats, radii: Floats, end: Floats) -> int:
     points (M, 2) and radii (M,) of the discs [m]. A segment at a distance of exactly the radius is free.
     """
     length = math.hypot(end[0], end[1])
-    best, least = -1, np.inf
+    best, min_hit = -1, np.inf
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         # Foot of the disc's centre on the line, and by how much it is outside the segment.
         along = (x * end[0] + y * end[1]) / length if length > 0.0 else 0.0
-        over = along - min(max(along, 0.0), length)
+        past_end = along - min(max(along, 0.0), length)
         across_square = max(x * x + y * y - along * along, 0.0)
-        depth = radii[i] * radii[i] - across_square - over * over
+        depth = radii[i] * radii[i] - across_square - past_end * past_end
         if depth > 0.0:
             # Place at which the line enters the disc.
             hit = along - math.sqrt(radii[i] * radii[i] - across_square)
-            if hit < least:
-                best, least = i, hit
+            if hit < min_hit:
+                best, min_hit = i, hit
     return best
 
 
@@ -49,7 +49,7 @@ def free_ways(points: Floats, radii: Floats, units: Floats) -> tuple[Floats, Int
     the nearest one; a disc that contains the origin is ignored. Without a disc: inf and −1.
     """
     num_directions = len(units)
-    ways, owners = np.full(num_directions, np.inf), np.full(num_directions, -1)
+    free_lengths, owners = np.full(num_directions, np.inf), np.full(num_directions, -1)
     per_radian = num_directions / (2.0 * math.pi)
     for i in range(len(points)):
         px, py, square = points[i, 0], points[i, 1], radii[i] * radii[i]
@@ -59,17 +59,17 @@ def free_ways(points: Floats, radii: Floats, units: Floats) -> tuple[Floats, Int
         # Directions within asin(radius / distance) of the disc's centre, at least the nearest one.
         bearing, half = math.atan2(py, px) + math.pi, math.asin(radii[i] / distance)
         middle = math.floor(bearing * per_radian)
-        first = min(math.ceil((bearing - half) * per_radian - 0.5), middle)
-        last = max(math.floor((bearing + half) * per_radian - 0.5), middle)
-        for turned in range(first, last + 1):
-            k = turned % num_directions
+        first_direction = min(math.ceil((bearing - half) * per_radian - 0.5), middle)
+        last_direction = max(math.floor((bearing + half) * per_radian - 0.5), middle)
+        for unwrapped in range(first_direction, last_direction + 1):
+            k = unwrapped % num_directions
             # Distance at which the direction enters the disc.
             across = px * units[k, 1] - py * units[k, 0]
             along = px * units[k, 0] + py * units[k, 1]
-            way = along - math.sqrt(max(square - across * across, 0.0))
-            if way < ways[k]:
-                ways[k], owners[k] = way, i
-    return ways, owners
+            length = along - math.sqrt(max(square - across * across, 0.0))
+            if length < free_lengths[k]:
+                free_lengths[k], owners[k] = length, i
+    return free_lengths, owners
 
 
 @njit(cache=True, error_model="numpy")
@@ -80,19 +80,19 @@ def breaks_before(points: Floats, gap: float, slope: float) -> Ints:
     times the distance of the nearer one.
     """
     num_points = len(points)
-    out = np.zeros(num_points + 1, np.int64)
+    breaks = np.zeros(num_points + 1, np.int64)
     for i in range(num_points):
         x, y = points[i, 0], points[i, 1]
         u, v = points[(i + 1) % num_points, 0], points[(i + 1) % num_points, 1]
         # The gap that belongs to one surface grows with the distance.
-        nearer = math.sqrt(min(x * x + y * y, u * u + v * v))
-        out[i + 1] = out[i] + (math.hypot(u - x, v - y) > gap + slope * nearer)
-    return out
+        near_range = math.sqrt(min(x * x + y * y, u * u + v * v))
+        breaks[i + 1] = breaks[i] + (math.hypot(u - x, v - y) > gap + slope * near_range)
+    return breaks
 
 
 @njit(cache=True, error_model="numpy")
 def sweep(
-    ways: Floats,
+    free_lengths: Floats,
     owners: Ints,
     breaks: Ints,
     slope: float,
@@ -108,39 +108,39 @@ def sweep(
     Returns the last direction before the end, −1 if there is no end; whether the free distance grows there; and
     the least distance of the visible boundary to `target` (2,) [m].
     """
-    num_directions = len(ways)
-    least = np.inf
+    num_directions = len(free_lengths)
+    min_distance = np.inf
     k = start
     for _ in range(num_directions):
         # Boundary in this direction, relative to the target.
-        x, y = ways[k] * units[k, 0] - target[0], ways[k] * units[k, 1] - target[1]
-        least = min(least, math.hypot(x, y))
-        after = (k + step) % num_directions
+        x, y = free_lengths[k] * units[k, 0] - target[0], free_lengths[k] * units[k, 1] - target[1]
+        min_distance = min(min_distance, math.hypot(x, y))
+        next_k = (k + step) % num_directions
         # A break is an end if the free distance changes by more than on a grazing wall.
-        if _broken(owners[k], owners[after], breaks, step):
-            if _longer(ways[k], ways[after], slope):
-                return k, True, least
-            if _longer(ways[after], ways[k], slope):
-                return k, False, least
-        k = after
-    return -1, False, least
+        if _broken(owners[k], owners[next_k], breaks, step):
+            if _longer(free_lengths[k], free_lengths[next_k], slope):
+                return k, True, min_distance
+            if _longer(free_lengths[next_k], free_lengths[k], slope):
+                return k, False, min_distance
+        k = next_k
+    return -1, False, min_distance
 
 
 @njit(cache=True, error_model="numpy")
-def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
+def all_ends(free_lengths: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
     """Directions at which an obstacle ends, as in `sweep`, and the steps (±1) to the end: (E, 2)."""
-    num_directions = len(ways)
-    out = np.empty((2 * num_directions, 2), np.int64)
+    num_directions = len(free_lengths)
+    ends = np.empty((2 * num_directions, 2), np.int64)
     count = 0
     for k in range(num_directions):
         for step in (-1, 1):
-            after = (k + step) % num_directions
+            next_k = (k + step) % num_directions
             # An end, seen from the nearer side: the free distance grows at a break.
-            longer = _longer(ways[k], ways[after], slope)
-            if longer and _broken(owners[k], owners[after], breaks, step):
-                out[count, 0], out[count, 1] = k, step
+            is_longer = _longer(free_lengths[k], free_lengths[next_k], slope)
+            if is_longer and _broken(owners[k], owners[next_k], breaks, step):
+                ends[count, 0], ends[count, 1] = k, step
                 count += 1
-    return out[:count]
+    return ends[:count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -162,8 +162,8 @@ def _broken(i, j, breaks, step):
     if (last - first) % num_points > num_points // 2:
         first, last = last, first
     # Breaks between the two, across the last point if need be.
-    turned = breaks[-1] if last < first else 0
-    return breaks[last] - breaks[first] + turned > 0
+    wrap_breaks = breaks[-1] if last < first else 0
+    return breaks[last] - breaks[first] + wrap_breaks > 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,11 +173,11 @@ def joined(i: int, j: int, breaks: Ints) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def first_longer(ways: Floats, start: int, step: int, length: float) -> int:
+def first_longer(free_lengths: Floats, start: int, step: int, length: float) -> int:
     """First direction from `start` on, by `step`, with a free distance of at least `length` [m]; −1 if none."""
-    num_directions = len(ways)
-    for turned in range(num_directions):
-        k = (start + step * turned) % num_directions
-        if ways[k] >= length:
+    num_directions = len(free_lengths)
+    for offset in range(num_directions):
+        k = (start + step * offset) % num_directions
+        if free_lengths[k] >= length:
             return k
     return -1

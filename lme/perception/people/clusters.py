@@ -13,20 +13,20 @@ UNKNOWN = 0.04  # [m²] variance of the radius of a person seen as legs
 _WIDEST_LEGS = 0.3  # [m] radius of a person seen as legs, at most
 _THIN = 0.2  # [m] what is narrower is a leg
 _AS_LEGS = 0.3  # share of the scans with legs from which on a track is no longer fitted as a circle
-_KNOWN = 0.02  # [m] error of a radius that is known
+_KNOWN_ERROR = 0.02  # [m] error of a radius that is known
 _FEWEST = 5  # points that show a circle
 _ITERATIONS = 6
-_MOST = 40  # points that a circle is fitted to
-_OTHERS = 0.05  # [m] points that are farther from the circle of a track are of something else
-_LEAST_RADIUS, _MOST_RADIUS = 0.05, 0.65  # [m]
+_MAX_POINTS = 40  # points that a circle is fitted to
+_RESIDUAL_SCALE = 0.05  # [m] points that are farther from the circle of a track are of something else
+_MIN_RADIUS, _MAX_RADIUS = 0.05, 0.65  # [m]
 FEWEST = 2  # points of a run
 _LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def gap_at(away):
-    """Distance from which on neighbouring points do not belong together [m]; away: of the points [m]."""
-    return 0.1 + 0.02 * away
+def gap_at(distance):
+    """Distance from which on neighbouring points do not belong together [m]; distance: of the points [m]."""
+    return 0.1 + 0.02 * distance
 
 
 @njit(cache=True, error_model="numpy")
@@ -39,15 +39,15 @@ def middle_of(points, chosen, lidar, prior, noise, settings):
     """
     parts, extent, mean_x, mean_y = _runs(points, chosen, lidar)
     # A circle, if the track is known to be a wide one, or if the points are one wide run and it has not had legs.
-    wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN**2
-    if wide or (prior[2] < _AS_LEGS and parts == 1 and extent > _THIN and len(chosen) >= _FEWEST):
+    is_wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN_ERROR**2
+    if is_wide or (prior[2] < _AS_LEGS and parts == 1 and extent > _THIN and len(chosen) >= _FEWEST):
         x, y, radius, rms, spread = _circle(points, chosen, lidar, (mean_x, mean_y), extent, prior, noise)
-        if rms < 0.02 + 2.0 * noise and radius <= _MOST_RADIUS:
+        if rms < 0.02 + 2.0 * noise and radius <= _MAX_RADIUS:
             return x, y, radius, settings.surface**2 + 4.0 * max(rms, 0.5 * noise) ** 2 / len(chosen), spread
     # Otherwise legs: the mean of the runs, moved from the front of a leg to its middle.
     dx, dy = mean_x - lidar[0], mean_y - lidar[1]
-    away = math.sqrt(dx * dx + dy * dy)
-    push = _LEG / max(away, _LEG)
+    distance = math.sqrt(dx * dx + dy * dy)
+    push = _LEG / max(distance, _LEG)
     variance = settings.legs**2 + noise**2 / len(chosen)
     return (
         mean_x + push * dx,
@@ -59,18 +59,18 @@ def middle_of(points, chosen, lidar, prior, noise, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def _runs(points, chosen, lidar):
+def _runs(points, members, lidar):
     """Number of runs of points without a gap, the extent of all [m], and the mean of the runs' means."""
     parts, x, y, sum_x, sum_y, count = 0, 0.0, 0.0, 0.0, 0.0, 0
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
-    for n in range(len(chosen)):
-        px, py = points[chosen[n], 0], points[chosen[n], 1]
+    for n in range(len(members)):
+        px, py = points[members[n], 0], points[members[n], 1]
         # A gap ends a run: add its mean.
         if n > 0:
-            qx, qy = points[chosen[n - 1], 0], points[chosen[n - 1], 1]
-            away = math.sqrt((px - lidar[0]) ** 2 + (py - lidar[1]) ** 2)
-            if math.sqrt((px - qx) ** 2 + (py - qy) ** 2) > gap_at(away):
+            qx, qy = points[members[n - 1], 0], points[members[n - 1], 1]
+            distance = math.sqrt((px - lidar[0]) ** 2 + (py - lidar[1]) ** 2)
+            if math.sqrt((px - qx) ** 2 + (py - qy) ** 2) > gap_at(distance):
                 x, y, parts = x + sum_x / count, y + sum_y / count, parts + 1
                 sum_x, sum_y, count = 0.0, 0.0, 0
         sum_x, sum_y, count = sum_x + px, sum_y + py, count + 1
@@ -80,15 +80,15 @@ def _runs(points, chosen, lidar):
 
 
 @njit(cache=True, error_model="numpy")
-def _circle(points, chosen, lidar, mean, extent, prior, noise):
+def _circle(points, members, lidar, mean, extent, prior, noise):
     """Fit a circle by Gauss-Newton: middle, radius, root mean square of the residuals, variance of the radius."""
     # Start with the known radius or half of the extent, and a middle behind the points as the lidar sees them.
-    known, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
-    r = min(max(known, _LEAST_RADIUS), _MOST_RADIUS)
+    prior_radius, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
+    r = min(max(prior_radius, _MIN_RADIUS), _MAX_RADIUS)
     dx, dy = mean[0] - lidar[0], mean[1] - lidar[1]
-    away = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-    x, y = mean[0] + 0.7 * r * dx / away, mean[1] + 0.7 * r * dy / away
-    step = max(len(chosen) // _MOST, 1)
+    distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+    x, y = mean[0] + 0.7 * r * dx / distance, mean[1] + 0.7 * r * dy / distance
+    step = max(len(members) // _MAX_POINTS, 1)
     weight = max(noise, 0.005) ** 2
     rms, spread = math.inf, variance
     for _ in range(_ITERATIONS):
@@ -96,25 +96,25 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
         a = np.zeros((3, 3))
         b0 = b1 = b2 = total = 0.0
         count = 0.0
-        for n in range(0, len(chosen), step):
-            px, py = points[chosen[n], 0] - x, points[chosen[n], 1] - y
+        for n in range(0, len(members), step):
+            px, py = points[members[n], 0] - x, points[members[n], 1] - y
             d = max(math.sqrt(px * px + py * py), 1e-6)
-            off, nx, ny = d - r, px / d, py / d
+            residual, nx, ny = d - r, px / d, py / d
             # Points off the circle of a known track count less.
-            worth = 1.0 / (1.0 + (off / _OTHERS) ** 2) if prior[0] > 0.0 else 1.0
-            a[0, 0] += worth * nx * nx
-            a[0, 1] += worth * nx * ny
-            a[1, 1] += worth * ny * ny
-            a[0, 2] += worth * nx
-            a[1, 2] += worth * ny
-            b0, b1, b2 = b0 + worth * nx * off, b1 + worth * ny * off, b2 + worth * off
-            total += worth * off * off
-            count += worth
+            w = 1.0 / (1.0 + (residual / _RESIDUAL_SCALE) ** 2) if prior[0] > 0.0 else 1.0
+            a[0, 0] += w * nx * nx
+            a[0, 1] += w * nx * ny
+            a[1, 1] += w * ny * ny
+            a[0, 2] += w * nx
+            a[1, 2] += w * ny
+            b0, b1, b2 = b0 + w * nx * residual, b1 + w * ny * residual, b2 + w * residual
+            total += w * residual * residual
+            count += w
         rms = math.sqrt(total / count)
         # The expected radius as a prior, and a small diagonal against a singular matrix.
         pull = 2.0 * weight / variance
         a22 = count + pull
-        b2 += pull * (known - r)
+        b2 += pull * (prior_radius - r)
         a00, a11 = a[0, 0] + 1e-3 * count, a[1, 1] + 1e-3 * count
         # Eliminate the radius, then solve for the middle.
         m00, m01 = a00 - a[0, 2] * a[0, 2] / a22, a[0, 1] - a[0, 2] * a[1, 2] / a22
@@ -125,9 +125,9 @@ def _circle(points, chosen, lidar, mean, extent, prior, noise):
         change_r = (b2 - a[0, 2] * change_x - a[1, 2] * change_y) / a22
         longest = max(abs(change_x), abs(change_y), abs(change_r))
         # No step changes a value by more than 0.3 m.
-        share = min(1.0, 0.3 / longest) if longest > 0.0 else 1.0
-        x, y = x + share * change_x, y + share * change_y
-        r = min(max(r + share * change_r, _LEAST_RADIUS), 2.0 * _MOST_RADIUS)
+        fraction = min(1.0, 0.3 / longest) if longest > 0.0 else 1.0
+        x, y = x + fraction * change_x, y + fraction * change_y
+        r = min(max(r + fraction * change_r, _MIN_RADIUS), 2.0 * _MAX_RADIUS)
         # Variance of the radius: the inverse's last entry, by the Schur complement.
         inner = a00 * a11 - a[0, 1] ** 2
         schur = a22 - (a11 * a[0, 2] ** 2 - 2.0 * a[0, 1] * a[0, 2] * a[1, 2] + a00 * a[1, 2] ** 2) / inner
@@ -146,24 +146,24 @@ def runs_of(points, free_points, moved, lidar, settings):
     """
     count = len(points)
     group = np.full(count, -1, np.int64)
-    found, start = 0, -1
-    first, last = np.empty(count, np.int64), np.empty(count, np.int64)
+    num_runs, start = 0, -1
+    starts, stops = np.empty(count, np.int64), np.empty(count, np.int64)
     # Divide the free points into runs without a gap.
     for i in range(count + 1):
         ends = i == count or not free_points[i]
         if start >= 0 and (ends or apart(points, i - 1, i, lidar)):
-            found = _add(points, moved, (start, i), first, last, found, settings)
+            num_runs = _add(points, moved, (start, i), starts, stops, num_runs, settings)
             start = -1
         if not ends and start < 0:
             start = i
     # Number the runs as groups; a leg beside an earlier one shares its group.
     groups = 0
-    for n in range(found):
-        joined = _leg_before(points, moved, first, last, n, group, settings)
-        own = joined if joined >= 0 else groups
-        groups += joined < 0
-        for i in range(first[n], last[n]):
-            group[i] = own
+    for n in range(num_runs):
+        partner = _leg_before(points, moved, starts, stops, n, group, settings)
+        label = partner if partner >= 0 else groups
+        groups += partner < 0
+        for i in range(starts[n], stops[n]):
+            group[i] = label
     return group, groups
 
 
@@ -171,31 +171,31 @@ def runs_of(points, free_points, moved, lidar, settings):
 def apart(points, i, j, lidar):
     """Return whether neighbouring points do not belong together."""
     dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-    away = math.sqrt((points[j, 0] - lidar[0]) ** 2 + (points[j, 1] - lidar[1]) ** 2)
-    return math.sqrt(dx * dx + dy * dy) > gap_at(away)
+    distance = math.sqrt((points[j, 0] - lidar[0]) ** 2 + (points[j, 1] - lidar[1]) ** 2)
+    return math.sqrt(dx * dx + dy * dy) > gap_at(distance)
 
 
 @njit(cache=True, error_model="numpy")
-def _add(points, moved, run, first, last, found, settings):
+def _add(points, has_moved, run, starts, stops, num_runs, settings):
     """Add a run of points, or its moved parts if it is too wide, and return the number of runs."""
     start, end = run
     if end - start < FEWEST:
-        return found
+        return num_runs
     if _width(points, start, end) <= settings.widest:
-        first[found], last[found] = start, end
-        return found + 1
+        starts[num_runs], stops[num_runs] = start, end
+        return num_runs + 1
     # Too wide for a person: add the parts that have moved.
-    begun = -1
+    part_start = -1
     for i in range(start, end + 1):
-        goes_on = i < end and moved[i]
-        if goes_on and begun < 0:
-            begun = i
-        if not goes_on and begun >= 0:
-            if i - begun >= FEWEST and _width(points, begun, i) <= settings.widest:
-                first[found], last[found] = begun, i
-                found += 1
-            begun = -1
-    return found
+        continues = i < end and has_moved[i]
+        if continues and part_start < 0:
+            part_start = i
+        if not continues and part_start >= 0:
+            if i - part_start >= FEWEST and _width(points, part_start, i) <= settings.widest:
+                starts[num_runs], stops[num_runs] = part_start, i
+                num_runs += 1
+            part_start = -1
+    return num_runs
 
 
 @njit(cache=True, error_model="numpy")
@@ -210,23 +210,23 @@ def _width(points, start, end):
 
 
 @njit(cache=True, error_model="numpy")
-def _leg_before(points, moved, first, last, n, group, settings):
+def _leg_before(points, has_moved, starts, stops, n, group, settings):
     """Group of an earlier leg beside this one; −1 if this is not a leg, or alone."""
-    if not _is_leg(points, moved, first[n], last[n]):
+    if not _is_leg(points, has_moved, starts[n], stops[n]):
         return -1
-    x, y = _mean(points, first[n], last[n])
+    x, y = _mean(points, starts[n], stops[n])
     # Only the last few runs can be beside it.
     for m in range(n - 1, max(n - 5, -1), -1):
-        if _is_leg(points, moved, first[m], last[m]):
-            other_x, other_y = _mean(points, first[m], last[m])
-            if math.sqrt((x - other_x) ** 2 + (y - other_y) ** 2) < settings.joint:
-                return group[first[m]]
+        if _is_leg(points, has_moved, starts[m], stops[m]):
+            earlier_x, earlier_y = _mean(points, starts[m], stops[m])
+            if math.sqrt((x - earlier_x) ** 2 + (y - earlier_y) ** 2) < settings.joint:
+                return group[starts[m]]
     return -1
 
 
 @njit(cache=True, error_model="numpy")
-def _is_leg(points, moved, start, end):
-    return 2 * moved[start:end].sum() >= end - start and _width(points, start, end) <= _LEG_WIDTH
+def _is_leg(points, has_moved, start, end):
+    return 2 * has_moved[start:end].sum() >= end - start and _width(points, start, end) <= _LEG_WIDTH
 
 
 @njit(cache=True, error_model="numpy")

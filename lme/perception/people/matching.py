@@ -37,12 +37,12 @@ def claims(table, count, sight, settings):
             if not hits[i] or stands[i] or abs(dx) > reach or abs(dy) > reach:
                 continue
             # Of several tracks that a point may belong to, the one with the best fit has it.
-            away = math.sqrt(dx * dx + dy * dy)
-            off = abs(away - row[R])
-            own = off < (_ON_CIRCLE if moved[i] else 0.5 * _ON_CIRCLE) + unsure
-            worth = max(away - row[R], 0.0) + 0.3 * off
-            if away < reach and own and worth < score[i]:
-                owner[i], score[i] = n, worth
+            distance = math.sqrt(dx * dx + dy * dy)
+            residual = abs(distance - row[R])
+            on_circle = residual < (_ON_CIRCLE if moved[i] else 0.5 * _ON_CIRCLE) + unsure
+            cost = max(distance - row[R], 0.0) + 0.3 * residual
+            if distance < reach and on_circle and cost < score[i]:
+                owner[i], score[i] = n, cost
     return owner
 
 
@@ -54,31 +54,31 @@ def correct_confirmed(table, count, row_of, points, lidar, when, settings):
         row = table[n]
         if row[CONFIRMED] == 0.0:
             continue
-        own = np.flatnonzero(row_of == n)
-        if len(own) < FEWEST:
+        members = np.flatnonzero(row_of == n)
+        if len(members) < FEWEST:
             continue
-        found = middle_of(points, own, lidar, (row[R], row[RR] + 1e-4, row[LEGS]), noise, settings)
+        middle = middle_of(points, members, lidar, (row[R], row[RR] + 1e-4, row[LEGS]), noise, settings)
         # Leave out a middle that neither the uncertainty nor a turn explains.
-        away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
-        if away < 3.0 * math.sqrt(row[PP] + found[3]) + _FASTEST_TURN * dt:
-            correct(row, found)
+        distance = math.sqrt((middle[0] - row[X]) ** 2 + (middle[1] - row[Y]) ** 2)
+        if distance < 3.0 * math.sqrt(row[PP] + middle[3]) + _FASTEST_TURN * dt:
+            correct(row, middle)
 
 
 @njit(cache=True, error_model="numpy")
 def in_sight(table, lidar, points, hits, angles):
     """Return whether the scan shows each track (T,): the beam towards the middle does not end before the front."""
-    shown = np.ones(len(table), np.bool_)
+    is_shown = np.ones(len(table), np.bool_)
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
     for n in range(len(table)):
         # Beam towards the track's middle.
         x, y = into(table[n, X], table[n, Y], lidar, cos, sin)
         beam = beam_towards(x, y, angles, len(points))
         if beam < 0:
-            shown[n] = False
+            is_shown[n] = False
         elif hits[beam]:
             reach = math.sqrt(points[beam, 0] ** 2 + points[beam, 1] ** 2)
-            shown[n] = reach > math.sqrt(x * x + y * y) - table[n, R] - _SLACK
-    return shown
+            is_shown[n] = reach > math.sqrt(x * x + y * y) - table[n, R] - _SLACK
+    return is_shown
 
 
 @njit(cache=True, error_model="numpy")
@@ -104,22 +104,22 @@ def advance(table, anchors, count, names, sight, view, when, settings):
 @njit(cache=True, error_model="numpy")
 def kept_tracks(table, anchors, count, view, when, settings):
     """Drop tracks whose place is empty, or that are hidden or stand for too long; return how many are left."""
-    kept = 0
+    num_kept = 0
     for n in range(count):
         row = table[n]
-        if _ends(row, view, when, settings):
+        if _is_over(row, view, when, settings):
             continue
         # Close the gap that dropped rows leave.
-        if kept < n:
-            table[kept] = row
-            anchors[kept] = anchors[n]
-        kept += 1
-    return kept
+        if num_kept < n:
+            table[num_kept] = row
+            anchors[num_kept] = anchors[n]
+        num_kept += 1
+    return num_kept
 
 
 @njit(cache=True, error_model="numpy")
-def _ends(row, view, when, settings):
-    _, margin, _, dt = when
+def _is_over(row, view, timing, settings):
+    _, margin, _, dt = timing
     if row[CONFIRMED] == 0.0:
         return row[HIDDEN] > 1.5 * dt
     row[STILL] += dt

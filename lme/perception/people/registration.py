@@ -13,12 +13,12 @@ from lme.types import Bools, Floats, Ints
 
 _TAU = 2.0 * math.pi
 _CHORD = 0.2  # [m] over which a normal is measured; noise tilts shorter ones
-_LEAST_CHORD = 0.1  # [m] of a small thing
+_MIN_CHORD = 0.1  # [m] of a small thing
 _FARTHEST = 10  # beams to either side
 _GAP = 0.3  # [m] between beams that hit the same surface
 _MATCHED = (0.25, 0.2, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
-_TRIED = 2.5  # standard deviations of the yaw by odometry that are searched
-_AMISS = 0.3  # [m] a range that differs more is of another surface
+_YAW_DEVIATIONS = 2.5  # standard deviations of the yaw by odometry that are searched
+_MAX_RANGE_ERROR = 0.3  # [m] a range that differs more is of another surface
 _SAMPLES = 480  # points that are used
 _CORRELATED = 4.0  # neighbouring points err alike
 
@@ -51,19 +51,19 @@ def unpacked(ranges, directions, limits, missing, guard_beams):
     points, hits, reach = np.empty((count, 2)), np.zeros(count, np.bool_), np.empty(count)
     # Hits and points, and how far each beam alone is free.
     for i in range(count):
-        seen = float(ranges[i])
-        hits[i] = limits[0] <= seen < limits[1]
-        reach[i] = seen if hits[i] else 0.0 if math.isnan(seen) else missing
+        measured = float(ranges[i])
+        hits[i] = limits[0] <= measured < limits[1]
+        reach[i] = measured if hits[i] else 0.0 if math.isnan(measured) else missing
         points[i, 0], points[i, 1] = reach[i] * directions[i, 0], reach[i] * directions[i, 1]
-    sure, free = np.empty(count), np.empty(count)
+    sure_ranges, free_ranges = np.empty(count), np.empty(count)
     for i in range(count):
         # The least of the neighbours, which is sure if all of them have a return.
-        least, all_hit = reach[i], True
+        min_range, all_hit = reach[i], True
         for j in range(max(i - guard_beams, 0), min(i + guard_beams + 1, count)):
-            least, all_hit = min(least, reach[j]), all_hit and hits[j]
-        free[i] = least
-        sure[i] = least if all_hit else 0.0
-    return points, hits, sure, free
+            min_range, all_hit = min(min_range, reach[j]), all_hit and hits[j]
+        free_ranges[i] = min_range
+        sure_ranges[i] = min_range if all_hit else 0.0
+    return points, hits, sure_ranges, free_ranges
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -82,34 +82,34 @@ def into(x, y, pose, cos, sin):
 
 
 @njit(cache=True, error_model="numpy")
-def passed_through(places, view, margin):
+def passed_through(positions, view, margin):
     """Return whether a scan saw through each place (P, 2) [m]: 1 yes, −1 no, 0 not known, as behind something.
 
-    view: the scan's pose in the frame of the places, its free ranges (B,) and (B,), see `unpacked`, and the beams'
+    view: the scan's pose in the frame of the positions, its free ranges (B,) and (B,), see `unpacked`, and the beams'
     first angle and step [rad]. Yes: the beam ends `margin` [m] behind the place. No: it ends near it.
     """
-    lidar, sure, free, angles = view
-    said = np.zeros(len(places), np.int8)
+    lidar, sure_ranges, free_ranges, angles = view
+    verdicts = np.zeros(len(positions), np.int8)
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
-    for i in range(len(places)):
+    for i in range(len(positions)):
         # Where the beam towards the place ends, compared with the place.
-        x, y = into(places[i, 0], places[i, 1], lidar, cos, sin)
-        beam = beam_towards(x, y, angles, len(free))
+        x, y = into(positions[i, 0], positions[i, 1], lidar, cos, sin)
+        beam = beam_towards(x, y, angles, len(free_ranges))
         if beam < 0:
             continue
-        away = math.sqrt(x * x + y * y)
-        if sure[beam] > away + margin:
-            said[i] = 1
-        elif abs(free[beam] - away) <= 2.0 * margin:
-            said[i] = -1
-    return said
+        distance = math.sqrt(x * x + y * y)
+        if sure_ranges[beam] > distance + margin:
+            verdicts[i] = 1
+        elif abs(free_ranges[beam] - distance) <= 2.0 * margin:
+            verdicts[i] = -1
+    return verdicts
 
 
 @njit(cache=True, error_model="numpy")
 def normals(points, hits):
     """Unit normals (B, 2) of the surfaces that a scan shows; NaN where there is no surface."""
     count = len(points)
-    out = np.full((count, 2), np.nan)
+    unit_normals = np.full((count, 2), np.nan)
     for i in range(count):
         if not hits[i]:
             continue
@@ -126,9 +126,9 @@ def normals(points, hits):
             if chord >= _CHORD and low < i < high:
                 break
         # The normal is at a right angle to the chord.
-        if chord >= _LEAST_CHORD and low < i < high:
-            out[i, 0], out[i, 1] = -dy / chord, dx / chord
-    return out
+        if chord >= _MIN_CHORD and low < i < high:
+            unit_normals[i, 0], unit_normals[i, 1] = -dy / chord, dx / chord
+    return unit_normals
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -137,24 +137,24 @@ def _joined(points, hits, i, j):
 
 
 @njit(cache=True, error_model="numpy")
-def register(points, used, reference, facing, angles, guess, spread, noise):
+def register(points, is_used, reference, facing, angles, guess, spread, noise):
     """Estimate the lidar's motion (x, y, yaw) since the reference scan, and the mean distance of points to lines [m].
 
-    points (B, 2), used (B,): of the new scan; reference (B, 2), facing (B, 2): points and normals of the earlier one.
+    points (B, 2), is_used (B,): of the new scan; reference, facing (B, 2): points and normals of the earlier one.
     guess: motion by odometry; spread: its standard deviations [m, m, rad]; noise: of a range [m]. The distance is
     NaN if fewer than 20 points match; the guess is returned then.
     """
     step, error = max(len(points) // _SAMPLES, 1), math.nan
     x, y = guess[0], guess[1]
-    yaw = start = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
+    yaw = start = guess[2] + _coarse_turn(points, is_used, reference, angles, guess, spread[2], step)
     # Gauss-Newton: n · (R p + t − q) = 0 for every point p near the line through q with normal n.
-    for most in _MATCHED:
-        scale = max(2.0 * noise, 0.01, 0.5 * (most - 0.1))
+    for max_residual in _MATCHED:
+        scale = max(2.0 * noise, 0.01, 0.5 * (max_residual - 0.1))
         a, b = np.zeros((3, 3)), np.zeros(3)
         cos, sin = math.cos(yaw), math.sin(yaw)
         matched, total = 0, 0.0
         for i in range(0, len(points), step):
-            if not used[i]:
+            if not is_used[i]:
                 continue
             turned_x = cos * points[i, 0] - sin * points[i, 1]
             turned_y = sin * points[i, 0] + cos * points[i, 1]
@@ -165,14 +165,14 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
             # Distance from the line, and its derivative by the yaw.
             nx, ny = facing[beam, 0], facing[beam, 1]
             ex, ey = px - reference[beam, 0], py - reference[beam, 1]
-            off = nx * ex + ny * ey
-            if abs(off) > most or ex * ex + ey * ey > 4.0 * most * most:
+            residual = nx * ex + ny * ey
+            if abs(residual) > max_residual or ex * ex + ey * ey > 4.0 * max_residual * max_residual:
                 continue
             lever = ny * turned_x - nx * turned_y
-            weight = 1.0 / (1.0 + (off / scale) ** 2)
-            _add(a, b, (nx, ny, lever), off, weight)
+            weight = 1.0 / (1.0 + (residual / scale) ** 2)
+            _add(a, b, (nx, ny, lever), residual, weight)
             matched += 1
-            total += abs(off)
+            total += abs(residual)
         if matched < 20:
             return guess[0], guess[1], start, math.nan
         error = total / matched
@@ -188,38 +188,38 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
 
 
 @njit(cache=True, error_model="numpy")
-def _coarse_turn(points, used, reference, angles, guess, spread, step):
+def _coarse_turn(points, is_used, reference, angles, guess, spread, step):
     """Turn beyond the guess, in whole beams, at which the ranges agree best [rad]."""
     count = len(reference)
-    most = min(int(_TRIED * spread / angles[1]), count // 8)
-    if most < 1:
+    max_shift = min(int(_YAW_DEVIATIONS * spread / angles[1]), count // 8)
+    if max_shift < 1:
         return 0.0
     # Cost of each turn: its squared ratio to the odometry's error, plus the differences of the ranges.
-    costs = _AMISS * (np.arange(-most, most + 1) * angles[1] / spread) ** 2
+    costs = _MAX_RANGE_ERROR * (np.arange(-max_shift, max_shift + 1) * angles[1] / spread) ** 2
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
     for i in range(0, len(points), step):
-        if not used[i]:
+        if not is_used[i]:
             continue
         px = cos * points[i, 0] - sin * points[i, 1] + guess[0]
         py = sin * points[i, 0] + cos * points[i, 1] + guess[1]
         beam = beam_towards(px, py, angles, count)
-        if beam < most or beam >= count - most:
+        if beam < max_shift or beam >= count - max_shift:
             continue
-        away = math.sqrt(px * px + py * py)
-        for k in range(2 * most + 1):
-            costs[k] += min(abs(ranges[beam + k - most] - away), _AMISS)
+        distance = math.sqrt(px * px + py * py)
+        for k in range(2 * max_shift + 1):
+            costs[k] += min(abs(ranges[beam + k - max_shift] - distance), _MAX_RANGE_ERROR)
     # The turn with the least cost; none if that is as good.
-    best = most
-    for k in range(2 * most + 1):
+    best = max_shift
+    for k in range(2 * max_shift + 1):
         best = k if costs[k] < costs[best] else best
-    return (best - most) * angles[1]
+    return (best - max_shift) * angles[1]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add(a, b, row, off, weight):
+def _add(a, b, row, residual, weight):
     for k in range(3):
-        b[k] -= weight * row[k] * off
+        b[k] -= weight * row[k] * residual
         for m in range(3):
             a[k, m] += weight * row[k] * row[m]
 

@@ -76,11 +76,11 @@ class TrackedPeople:
 
     def seen(self, observation: Observation, time: float | None) -> Observation:
         """Return the observation with the tracks. A scan that is not newer than the last one changes nothing."""
-        began = perf_counter_ns()
+        start_ns = perf_counter_ns()
         dt = self._dt if time is None or math.isnan(self._time) else time - self._time
         self._time = self._time + dt if time is None else time
         self.tracks = self._tracker.update(observation.scan, observation.odometry, dt)
-        self.spent_us = (perf_counter_ns() - began) / 1000.0
+        self.spent_us = (perf_counter_ns() - start_ns) / 1000.0
         return observation._replace(pedestrians=np.ascontiguousarray(self.tracks.pedestrians))
 
 
@@ -89,11 +89,11 @@ def people_source(choice: str, robot: Robot) -> PeopleSource | None:
 
     Raises InputError for another choice.
     """
-    made: dict[str, Callable[[], PeopleSource | None]] = {
+    sources: dict[str, Callable[[], PeopleSource | None]] = {
         "truth": lambda: None,
         "tracked": lambda: TrackedPeople(robot),
         "none": Nobody,
     }
-    if choice not in made:
-        raise InputError(f"people is {choice!r}: must be one of {', '.join(made)}")
-    return made[choice]()
+    if choice not in sources:
+        raise InputError(f"people is {choice!r}: must be one of {', '.join(sources)}")
+    return sources[choice]()

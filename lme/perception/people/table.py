@@ -36,18 +36,18 @@ def predict(table, count, dt, acceleration):
 
 
 @njit(cache=True, error_model="numpy")
-def begin(row, found, name):
+def begin(row, middle, name):
     """Begin a track at a measured middle, see `middle_of`."""
     row[:] = 0.0
-    row[X], row[Y], row[R], row[PP], row[RR] = found
+    row[X], row[Y], row[R], row[PP], row[RR] = middle
     row[BX], row[BY] = row[X], row[Y]
     row[VV], row[NAME], row[SEEN] = _FIRST_SPEED**2, name, 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def correct(row, found):
+def correct(row, middle):
     """Correct a track by a measured middle, see `middle_of`."""
-    x, y, radius, variance, spread = found
+    x, y, radius, variance, spread = middle
     dx, dy = x - row[X], y - row[Y]
     # Kalman update of position and velocity, the same along both axes.
     total = row[PP] + variance
@@ -60,11 +60,11 @@ def correct(row, found):
     row[PV] *= 1.0 - gain
     row[PP] *= 1.0 - gain
     # The radius has a filter of its own.
-    share = row[RR] / (row[RR] + spread)
-    row[R] += share * (radius - row[R])
-    row[RR] = max((1.0 - share) * row[RR], 1e-4)
+    radius_gain = row[RR] / (row[RR] + spread)
+    row[R] += radius_gain * (radius - row[R])
+    row[RR] = max((1.0 - radius_gain) * row[RR], 1e-4)
     # Running share of the scans in which it looked like legs.
-    looks = 1.0 if spread >= UNKNOWN and row[R] < LEGS_RADIUS else 0.0
-    row[LEGS] += _NEWEST * (looks - row[LEGS])
+    is_legs = 1.0 if spread >= UNKNOWN and row[R] < LEGS_RADIUS else 0.0
+    row[LEGS] += _NEWEST * (is_legs - row[LEGS])
     row[HIDDEN] = 0.0
     row[SEEN] += 1.0

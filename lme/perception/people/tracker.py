@@ -46,7 +46,7 @@ _View = tuple[tuple[float, ...], Floats, Floats, tuple[float, float]]
 
 _NOISES = 5.0  # standard deviations of a range that are not motion
 _LAGS = (0.1, 0.2, 0.4, 0.8, 1.6)  # [s] ages of the scans that a scan is compared with
-_OLD = 0.6  # [s] age from which on it is known which tracks of a scan move
+_SETTLED_AGE = 0.6  # [s] age from which on it is known which tracks of a scan move
 _MEMORY = 5.0  # [s] points where something stood within this time stand
 _KEY_AGE = 0.4  # [s] after which another scan becomes the one on which scans are registered
 _NAMES = 4096  # tracks of which it is known whether they moved
@@ -56,10 +56,10 @@ _STILL_ERROR = (0.002, 0.003)  # [m], [rad] errors that are added even at rest
 _SETTLING = 0.05  # share of a new scan in the estimate of the noise
 _SUSPECT = (2.5, 0.01)  # times the noise, and [m]: a scan that fits worse confirms no track
 _LONGEST_STEP = 1.0  # [s] after a longer gap the tracker begins anew
-_SHOWN = 1.5  # periods for which a track that was not seen is still shown
+_MAX_HIDDEN = 1.5  # periods for which a track that was not seen is still shown
 
 
-class _Seen(NamedTuple):
+class _Scan(NamedTuple):
     """A scan that is remembered.
 
     time [s]; lidar: its pose in the tracker's frame; base: by odometry; placed (B, 2): the points in the tracker's
@@ -93,11 +93,11 @@ class PeopleTracker:
         self._count = self._names = 0
         self._movers = np.zeros(_NAMES, np.bool_)
         self._stood = np.full((CELLS, CELLS), -math.inf, np.float32)
-        self._kept = -1.0  # time of the newest scan in it [s]
-        self._key: tuple[_Seen, Floats] | None = (
+        self._newest_standing = -1.0  # time of the newest scan in it [s]
+        self._key: tuple[_Scan, Floats] | None = (
             None  # the scan on which scans are registered, and its normals
         )
-        self._seen: deque[_Seen] = deque()
+        self._scans: deque[_Scan] = deque()
         self._time = 0.0
         self._noise = 0.01  # [m] of a range, estimated from the registration
         self._flicker = (0.0, 0.0)  # see `flickered`
@@ -108,7 +108,7 @@ class PeopleTracker:
         odometry: of the base when the scan was taken; dt: since the scan before [s]. The same scan again (dt=0) gives
         the same tracks.
         """
-        if self._seen and dt <= 0.0:
+        if self._scans and dt <= 0.0:
             return self._tracks(0.0)
         if dt > _LONGEST_STEP or (*scan[1:], len(scan.ranges)) != self._geometry:
             self.reset()
@@ -119,10 +119,10 @@ class PeopleTracker:
             scan.ranges, self._directions, limits, min(self._config.missing, limits[1]), self._guard
         )
         lidar = self._registered(points, hits, odometry)
-        nobody = np.full(len(hits), -1, np.int64)
-        seen = _Seen(self._time, lidar, odometry, points, _placed(points, lidar), hits, sure, free, nobody)
-        self._advance(seen, dt)
-        self._remember(seen)
+        owner = np.full(len(hits), -1, np.int64)
+        record = _Scan(self._time, lidar, odometry, points, _placed(points, lidar), hits, sure, free, owner)
+        self._advance(record, dt)
+        self._remember(record)
         return self._tracks(dt)
 
     def _prepare(self, scan: LaserScan) -> None:
@@ -137,12 +137,12 @@ class PeopleTracker:
         self._trusted = True
         if self._key is None:
             return self._mount
-        last, (key, facing) = self._seen[-1], self._key
-        moved = relative(compose(odometry, self._mount), compose(last.base, self._mount))
-        guess = relative(compose(last.lidar, moved), key.lidar)
-        way, turn = math.hypot(moved.x, moved.y), abs(moved.yaw)
-        along = _STILL_ERROR[0] + _TRAVEL_ERROR * way
-        spread = (along, along, _STILL_ERROR[1] + _YAW_ERROR * way + _TURN_ERROR * turn)
+        previous, (key, facing) = self._scans[-1], self._key
+        travel = relative(compose(odometry, self._mount), compose(previous.base, self._mount))
+        guess = relative(compose(previous.lidar, travel), key.lidar)
+        distance, turn = math.hypot(travel.x, travel.y), abs(travel.yaw)
+        along = _STILL_ERROR[0] + _TRAVEL_ERROR * distance
+        spread = (along, along, _STILL_ERROR[1] + _YAW_ERROR * distance + _TURN_ERROR * turn)
         *motion, error = register(
             points, hits, key.points, facing, self._angles, (*guess,), spread, self._noise
         )
@@ -151,58 +151,58 @@ class PeopleTracker:
             self._noise += _SETTLING * (min(error, 0.05) - self._noise)
         return compose(key.lidar, Pose(*motion))
 
-    def _advance(self, seen: _Seen, dt: float) -> None:
+    def _advance(self, newest: _Scan, dt: float) -> None:
         """Bring the tracks up to a scan."""
         # Evidence of motion: the votes of earlier scans, except where something stood before.
         margin = max(self._config.margin, _NOISES * self._noise)
-        votes = np.zeros((len(seen.placed), 2), np.int8)
+        votes = np.zeros((len(newest.placed), 2), np.int8)
         for past in self._compared():
-            weigh(seen.placed, seen.hits, self._view(past), margin, votes)
-        stands = recall(self._stood, seen.placed, seen.hits, self._time - _MEMORY)
+            weigh(newest.placed, newest.hits, self._view(past), margin, votes)
+        stands = recall(self._stood, newest.placed, newest.hits, self._time - _MEMORY)
         self._flicker = flickered(votes, stands, self._flicker)
         moved = moved_points(votes, stands, self._flicker)
-        sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
+        sight = NewestScan(newest.placed, newest.hits, moved, stands, newest.owner, self._movers)
         # Move the tracks on, then correct, begin and end them.
         predict(self._table, self._count, dt, self._config.acceleration)
-        when = (self._noise, margin, self._trusted, max(dt, 1e-3))
+        timing = (self._noise, margin, self._trusted, max(dt, 1e-3))
         tracks = self._table, self._anchors, self._count, self._names
-        self._count, self._names = advance(*tracks, sight, self._view(seen), when, self._settings)
+        self._count, self._names = advance(*tracks, sight, self._view(newest), timing, self._settings)
 
-    def _view(self, seen: _Seen) -> _View:
-        return (*seen.lidar,), seen.sure, seen.free, self._angles
+    def _view(self, record: _Scan) -> _View:
+        return (*record.lidar,), record.sure, record.free, self._angles
 
-    def _compared(self) -> list[_Seen]:
+    def _compared(self) -> list[_Scan]:
         """Earlier scans of about the ages `_LAGS`, each once."""
-        chosen = {seen.time: seen for seen in map(self._nearest, _LAGS)} if self._seen else {}
-        return list(chosen.values())
+        by_time = {record.time: record for record in map(self._nearest, _LAGS)} if self._scans else {}
+        return list(by_time.values())
 
-    def _nearest(self, lag: float) -> _Seen:
+    def _nearest(self, lag: float) -> _Scan:
         """Earlier scan whose age is nearest to `lag` [s]."""
-        return min(self._seen, key=lambda seen: abs(self._time - seen.time - lag))
+        return min(self._scans, key=lambda record: abs(self._time - record.time - lag))
 
-    def _remember(self, seen: _Seen) -> None:
+    def _remember(self, newest: _Scan) -> None:
         """Remember the scan, and note what stood in those in which it is known by now which tracks move."""
-        self._seen.append(seen)
-        for past in self._seen:
-            if self._kept < past.time <= self._time - _OLD:
+        self._scans.append(newest)
+        for past in self._scans:
+            if self._newest_standing < past.time <= self._time - _SETTLED_AGE:
                 remember(self._stood, past.placed, past.hits, past.owner, self._movers, past.time)
-                self._kept = past.time
+                self._newest_standing = past.time
         # Forget scans that are older than any that are compared with.
-        while self._time - self._seen[0].time > _LAGS[-1] + 0.1:
-            self._seen.popleft()
+        while self._time - self._scans[0].time > _LAGS[-1] + 0.1:
+            self._scans.popleft()
         # Register on a newer scan from now on, without the points of what moves.
         if self._key is None or self._time - self._key[0].time > _KEY_AGE - 0.01:
-            moving = (seen.owner >= 0) & self._movers[seen.owner % len(self._movers)]
-            self._key = seen, normals(seen.points, seen.hits & ~moving)
+            moving = (newest.owner >= 0) & self._movers[newest.owner % len(self._movers)]
+            self._key = newest, normals(newest.points, newest.hits & ~moving)
 
     def _tracks(self, dt: float) -> Tracks:
         rows = self._table[: self._count]
-        shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _SHOWN * dt)
+        is_shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _MAX_HIDDEN * dt)
         # Of the confirmed tracks, those seen lately that nothing hides.
-        newest = self._seen[-1]
-        rows = rows[shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
+        newest = self._scans[-1]
+        rows = rows[is_shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
         # From the tracker's frame to the base frame of the newest scan.
-        base = compose(self._seen[-1].lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
+        base = compose(self._scans[-1].lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
         turn = Pose(0.0, 0.0, base.yaw)
         covariance = np.zeros((len(rows), 4, 4))
         for k in (0, 1):

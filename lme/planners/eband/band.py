@@ -96,17 +96,17 @@ class Band:
         """Return whether the path runs through the bubbles to the band's end."""
         reach = self._config.spacing
         start = project(path, robot[0], robot[1])[0]
-        end, off, _ = project(path, *self.centres[-1])
-        between = stretch(path, start, end, reach)
-        return off <= max(self.radii[-1], reach) and covered(between, self.centres, self.radii, reach)
+        end, distance, _ = project(path, *self.centres[-1])
+        samples = stretch(path, start, end, reach)
+        return distance <= max(self.radii[-1], reach) and covered(samples, self.centres, self.radii, reach)
 
     def _advance(self, robot: Floats) -> None:
         """Drop the bubbles that the robot has passed, and extend the band along the path."""
-        passed = project(self.centres, robot[0], robot[1])[2]
+        num_passed = project(self.centres, robot[0], robot[1])[2]
         start = project(self._path, robot[0], robot[1])[0]
         end = project(self._path, *self.centres[-1])[0] if len(self.centres) > 1 else start
         ahead = stretch(self._path, end, start + self._config.horizon, self._config.spacing)
-        self.centres = np.vstack([robot, self.centres[passed + 1 :], ahead])
+        self.centres = np.vstack([robot, self.centres[num_passed + 1 :], ahead])
         if math.dist(self.centres[-1], self._path[-1]) <= self._config.spacing:
             self.centres[-1] = self._path[-1]
 

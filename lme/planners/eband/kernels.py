@@ -20,11 +20,11 @@ _OVERSHOOT = 0.75  # a step overshoots if the force reverses and keeps more than
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "reassoc"})
 def _nearest_square(xs, ys, x, y):
     """Squared distance to the nearest point. Products are not fused, so the result is that of plain arithmetic."""
-    least = 1e300
+    min_square = 1e300
     for i in range(len(xs)):
         dx, dy = xs[i] - x, ys[i] - y
-        least = min(least, dx * dx + dy * dy)
-    return least
+        min_square = min(min_square, dx * dx + dy * dy)
+    return min_square
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,10 +37,10 @@ def _radius(x, y, space):
 @njit(cache=True, error_model="numpy")
 def bubble_radii(centres: Floats, xs: Floats, ys: Floats, inner: float, ceiling: float) -> Floats:
     """Radii of the bubbles at the (N, 2) centres [m]: (N,); `inner` is the radius of the robot's disc [m]."""
-    out = np.empty(len(centres))
+    radii = np.empty(len(centres))
     for i in range(len(centres)):
-        out[i] = _radius(centres[i, 0], centres[i, 1], (xs, ys, inner, ceiling))
-    return out
+        radii[i] = _radius(centres[i, 0], centres[i, 1], (xs, ys, inner, ceiling))
+    return radii
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,23 +64,23 @@ def relax(
     for _ in range(rounds[0]):
         for i in range(1, len(centres) - 1):
             # A bubble is moved in place, so the next one already feels its new position.
-            before = (centres[i - 1, 0], centres[i - 1, 1])
-            after = (centres[i + 1, 0], centres[i + 1, 1])
+            previous = (centres[i - 1, 0], centres[i - 1, 1])
+            following = (centres[i + 1, 0], centres[i + 1, 1])
             bubble = (centres[i, 0], centres[i, 1], radii[i])
-            moved = _move_bubble(before, bubble, after, space, spacing, forces, rounds[1])
-            centres[i, 0], centres[i, 1], radii[i] = moved
+            new_bubble = _move_bubble(previous, bubble, following, space, spacing, forces, rounds[1])
+            centres[i, 0], centres[i, 1], radii[i] = new_bubble
 
 
 @njit(cache=True, error_model="numpy")
-def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
+def _move_bubble(previous, bubble, following, space, spacing, forces, halvings):
     """Move one bubble a step along its force, and halve the step while it overshoots."""
     # Direction across the band: normal to the line through both neighbours.
-    tx, ty = after[0] - before[0], after[1] - before[1]
+    tx, ty = following[0] - previous[0], following[1] - previous[1]
     length = math.sqrt(tx * tx + ty * ty)
     if length < 1e-9:
         return bubble
     normal = (-ty / length, tx / length)  # no force along the band: it would only bunch bubbles
-    force = _force(before, bubble, after, normal, space, spacing, forces)
+    force = _force(previous, bubble, following, normal, space, spacing, forces)
     if abs(force) < forces[3]:
         return bubble
     # Step by half of the radius times the force, and by no more than the radius.
@@ -88,19 +88,19 @@ def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
     step = min(max(0.5 * reach * force, -reach), reach)
     for k in range(halvings + 1):
         x, y = bubble[0] + step * normal[0], bubble[1] + step * normal[1]
-        moved = (x, y, _radius(x, y, space))
+        new_bubble = (x, y, _radius(x, y, space))
         if k == halvings or step == 0.0:
             break
         # The step overshoots if the force there points back and is still strong.
-        there = _force(before, moved, after, normal, space, spacing, forces)
-        if there * force >= 0.0 or abs(there) <= _OVERSHOOT * abs(force):
+        new_force = _force(previous, new_bubble, following, normal, space, spacing, forces)
+        if new_force * force >= 0.0 or abs(new_force) <= _OVERSHOOT * abs(force):
             break
         step *= 0.5
-    return moved
+    return new_bubble
 
 
 @njit(cache=True, error_model="numpy")
-def _force(before, bubble, after, normal, space, spacing, forces):
+def _force(previous, bubble, following, normal, space, spacing, forces):
     """Contraction and repulsion across the band, along `normal`.
 
     Contraction: the sum of the unit vectors to both neighbours. Repulsion: `influence` minus the radius, times
@@ -108,7 +108,7 @@ def _force(before, bubble, after, normal, space, spacing, forces):
     """
     internal, external, influence, _ = forces
     x, y, radius = bubble
-    pull = _pull(x, y, before, normal) + _pull(x, y, after, normal)
+    pull = _pull(x, y, previous, normal) + _pull(x, y, following, normal)
     if radius >= influence:
         return internal * pull
     # Repulsion: (influence − r) ∂r/∂n, with the derivative by central differences.
@@ -145,59 +145,59 @@ def mend(
     """
     space = (xs, ys, shape[0], shape[1])
     # Thin the band first, then fill the gaps that are left.
-    kept, kept_radii = _without_redundant(centres, radii, joint)
-    out, chain = _filled(kept, kept_radii, space, shape[2], joint, max(len(kept), capacity))
-    return out[:, :2].copy(), out[:, 2].copy(), chain
+    sparse, sparse_radii = _without_redundant(centres, radii, joint)
+    bubbles, chain = _filled(sparse, sparse_radii, space, shape[2], joint, max(len(sparse), capacity))
+    return bubbles[:, :2].copy(), bubbles[:, 2].copy(), chain
 
 
 @njit(cache=True, error_model="numpy")
 def _filled(centres, radii, space, spacing, joint, size):
     """Return the band with inserted bubbles, rows of x, y, radius, and the length of its chain."""
-    out, waiting = np.empty((size, 3)), np.empty((size, 3))  # `waiting` is a stack
-    left = len(centres)
+    bubbles, waiting = np.empty((size, 3)), np.empty((size, 3))  # `waiting` is a stack
+    top = len(centres)
     # Push the bubbles in reverse, so that the start of the band is on top.
-    waiting[:left, :2], waiting[:left, 2] = centres[::-1], radii[::-1]
-    done, chain, torn = 0, 0, False
-    while left > 0:
-        x, y, radius = waiting[left - 1]
-        if done > 0:
+    waiting[:top, :2], waiting[:top, 2] = centres[::-1], radii[::-1]
+    count, chain, torn = 0, 0, False
+    while top > 0:
+        x, y, radius = waiting[top - 1]
+        if count > 0:
             # Compare the top of the stack with the last bubble of the band.
-            px, py, before = out[done - 1]
+            px, py, previous_radius = bubbles[count - 1]
             gap = math.sqrt((x - px) ** 2 + (y - py) ** 2)
-            joined = _join(gap, before, radius, joint)
-            near = gap <= spacing + _ROUNDING
-            if not joined and not near and done + left < size:
+            is_joined = _join(gap, previous_radius, radius, joint)
+            is_near = gap <= spacing + _ROUNDING
+            if not is_joined and not is_near and count + top < size:
                 # The gap is too wide: push a bubble half-way, which is looked at next.
                 mx, my = 0.5 * (x + px), 0.5 * (y + py)
-                waiting[left, 0], waiting[left, 1], waiting[left, 2] = mx, my, _radius(mx, my, space)
-                left += 1
+                waiting[top, 0], waiting[top, 1], waiting[top, 2] = mx, my, _radius(mx, my, space)
+                top += 1
                 continue
-            torn = torn or not (joined or (near and min(before, radius) > joint[1]))
+            torn = torn or not (is_joined or (is_near and min(previous_radius, radius) > joint[1]))
         chain += not torn
-        out[done] = waiting[left - 1]
-        done, left = done + 1, left - 1
-    return out[:done], chain
+        bubbles[count] = waiting[top - 1]
+        count, top = count + 1, top - 1
+    return bubbles[:count], chain
 
 
 @njit(cache=True, error_model="numpy")
 def _without_redundant(centres, radii, joint):
     """Keep both ends of the band, and the bubbles whose neighbours would not join without them."""
-    out, out_radii = centres.copy(), radii.copy()
+    sparse, sparse_radii = centres.copy(), radii.copy()
     count = 1
     for i in range(1, len(centres)):
         if i + 1 < len(centres):
-            dx, dy = centres[i + 1, 0] - out[count - 1, 0], centres[i + 1, 1] - out[count - 1, 1]
-            if _join(math.sqrt(dx * dx + dy * dy), out_radii[count - 1], radii[i + 1], joint):
+            dx, dy = centres[i + 1, 0] - sparse[count - 1, 0], centres[i + 1, 1] - sparse[count - 1, 1]
+            if _join(math.sqrt(dx * dx + dy * dy), sparse_radii[count - 1], radii[i + 1], joint):
                 continue
-        out[count, 0], out[count, 1], out_radii[count] = centres[i, 0], centres[i, 1], radii[i]
+        sparse[count, 0], sparse[count, 1], sparse_radii[count] = centres[i, 0], centres[i, 1], radii[i]
         count += 1
-    return out[:count], out_radii[:count]
+    return sparse[:count], sparse_radii[:count]
 
 
 @njit(cache=True, error_model="numpy")
-def _join(gap, one, other, joint):
+def _join(gap, radius, next_radius, joint):
     """Return whether two bubbles of these radii join at the distance `gap`."""
-    return min(one, other) > joint[1] and gap <= joint[0] * (one + other)
+    return min(radius, next_radius) > joint[1] and gap <= joint[0] * (radius + next_radius)
 
 
 @njit(cache=True, error_model="numpy")
@@ -229,17 +229,17 @@ def hidden(
     hidden if it is outside the field of view, more than `slack` [m] behind a return or beyond range_max, or if
     its beam's range is NaN or below range_min.
     """
-    out = np.ones(len(points), np.bool_)
+    is_hidden = np.ones(len(points), np.bool_)
     beams_in_turn = 2.0 * math.pi / abs(angles[1])
     for k in range(len(points)):
         # Bearing in the direction of the scan, and the beam that covers it, modulo a full turn.
         offset = math.atan2(points[k, 1], points[k, 0]) - angles[0]
         if angles[1] < 0.0:
             offset = -offset
-        place = offset / abs(angles[1]) + 0.5  # in beams; the first beam covers 0 to 1
-        beam = math.floor(place - math.floor(place / beams_in_turn) * beams_in_turn)
+        beam_position = offset / abs(angles[1]) + 0.5  # in beams; the first beam covers 0 to 1
+        beam = math.floor(beam_position - math.floor(beam_position / beams_in_turn) * beams_in_turn)
         if beam < len(ranges) and ranges[beam] >= limits[0]:
             # The beam reaches up to its return plus the slack, and at most to range_max.
             distance = math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2)
-            out[k] = distance > min(ranges[beam] + slack, limits[1])
-    return out
+            is_hidden[k] = distance > min(ranges[beam] + slack, limits[1])
+    return is_hidden

@@ -17,7 +17,7 @@ from lme.planners.eband.kernels import hidden
 from lme.planners.polyline import exit_point
 from lme.planners.stopping import until_rest
 from lme.robots import Robot
-from lme.types import Floats, Guidance, Observation, Pose, Twist
+from lme.types import Floats, Guidance, Observation, Twist
 
 _NO_EDGES = np.empty((0, 4))
 _AT_REST = np.zeros((1, 3))
@@ -74,53 +74,47 @@ class EBand:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
-        here = observation.odometry
-        points = self._look(observation)
+        odometry = observation.odometry
+        points = self._update_obstacles(observation)
         planned = guidance.path is not None and len(guidance.path) > 0
         path = guidance.path if planned else np.vstack([np.zeros(2), guidance.subgoal])
         assert path is not None
-        self.band.update(to_world(path, here), np.array(here[:2]), self._known, planned=planned)
+        self.band.update(to_world(path, odometry), np.array(odometry[:2]), self._known, planned=planned)
         v, omega = self._follow(observation)
-        return self._safe(v, omega, points, observation)
+        return self._safe_command(v, omega, points, observation)
 
-    def _look(self, observation: Observation) -> Floats:
+    def _update_obstacles(self, observation: Observation) -> Floats:
         """Return the visible obstacle points, and earlier ones that are hidden now: (M, 2), robot frame [m]."""
-        here, scan, mount = observation.odometry, observation.scan, self._robot.lidar.mount
-        seen = obstacle_points(scan, mount)
-        seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < self._reach]
-        before = to_robot(self._known, here)
+        odometry, scan, mount = observation.odometry, observation.scan, self._robot.lidar.mount
+        visible = obstacle_points(scan, mount)
+        visible = visible[np.hypot(visible[:, 0], visible[:, 1]) < self._reach]
+        earlier = to_robot(self._known, odometry)
         angles, limits = (scan.angle_min, scan.angle_increment), (scan.range_min, scan.range_max)
-        out_of_sight = hidden(to_robot(before, mount), scan.ranges, angles, limits, self._config.spacing)
-        near = np.hypot(before[:, 0], before[:, 1]) < self._reach
-        kept = _thinned(self._known[out_of_sight & near], self._config.spacing)
-        self._known = np.vstack([to_world(seen, here), kept])
-        return np.vstack([seen, to_robot(kept, here)])
+        out_of_sight = hidden(to_robot(earlier, mount), scan.ranges, angles, limits, self._config.spacing)
+        in_reach = np.hypot(earlier[:, 0], earlier[:, 1]) < self._reach
+        remembered = _thinned(self._known[out_of_sight & in_reach], self._config.spacing)
+        self._known = np.vstack([to_world(visible, odometry), remembered])
+        return np.vstack([visible, to_robot(remembered, odometry)])
 
     def _follow(self, observation: Observation) -> tuple[float, float]:
         """Velocity and turn rate along the band."""
         config, limits, dt = self._config, observation.limits, self._robot.dt
-        x, y, left = self._aim(observation.odometry)
+        # Aim at the point where the band leaves the bubble around the robot; `remaining` is the length of the band to
+        # its end or tear. A band that is torn at the robot still includes the next bubble.
+        line = to_robot(self.band.centres[: max(self.band.chain, 2)], observation.odometry)
+        x, y, remaining = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
         if math.hypot(x, y) < _ARRIVED:
             return 0.0, 0.0
         error, omega_max = math.atan2(y, x), min(config.omega_max, limits.omega_max)
-        wanted = min(config.heading_gain * abs(error), omega_max)
+        max_turn = min(config.heading_gain * abs(error), omega_max)
         turn = approach(error, observation.ramp_start.omega, omega_max, limits.alpha_omega, dt)
-        turn = math.copysign(min(abs(turn), wanted), turn)
+        turn = math.copysign(min(abs(turn), max_turn), turn)
         if abs(error) > config.rotation_threshold:
             return 0.0, turn
         fastest = min(self._allowed(), limits.v_max)
         if error != 0.0:  # so that the arc at this turn rate reaches the aim
-            fastest = min(fastest, wanted * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
-        return approach(left, observation.ramp_start.v, fastest, limits.alpha_v, dt), turn
-
-    def _aim(self, here: Pose) -> tuple[float, float, float]:
-        """Point where the band leaves the bubble around the robot, and length of the band to its end or tear [m].
-
-        A band that is torn at the robot still includes the next bubble.
-        """
-        line = to_robot(self.band.centres[: max(self.band.chain, 2)], here)
-        x, y, left = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
-        return x, y, left
+            fastest = min(fastest, max_turn * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
+        return approach(remaining, observation.ramp_start.v, fastest, limits.alpha_v, dt), turn
 
     def _allowed(self) -> float:
         """Velocity limit in the bubble around the robot [m/s]; v_min if the band is torn there."""
@@ -129,22 +123,22 @@ class EBand:
             return config.v_min
         return min(config.v_max, max(config.bubble_velocity * float(band.radii[0]), config.v_min))
 
-    def _safe(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
+    def _safe_command(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
         """Return the first safe command, as given, slower or backwards; else brake."""
         circles = np.column_stack([points, np.zeros(len(points))])
-        now = self._clearance(_AT_REST, circles)
-        ahead = [(share * v, omega) for share in _SLOWER]
-        back = [(-self._config.v_min, omega), (-self._config.v_min, 0.0)]
-        for pair in ahead + back:
+        clearance = self._clearance(_AT_REST, circles)
+        ahead = [(factor * v, omega) for factor in _SLOWER]
+        backwards = [(-self._config.v_min, omega), (-self._config.v_min, 0.0)]
+        for pair in ahead + backwards:
             command = limited(*pair, observation, self._robot.dt)
-            ways = [
+            motions = [
                 until_rest(command, twist, observation.limits, self._robot, _MAX_STEP)
                 for twist in observation.twists
             ]
-            if now > self._margin:
-                clear = all(self._clearance(way, circles) > self._margin for way in ways)
+            if clearance > self._margin:
+                clear = all(self._clearance(motion, circles) > self._margin for motion in motions)
             else:  # possibly by noise: only motions that gain clearance are safe
-                clear = all(self._clearance(way[-1:], circles) > now + _RELIEF for way in ways)
+                clear = all(self._clearance(motion[-1:], circles) > clearance + _RELIEF for motion in motions)
             if clear:
                 return command
         return limited(0.0, 0.0, observation, self._robot.dt)
@@ -158,8 +152,8 @@ class EBand:
 def _thinned(points: Floats, spacing: float) -> Floats:
     """Return the point nearest to the centre of each grid cell, independently of the order of the points."""
     cells = np.rint(points / spacing)
-    off = np.abs(points - cells * spacing).sum(axis=1)
-    order = np.lexsort((off, cells[:, 1], cells[:, 0]))
+    offset = np.abs(points - cells * spacing).sum(axis=1)
+    order = np.lexsort((offset, cells[:, 1], cells[:, 0]))
     cells = cells[order]
     first = np.ones(len(points), np.bool_)
     first[1:] = (cells[1:] != cells[:-1]).any(axis=1)

@@ -15,26 +15,26 @@ class Lag:
         """time_constant: τ [s]; dt: the control period [s]."""
         self._time_constant, self._dt = time_constant, dt
 
-    def after(self, now: Twist, command: Twist, duration: float) -> Twist:
+    def after(self, twist: Twist, command: Twist, duration: float) -> Twist:
         """Return the twist `duration` [s] later."""
         if self._time_constant == 0.0:
             return command
-        left = math.exp(-duration / self._time_constant)
+        decay = math.exp(-duration / self._time_constant)
         return Twist(
-            command.v + left * (now.v - command.v), command.omega + left * (now.omega - command.omega)
+            command.v + decay * (twist.v - command.v), command.omega + decay * (twist.omega - command.omega)
         )
 
-    def reach(self, now: Twist, limits: Limits) -> tuple[Twist, Twist]:
+    def reach(self, twist: Twist, limits: Limits) -> tuple[Twist, Twist]:
         """Return the least and the greatest v and ω to which commands within the limits lead in one period."""
-        least, most = Twist(limits.lowest, -limits.omega_max), Twist(limits.v_max, limits.omega_max)
-        return self.after(now, least, self._dt), self.after(now, most, self._dt)
+        lowest, highest = Twist(limits.lowest, -limits.omega_max), Twist(limits.v_max, limits.omega_max)
+        return self.after(twist, lowest, self._dt), self.after(twist, highest, self._dt)
 
-    def command_for(self, wanted: Twist, now: Twist, limits: Limits) -> Twist:
-        """Return the command that leads to the wanted twist in one period, or the nearest one within the limits."""
+    def command_for(self, desired: Twist, twist: Twist, limits: Limits) -> Twist:
+        """Return the command that leads to the desired twist in one period, or the nearest one within the limits."""
         if self._time_constant == 0.0:
-            return wanted
+            return desired
         gain = -1.0 / math.expm1(-self._dt / self._time_constant)
-        v, omega = (at + gain * (to - at) for at, to in zip(now, wanted, strict=True))
+        v, omega = (current + gain * (goal - current) for current, goal in zip(twist, desired, strict=True))
         return Twist(
             min(max(v, limits.lowest), limits.v_max), min(max(omega, -limits.omega_max), limits.omega_max)
         )

@@ -34,19 +34,19 @@ _NEAR = 0.15  # [m] distance of the footprint to obstacle points at which it use
 _BACK = 0.3  # [m] distance that a stuck robot backs up at least
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _ARCS = 7  # on which it may back up
-_LATELY = 10.0  # [s] since the robot last began to back up: until then it does so again only after
+_BACK_INTERVAL = 10.0  # [s] since the robot last began to back up: until then it does so again only after
 _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow place
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
 class _Situation(NamedTuple):
-    """Input of a decision: subgoal (2,), points (M, 2), movers (P, 5) and way (K, 2) in the robot frame."""
+    """Input of a decision: subgoal (2,), points (M, 2), movers (P, 5) and path (K, 2) in the robot frame."""
 
     subgoal: Floats
     points: Floats
     movers: Floats
     twist: Twist
-    way: Floats | None
+    path: Floats | None
 
 
 def _excess(measured: float, commanded: float) -> float:
@@ -54,13 +54,15 @@ def _excess(measured: float, commanded: float) -> float:
     return measured - commanded if abs(measured) > abs(commanded) else 0.0
 
 
-def _moved(now: _Situation, pose: Pose, later: float = 0.0) -> _Situation:
-    """Return the situation in the robot frame at another pose, `later` [s] on, with the same twist."""
-    movers = now.movers.copy()
-    movers[:, :2] = to_robot(movers[:, :2] + later * movers[:, 2:4], pose)
+def _shifted(situation: _Situation, pose: Pose, duration: float = 0.0) -> _Situation:
+    """Return the situation in the robot frame at another pose, `duration` [s] on, with the same twist."""
+    movers = situation.movers.copy()
+    movers[:, :2] = to_robot(movers[:, :2] + duration * movers[:, 2:4], pose)
     movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
-    way = None if now.way is None else to_robot(now.way, pose)
-    return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, now.twist, way)
+    path = None if situation.path is None else to_robot(situation.path, pose)
+    return _Situation(
+        to_robot(situation.subgoal, pose), to_robot(situation.points, pose), movers, situation.twist, path
+    )
 
 
 class MinTime:
@@ -83,11 +85,11 @@ class MinTime:
         self._config = config
         self._robot = robot
         self._lag = Lag(config.lag, robot.dt)
-        shares = turn_shares(_RATES)
+        fractions = turn_shares(_RATES)
         slow_ones = np.linspace(0.0, 1.0, _SPEEDS) ** 2  # denser at low speed
-        self._shares = slow_ones, shares * np.abs(shares)  # and near the current turn rate
+        self._fractions = slow_ones, fractions * np.abs(fractions)  # and near the current turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
-        self._late = max(config.lag, robot.settling_time)  # [s] by which the drive stops later
+        self._extra_stop_time = max(config.lag, robot.settling_time)  # [s] by which the drive stops later
         self._turn = (
             MultiPointTurn(robot.footprint, robot.dt, config.margin) if config.parts.multi_point else None
         )
@@ -95,7 +97,7 @@ class MinTime:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
-        self._asked = 0.0  # [rad/s] last commanded turn rate, before the lag is compensated
+        self._commanded_omega = 0.0  # [rad/s] last commanded turn rate, before the lag is compensated
         self._left_to_back_up = 0.0  # [m] still to back up
         self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
         self._backed_up = math.inf  # [s] since it last began to
@@ -105,70 +107,72 @@ class MinTime:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
-        here, limits = self._here(observation, guidance), observation.limits
-        now = self._ahead(here, limits)
+        measured, limits = self._measured_situation(observation, guidance), observation.limits
+        situation = self._situation_ahead(measured, limits)
         sees_back = guidance.points is not None or is_full_circle(observation.scan)
         # Choose a command: a multi-point turn, backing up, or the best arc.
-        turn = self._multi_point_turn(guidance, now, limits)
-        wanted = turn or self._wanted(guidance, now, limits, self._config.parts.back and sees_back)
-        reached = reachable(*wanted, now.twist, limits, self._robot.dt)
-        self._asked = float(reached.omega)
+        turn = self._multi_point_turn(guidance, situation, limits)
+        desired = turn or self._desired(guidance, situation, limits, self._config.parts.back and sees_back)
+        reached = reachable(*desired, situation.twist, limits, self._robot.dt)
+        self._commanded_omega = float(reached.omega)
         dt = self._robot.dt
         # Compensate the lag, then replace the command if the robot could not stop after it.
-        command = limited(*self._lag.command_for(reached, now.twist, limits), observation, dt)
-        command = self._stoppable(command, StoppingState.of(observation, here.points))
+        command = limited(*self._lag.command_for(reached, situation.twist, limits), observation, dt)
+        command = self._stoppable(command, StoppingState.of(observation, measured.points))
         command = limited(*command, observation, dt)
         self._check.sent(command)
         return command
 
-    def _multi_point_turn(self, guidance: Guidance, now: _Situation, limits: Limits) -> Twist | None:
+    def _multi_point_turn(self, guidance: Guidance, situation: _Situation, limits: Limits) -> Twist | None:
         """Return the command of a multi-point turn, if the guide knows points and way and nobody is in sight."""
         if self._turn is None:
             return None
-        if guidance.points is None or now.way is None or len(now.movers):
+        if guidance.points is None or situation.path is None or len(situation.movers):
             self._turn.reset()
             return None
-        command = self._turn.command(guidance.blocked, now.points, now.way, now.twist, limits)
+        command = self._turn.command(
+            guidance.blocked, situation.points, situation.path, situation.twist, limits
+        )
         if command is not None:
             self._left_to_back_up = self._slow_for = 0.0
             self._backed_up += self._robot.dt
         return command
 
-    def _wanted(self, guidance: Guidance, now: _Situation, limits: Limits, may_back: bool) -> Twist:
+    def _desired(self, guidance: Guidance, situation: _Situation, limits: Limits, may_back: bool) -> Twist:
         """Return the best command, or one that backs up if the robot is stuck and may back up."""
-        wanted = self._best(now, limits)
-        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, now, limits)):
-            return self._back_up(now, limits) or wanted
-        return wanted
+        best = self._best(situation, limits)
+        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(best, guidance, situation, limits)):
+            return self._back_up(situation, limits) or best
+        return best
 
-    def _is_stuck(self, wanted: Twist, guidance: Guidance, now: _Situation, limits: Limits) -> bool:
+    def _is_stuck(self, best: Twist, guidance: Guidance, situation: _Situation, limits: Limits) -> bool:
         """Return whether to begin to back up: at once, but not repeatedly while turning out of a narrow place.
 
         Where the guide has a free way, a robot counts as stuck only after standing still for a while, and never at
         the subgoal or among movers.
         """
-        stands = not any(wanted)
-        blocked = guidance.blocked and wanted.v < self._backward(limits)
-        waits = len(now.movers) > 0 or math.hypot(*now.subgoal.tolist()) <= _BACK
-        slow = blocked or (stands and not waits)
+        standing = not any(best)
+        blocked = guidance.blocked and best.v < self._backward(limits)
+        waits = len(situation.movers) > 0 or math.hypot(*situation.subgoal.tolist()) <= _BACK
+        is_slow = blocked or (standing and not waits)
         # Time with no good command ahead, and since the robot last began to back up.
-        self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
+        self._slow_for = self._slow_for + self._robot.dt if is_slow else 0.0
         self._backed_up += self._robot.dt
-        long_ago, waited = self._backed_up > _LATELY, self._slow_for > _PATIENCE
-        stuck = (blocked and (stands or long_ago or waited)) or (slow and long_ago and waited)
-        if stuck:
+        long_ago, impatient = self._backed_up > _BACK_INTERVAL, self._slow_for > _PATIENCE
+        is_stuck = (blocked and (standing or long_ago or impatient)) or (is_slow and long_ago and impatient)
+        if is_stuck:
             self._backed_up = 0.0
-        return stuck
+        return is_stuck
 
-    def _stoppable(self, command: Twist, now: StoppingState) -> Twist:
+    def _stoppable(self, command: Twist, stopping: StoppingState) -> Twist:
         """Return the command, or the nearest one after which the robot can still stop, if it can stop now."""
         check = self._check
-        for state in (now, now.as_measured()):
+        for state in (stopping, stopping.as_measured()):
             if check.stops(STILL, state):
                 return command if check.stops(command, state) else check.nearest(command, state) or STILL
         return command
 
-    def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
+    def _measured_situation(self, observation: Observation, guidance: Guidance) -> _Situation:
         """Return the current situation. With known latency or lag, motion is predicted from the measured twist.
 
         Otherwise, a robot that moves faster than its command is assumed to be where the excess takes it within its
@@ -176,55 +180,62 @@ class MinTime:
         """
         predicts = self._check.under_way or self._config.lag
         start = observation.limits.clamped(observation.twist) if predicts else observation.ramp_start
-        here = _Situation(
+        situation = _Situation(
             guidance.subgoal, *self._obstacles(observation, guidance), without_tiny_rates(start), guidance.way
         )
         time = self._robot.settling_time
         if predicts or time == 0.0 or observation.twist == start:
-            return here
+            return situation
         excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
-        return _moved(here, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else here
+        return (
+            _shifted(situation, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else situation
+        )
 
-    def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
-        """Return the situation in which the next command takes effect."""
-        return self._predicted(here, limits) if self._check.under_way else here
+    def _situation_ahead(self, situation: _Situation, limits: Limits) -> _Situation:
+        """Return the situation in which the next command takes effect, in the robot frame of that time."""
+        if not self._check.under_way:
+            return situation
+        pose, twist = self._predict(situation.twist, limits)
+        return _shifted(situation, pose, self._config.latency)._replace(twist=twist)
 
     def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
         """Return the points that do not move (M, 2), and the movers (P, 5)."""
         if guidance.points is not None and not len(observation.pedestrians):
             return guidance.points, _NOBODY
-        seen = obstacle_points(observation.scan, self._robot.lidar.mount)
-        points = seen if guidance.points is None else guidance.points
-        own, movers = movers_among(points, seen, observation.pedestrians, WIDEST)
-        return points[~own], movers
+        scan_points = obstacle_points(observation.scan, self._robot.lidar.mount)
+        points = scan_points if guidance.points is None else guidance.points
+        is_mover, movers = movers_among(points, scan_points, observation.pedestrians, WIDEST)
+        return points[~is_mover], movers
 
-    def _predicted(self, now: _Situation, limits: Limits) -> _Situation:
-        """Return the situation after the latency, in the robot frame of that time."""
-        pose, twist = self._predict(now.twist, limits)
-        return _moved(now, pose, self._config.latency)._replace(twist=twist)
-
-    def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
+    def _predict(self, start: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Predict pose, in the current robot frame, and twist for when the next command takes effect."""
         pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
-        under_way = self._check.under_way
-        rest = self._config.latency - (len(under_way) - 1) * dt  # of the oldest command
-        for k, command in enumerate(under_way):
-            duration = dt if k else rest
-            reached = self._lag.after(now, command, duration)
-            motion = (*pose,), (*now,), (*reached,), limits.bounds  # plain tuples, as in `FastSimulator.step`
-            way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
-            pose, now = Pose(*way[-1].tolist()), Twist(*twist)
-        return pose, without_tiny_rates(now)
+        sent = self._check.under_way
+        remaining = self._config.latency - (len(sent) - 1) * dt  # of the oldest command
+        for k, command in enumerate(sent):
+            duration = dt if k else remaining
+            reached = self._lag.after(start, command, duration)
+            motion = (
+                (*pose,),
+                (*start,),
+                (*reached,),
+                limits.bounds,
+            )  # plain tuples, as in `FastSimulator.step`
+            poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
+            pose, start = Pose(*poses[-1].tolist()), Twist(*twist)
+        return pose, without_tiny_rates(start)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
         """Return every arc with its time, but no backing up or multi-point turn; see `lme.planners.weighed`."""
         limits = observation.limits
-        now = self._ahead(self._here(observation, guidance), limits)
-        ahead, *given = self._given(now, limits)
-        v, omega, alpha = tried(ahead, self._shares, self._robot.dt, given[1], given[2], now.movers)
+        situation = self._situation_ahead(self._measured_situation(observation, guidance), limits)
+        ahead, *arguments = self._arguments(situation, limits)
+        v, omega, alpha = tried(
+            ahead, self._fractions, self._robot.dt, arguments[1], arguments[2], situation.movers
+        )
         costs = np.array(
             [
-                [best_twist(v[[i]], omega[[j]], alpha, *given)[2] for j in range(len(omega))]
+                [best_twist(v[[i]], omega[[j]], alpha, *arguments)[2] for j in range(len(omega))]
                 for i in range(len(v))
             ]
         )
@@ -234,47 +245,47 @@ class MinTime:
 
     def _best(self, situation: _Situation, limits: Limits) -> Twist:
         """Return the safe command with the least expected time; if none is safe, brake on the current arc."""
-        window, *given = self._given(situation, limits)
-        v, omega, time, slowest = best_command(window, self._shares, *given)
+        window, *arguments = self._arguments(situation, limits)
+        v, omega, time, slowest = best_command(window, self._fractions, *arguments)
         if math.isfinite(time):
             return Twist(v, omega)
-        now = situation.twist
-        return Twist(0.0, now.omega * slowest / now.v if now.v > 0.0 else 0.0)
+        twist = situation.twist
+        return Twist(0.0, twist.omega * slowest / twist.v if twist.v > 0.0 else 0.0)
 
-    def _given(self, situation: _Situation, limits: Limits) -> tuple[Any, ...]:
+    def _arguments(self, situation: _Situation, limits: Limits) -> tuple[Any, ...]:
         """Return the arguments of `best_command` but the shares, with its named tuples as plain ones."""
         config, dt = self._config, self._robot.dt
-        subgoal, points, movers, now, _ = situation
-        least, most = self._lag.reach(now, limits)
+        subgoal, points, movers, twist, _ = situation
+        lowest, highest = self._lag.reach(twist, limits)
         calm = _CALM if config.parts.calm else math.inf
-        window = (*now,), (*least,), (*most,), limits.bounds[2:], calm, _NEAR, self._asked
+        window = (*twist,), (*lowest,), (*highest,), limits.bounds[2:], calm, _NEAR, self._commanded_omega
         estimate = limits.v_max, _TURN, dt, max(_HORIZON, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = config.margin, config.margin_time, brake, config.grip, self._late
+        safety = config.margin, config.margin_time, brake, config.grip, self._extra_stop_time
         return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:
         """Speed at which the robot backs up [m/s]."""
         return min(_BACKWARD * limits.v_max, -limits.lowest)
 
-    def _back_up(self, now: _Situation, limits: Limits) -> Twist | None:
+    def _back_up(self, situation: _Situation, limits: Limits) -> Twist | None:
         """Back up `_BACK` or more on the safe arc of least expected time to the subgoal; None: none is safe."""
         speed = self._backward(limits)
-        omega = self._turns_back(speed, now.twist.omega, limits) if speed > 0.0 else np.empty(0)
-        safe = omega[self._is_safe_back(speed, omega, now.points, limits)]
+        omega = self._turns_back(speed, situation.twist.omega, limits) if speed > 0.0 else np.empty(0)
+        safe = omega[self._is_safe_back(speed, omega, situation.points, limits)]
         if not len(safe):
             self._left_to_back_up = 0.0
             return None
         # Count down the distance to back up, or start it.
-        left = self._left_to_back_up if self._left_to_back_up > 0.0 else _BACK
-        self._left_to_back_up = left - speed * self._robot.dt
-        return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))
+        remaining = self._left_to_back_up if self._left_to_back_up > 0.0 else _BACK
+        self._left_to_back_up = remaining - speed * self._robot.dt
+        return Twist(-speed, float(safe[self._times_back(speed, safe, situation.subgoal, limits).argmin()]))
 
     def _turns_back(self, speed: float, omega: float, limits: Limits) -> Floats:
         """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s], with 0 if possible."""
-        (_, least), (_, most) = self._lag.reach(Twist(0.0, omega), limits)
+        (_, lowest), (_, highest) = self._lag.reach(Twist(0.0, omega), limits)
         change, grip = limits.alpha_omega * self._robot.dt, self._config.grip / speed
-        low, high = max(omega - change, least, -grip), min(omega + change, most, grip)
+        low, high = max(omega - change, lowest, -grip), min(omega + change, highest, grip)
         turns = np.linspace(low, high, _ARCS) if low < high else np.array([omega])
         if low <= 0.0 <= high:
             turns[np.abs(turns).argmin()] = 0.0
@@ -284,7 +295,7 @@ class MinTime:
         """Return whether backing up at each turn rate (W,), and stopping, keeps the margin: (W,)."""
         config, box = self._config, self._robot.footprint.box
         braking = speed / min(config.brake, limits.alpha_v)
-        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._late
+        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._extra_stop_time
         horizons, margins = self._robot.dt + stop, np.full(len(omega), config.margin)
         ahead = np.column_stack((np.full(len(omega), speed), -omega))  # backwards, among mirrored points
         contacts = first_contacts(ahead, points * [-1.0, 1.0], box, margins, horizons, horizons, KEPT)
@@ -293,11 +304,11 @@ class MinTime:
 
     def _times_back(self, speed: float, omega: Floats, subgoal: Floats, limits: Limits) -> Floats:
         """Expected time to the subgoal (W,) after having backed up at each turn rate for the horizon [s]."""
-        held = max(_HORIZON, self._robot.dt)
-        half = 0.5 * omega * held
-        chord = -speed * held * np.sinc(half / math.pi)
+        duration = max(_HORIZON, self._robot.dt)
+        half = 0.5 * omega * duration
+        chord = -speed * duration * np.sinc(half / math.pi)
         x, y = subgoal[0] - chord * np.cos(half), subgoal[1] - chord * np.sin(half)
-        heading = omega * (held + np.abs(omega) / (2.0 * limits.alpha_omega))
+        heading = omega * (duration + np.abs(omega) / (2.0 * limits.alpha_omega))
         turn = np.abs((np.arctan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi)
         times: Floats = np.hypot(x, y) / limits.v_max + _TURN * turn
         return times

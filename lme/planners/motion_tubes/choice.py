@@ -116,37 +116,37 @@ class TubeChoice:
         if path is None or len(path) < 2:
             path = np.vstack((np.zeros(2), guidance.subgoal))
         path = np.ascontiguousarray(path, dtype=np.float64)
-        _, left = points_along(path, np.empty(0), self._config.long_length)
-        return Route(path, max(left, math.hypot(*path[-1])))
+        _, remaining = points_along(path, np.empty(0), self._config.long_length)
+        return Route(path, max(remaining, math.hypot(*path[-1])))
 
-    def ahead(self, route: Route, twist: Twist, view: LidarView, seen: Ranges) -> ChosenTube | None:
+    def ahead(self, route: Route, twist: Twist, view: LidarView, free_ranges: Ranges) -> ChosenTube | None:
         """Return the best long tube if all long tubes are free, else the best short one, else the best near one.
 
-        Returns None if no tube is suitable. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
+        Returns None if no tube is suitable. view, free_ranges: see `lme.planners.motion_tubes.tubes.lidar_view`.
         """
         config = self._config
         for spec in (self._long, self._short, self._near):
             tubes = forward_tubes(spec, view)
-            free = free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
+            free = free_tubes(free_ranges, tubes.needs, tubes.spans, tubes.hidden)
             if spec is self._long and not free.all():
                 continue
-            index, bin_ = self._choose(route, twist, tubes, free, seen)
+            index, bin_ = self._choose(route, twist, tubes, free, free_ranges)
             if index < 0:
                 continue
-            curvature, share = float(tubes.curvatures[index]), float(free.mean())
+            curvature, fraction = float(tubes.curvatures[index]), float(free.mean())
             if spec is self._short:
-                return ChosenTube(curvature, self._short_speed(curvature, share), bin_, share)
+                return ChosenTube(curvature, self._short_speed(curvature, fraction), bin_, fraction)
             return ChosenTube(
-                curvature, config.long_speed if spec is self._long else config.near_speed, bin_, share
+                curvature, config.long_speed if spec is self._long else config.near_speed, bin_, fraction
             )
         return None
 
     def goal(self, route: Route, length: float) -> TubeGoal:
         """Return the path's point at `length` [m], or its end, and its direction there."""
         reach = min(length, route.left)
-        places = np.array([max(reach - self._config.heading_span, 0.0), reach])
-        (before, point), _ = points_along(route.path, places, self._config.long_length)
-        heading = _bearing(point - before) if (point != before).any() else _bearing(point)
+        distances = np.array([max(reach - self._config.heading_span, 0.0), reach])
+        (previous, point), _ = points_along(route.path, distances, self._config.long_length)
+        heading = _bearing(point - previous) if (point != previous).any() else _bearing(point)
         return TubeGoal(float(point[0]), float(point[1]), heading, reach)
 
     def bearing(self, route: Route) -> float:
@@ -156,24 +156,26 @@ class TubeChoice:
         )
         return _bearing(point)
 
-    def _choose(self, route: Route, twist: Twist, tubes: Tubes, free: Bools, seen: Ranges) -> tuple[int, int]:
+    def _choose(
+        self, route: Route, twist: Twist, tubes: Tubes, free: Bools, free_ranges: Ranges
+    ) -> tuple[int, int]:
         config, goal = self._config, self.goal(route, tubes.length)
         distance_bin = config.goal_bin * min(1.0, goal.reach / config.short_length)
-        most = config.goal_bins if goal.reach == tubes.length else min(config.goal_bins, _AT_GOAL)
-        bins = (distance_bin, float(config.heading_bin), int(most))
+        max_bins = config.goal_bins if goal.reach == tubes.length else min(config.goal_bins, _AT_GOAL)
+        bins = (distance_bin, float(config.heading_bin), int(max_bins))
         target, rates = (goal.x, goal.y, goal.heading), (float(twist.v), float(twist.omega))
         whiskers = (tubes.whisker_beams, tubes.whisker_ranges)
-        return choose(free, tubes.curvatures, goal.reach, target, bins, rates, seen, *whiskers)
+        return choose(free, tubes.curvatures, goal.reach, target, bins, rates, free_ranges, *whiskers)
 
-    def _short_speed(self, curvature: float, share: float) -> float:
+    def _short_speed(self, curvature: float, fraction: float) -> float:
         """Speed of a short tube [m/s]: near_speed to short_speed, rising with the share of free tubes."""
         config = self._config
-        if share < config.free_low:
+        if fraction < config.free_low:
             return config.near_speed
-        if share > config.free_high or abs(curvature) * config.wide_radius < 1.0:
+        if fraction > config.free_high or abs(curvature) * config.wide_radius < 1.0:
             return config.short_speed
-        part = (share - config.free_low) / (config.free_high - config.free_low)
-        return config.near_speed + part * (config.short_speed - config.near_speed)
+        blend = (fraction - config.free_low) / (config.free_high - config.free_low)
+        return config.near_speed + blend * (config.short_speed - config.near_speed)
 
 
 def _bearing(point: Floats) -> float:

@@ -15,11 +15,11 @@ _STRAIGHT = 1e-9  # [1/m] smaller curvatures are straight
 
 
 @njit(cache=True, error_model="numpy")
-def arc_pose(curvature: float, way: float) -> tuple[float, float, float]:
-    """Pose (x, y, yaw) after the distance `way` [m] along an arc from the origin; negative is backwards."""
-    turn = curvature * way
+def arc_pose(curvature: float, length: float) -> tuple[float, float, float]:
+    """Pose (x, y, yaw) after the distance `length` [m] along an arc from the origin; negative is backwards."""
+    turn = curvature * length
     if abs(curvature) < _STRAIGHT:
-        return way, 0.0, turn
+        return length, 0.0, turn
     return math.sin(turn) / curvature, 2.0 * math.sin(0.5 * turn) ** 2 / curvature, turn
 
 
@@ -41,7 +41,7 @@ def swept_ranges(
     around the lidar. lidar: (x, y) and the bearing of the first beam, in the base frame. The range is 0 if the
     beam does not meet the tube.
     """
-    needs = np.zeros((len(curvatures), num_beams))
+    needed = np.zeros((len(curvatures), num_beams))
     hidden = np.zeros(len(curvatures), np.bool_)
     directions = np.empty((num_beams, 2))
     # Unit vectors of the beams in the base frame.
@@ -58,8 +58,8 @@ def swept_ranges(
             hidden[n] |= _out_of_view(corners, beams, rule, increment, num_beams)
             for i in range(len(corners)):
                 j = i + 1 if i + 1 < len(corners) else 0
-                _raise(corners[i], corners[j], beams[i], rule, increment, directions, needs[n])
-    return needs.astype(np.float32), hidden
+                _raise(corners[i], corners[j], beams[i], rule, increment, directions, needed[n])
+    return needed.astype(np.float32), hidden
 
 
 @njit(cache=True, error_model="numpy")
@@ -84,9 +84,9 @@ def _counts(x, y, rule):
 @njit(cache=True, error_model="numpy")
 def _out_of_view(corners, beams, rule, increment, num_beams):
     """Return whether a corner in the newly swept area is more than half a beam outside the field of view."""
-    last = _TWO_PI / increment - 0.5
+    last_beam = _TWO_PI / increment - 0.5
     for i in range(len(corners)):
-        outside = num_beams - 0.5 < beams[i] < last
+        outside = num_beams - 0.5 < beams[i] < last_beam
         if outside and _counts(corners[i, 0], corners[i, 1], rule):
             return True
     return False
@@ -101,30 +101,30 @@ def _raise(a, b, beam, rule, increment, directions, need):
     low, high = min(beam, beam + span), max(beam, beam + span)
     turn = _TWO_PI / increment
     for shift in (-turn, 0.0, turn):
-        first, last = max(math.ceil(low + shift), 0), min(math.floor(high + shift), len(need) - 1)
-        for i in range(first, last + 1):
+        first_beam, last_beam = max(math.ceil(low + shift), 0), min(math.floor(high + shift), len(need) - 1)
+        for i in range(first_beam, last_beam + 1):
             c, s = directions[i, 0], directions[i, 1]
             # Distance along the beam d to the line through a and b: (a × b) / (d × (b − a)).
-            way = cross / (c * (b[1] - a[1]) - s * (b[0] - a[0]))
-            if way > need[i] and _counts(way * c, way * s, rule):
-                need[i] = way
+            distance = cross / (c * (b[1] - a[1]) - s * (b[0] - a[0]))
+            if distance > need[i] and _counts(distance * c, distance * s, rule):
+                need[i] = distance
 
 
 @njit(cache=True, error_model="numpy")
 def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
     """Free range of each beam: (B,) [m], inf without a hit (see `lme.perception.scan_points`)."""
     low, high = np.float32(range_min), np.float32(range_max)
-    seen = np.empty(len(ranges), np.float32)
+    free = np.empty(len(ranges), np.float32)
     for i in range(len(ranges)):
-        seen[i] = ranges[i] if low <= ranges[i] < high else np.float32(np.inf)
-    return seen
+        free[i] = ranges[i] if low <= ranges[i] < high else np.float32(np.inf)
+    return free
 
 
 @njit(cache=True, error_model="numpy")
-def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
+def free_tubes(ranges: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
     """Return whether each tube is free: it is in view, and every beam sees past it: (N,).
 
-    seen (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
+    ranges (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
     beam that meet each tube.
     """
     free = np.empty(len(needs), np.bool_)
@@ -132,17 +132,17 @@ def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools
         free[n] = not hidden[n]
         # One beam that ends inside the tube blocks it.
         for i in range(spans[n, 0], spans[n, 1] + 1):
-            if seen[i] < needs[n, i]:
+            if ranges[i] < needs[n, i]:
                 free[n] = False
                 break
     return free
 
 
 @njit(cache=True, error_model="numpy")
-def whisker_free(seen: Ranges, beams: Ints, ranges: Ranges) -> bool:
+def whisker_free(beam_ranges: Ranges, beams: Ints, ranges: Ranges) -> bool:
     """Return whether every sample of a whisker is in view and free: beams (S,), −1 out of view; ranges (S,)."""
     for k in range(len(beams)):  # noqa: SIM110
-        if beams[k] < 0 or seen[beams[k]] < ranges[k]:
+        if beams[k] < 0 or beam_ranges[beams[k]] < ranges[k]:
             return False
     return True
 
@@ -155,7 +155,7 @@ def choose(
     goal: tuple[float, float, float],
     bins: tuple[float, float, int],
     twist: tuple[float, float],
-    seen: Ranges,
+    ranges: Ranges,
     whisker_beams: Ints,
     whisker_ranges: Ranges,
 ) -> tuple[int, int]:
@@ -177,23 +177,23 @@ def choose(
         distance = math.hypot(goal[0] - x, goal[1] - y)
         deviation = abs(yaw - goal[2])
         deviation = min(deviation, _TWO_PI - deviation)
-        here = math.floor(distance / bins[0])
-        if here > best_bin or here > bins[2] or deviation > 0.5 * math.pi:
+        distance_bin = math.floor(distance / bins[0])
+        if distance_bin > best_bin or distance_bin > bins[2] or deviation > 0.5 * math.pi:
             continue
         # Keys that order the tubes within the same distance bin.
         for k in range(3):
-            key[k] = 0.0 if whisker_free(seen, whisker_beams[k, n], whisker_ranges[k, n]) else 1.0
+            key[k] = 0.0 if whisker_free(ranges, whisker_beams[k, n], whisker_ranges[k, n]) else 1.0
         key[3] = math.floor(deviation / bins[1])
         key[4] = abs(twist[0] * curvatures[n] - twist[1]) if twist[0] > 0.0 else 0.0
         key[5] = distance
-        if here < best_bin or _less(key, best_key):
-            best, best_bin = n, here
+        if distance_bin < best_bin or _is_less(key, best_key):
+            best, best_bin = n, distance_bin
             best_key[:] = key
     return best, best_bin if best >= 0 else -1
 
 
 @njit(cache=True, error_model="numpy")
-def _less(a, b):
+def _is_less(a, b):
     """Return whether a comes before b in lexicographic order."""
     for k in range(len(a)):
         if a[k] != b[k]:
@@ -211,39 +211,39 @@ def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats
     start, part = _nearest(path, window)
     x = path[start, 0] + part * (path[min(start + 1, len(path) - 1), 0] - path[start, 0])
     y = path[start, 1] + part * (path[min(start + 1, len(path) - 1), 1] - path[start, 1])
-    out = np.empty((len(distances), 2))
-    done, way = 0, 0.0
+    points = np.empty((len(distances), 2))
+    count, length = 0, 0.0
     for i in range(start + 1, len(path)):
         # Interpolate all the distances that end on this segment.
         step = math.hypot(path[i, 0] - x, path[i, 1] - y)
-        while done < len(distances) and distances[done] <= way + step:
-            share = (distances[done] - way) / step if step > 0.0 else 0.0
-            out[done, 0], out[done, 1] = x + share * (path[i, 0] - x), y + share * (path[i, 1] - y)
-            done += 1
-        way += step
+        while count < len(distances) and distances[count] <= length + step:
+            blend = (distances[count] - length) / step if step > 0.0 else 0.0
+            points[count, 0], points[count, 1] = x + blend * (path[i, 0] - x), y + blend * (path[i, 1] - y)
+            count += 1
+        length += step
         x, y = path[i, 0], path[i, 1]
     # Distances past the end give the end point.
-    out[done:, 0], out[done:, 1] = x, y
-    return out, way
+    points[count:, 0], points[count:, 1] = x, y
+    return points, length
 
 
 @njit(cache=True, error_model="numpy")
 def _nearest(path, window):
     """Index of the segment nearest to the origin, and the nearest point as a share of its length."""
-    best, at, at_part, way = np.inf, 0, 0.0, 0.0
+    best, nearest, at_part, length = np.inf, 0, 0.0, 0.0
     for i in range(len(path) - 1):
         dx, dy = path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1]
         square = dx * dx + dy * dy
         # Project the origin onto the segment: t = −p · d / |d|², limited to [0, 1].
         part = -(path[i, 0] * dx + path[i, 1] * dy) / square if square > 0.0 else 0.0
         part = min(max(part, 0.0), 1.0)
-        away = math.hypot(path[i, 0] + part * dx, path[i, 1] + part * dy)
-        if away < best:
-            best, at, at_part = away, i, part
-        way += math.sqrt(square)
-        if way > window:
+        distance = math.hypot(path[i, 0] + part * dx, path[i, 1] + part * dy)
+        if distance < best:
+            best, nearest, at_part = distance, i, part
+        length += math.sqrt(square)
+        if length > window:
             break
-    return at, at_part
+    return nearest, at_part
 
 
 @njit(cache=True, error_model="numpy")
@@ -261,7 +261,7 @@ def known_free(
     frame of the points; ranges (M, B): the scans from `free_ranges`; box (half_length, half_width, rounding) [m].
     """
     turn = _TWO_PI / increment
-    known = np.zeros(len(points), np.bool_)
+    is_free = np.zeros(len(points), np.bool_)
     for p in range(len(points)):
         for m in range(len(bodies)):
             # Under the footprint: inside the rounded box at the pose of this scan.
@@ -270,16 +270,16 @@ def known_free(
             beside_x = max(abs(cos * dx + sin * dy) - box[0], 0.0)
             beside_y = max(abs(cos * dy - sin * dx) - box[1], 0.0)
             if beside_x * beside_x + beside_y * beside_y <= box[2] * box[2]:
-                known[p] = True
+                is_free[p] = True
                 break
             # Seen past: the beam towards the point is longer than the distance to it.
             dx, dy = points[p, 0] - lidars[m, 0], points[p, 1] - lidars[m, 1]
             bearing = ((math.atan2(dy, dx) - lidars[m, 2]) % _TWO_PI) / increment
             beam = 0 if bearing >= turn - 0.5 else round(bearing)
             if beam < ranges.shape[1] and ranges[m, beam] > math.hypot(dx, dy):
-                known[p] = True
+                is_free[p] = True
                 break
-    return known
+    return is_free
 
 
 @njit(cache=True, error_model="numpy")
@@ -296,7 +296,7 @@ def out_of_sight(
     points (P, 2); pose: of the base in the frame of the points; lidar as in `swept_ranges`.
     """
     cos, sin, turn = math.cos(pose[2]), math.sin(pose[2]), _TWO_PI / increment
-    kept = np.empty_like(points)
+    hidden = np.empty_like(points)
     count = 0
     for p in range(len(points)):
         dx, dy = points[p, 0] - pose[0], points[p, 1] - pose[1]
@@ -307,6 +307,6 @@ def out_of_sight(
         bearing = ((math.atan2(y - lidar[1], x - lidar[0]) - lidar[2]) % _TWO_PI) / increment
         # Bearings between the last beam and the first are out of view.
         if num_beams - 0.5 < bearing < turn - 0.5:
-            kept[count, 0], kept[count, 1] = x, y
+            hidden[count, 0], hidden[count, 1] = x, y
             count += 1
-    return kept[:count]
+    return hidden[:count]

@@ -23,14 +23,14 @@ from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code
-_NEAR = 1.5  # [m] farther points are out of reach within one period and a stop
-_KEPT = 3.0  # [m] farther points are not remembered
+_STOP_RADIUS = 1.5  # [m] farther points are out of reach within one period and a stop
+_MEMORY_RADIUS = 3.0  # [m] farther points are not remembered
 _SCANS, _SCAN_SPACING, _SCAN_TURN = 60, 0.15, math.radians(20.0)  # memory of 9 m of driving
 _BACK_STEP = math.radians(5.0)  # between final headings of backward tubes
 _SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω, on the same arc
 _BACK_OUT = ((0.25, 0.0), (0.25, -0.25))  # off the arc, if there is no room to enter it
 _GAP = 0.02  # [m] least clearance while stopping; a nearer robot must not come any nearer
-_HERE = Pose(0.0, 0.0, 0.0)
+_ORIGIN = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
 _POSITIVE = (
     "acceleration",
@@ -82,7 +82,7 @@ class _Scene(NamedTuple):
     observation: Observation
     route: Route
     view: LidarView
-    seen: Ranges
+    free_ranges: Ranges
     points: Floats
 
 
@@ -112,11 +112,11 @@ class MotionTubes:
         self._robot = robot
         self._dt = robot.dt
         self._tubes = TubeChoice(config, robot)
-        far, near = (
+        long_tubes, short_tubes = (
             self._tubes.spec(length, _BACK_STEP) for length in (config.back_length, config.near_length)
         )
-        self._back = (far, near, near._replace(margins=(_GAP, _GAP)))
-        self._around = Surroundings(robot.footprint, _SCANS, _SCAN_SPACING, _SCAN_TURN)
+        self._back = (long_tubes, short_tubes, short_tubes._replace(margins=(_GAP, _GAP)))
+        self._surroundings = Surroundings(robot.footprint, _SCANS, _SCAN_SPACING, _SCAN_TURN)
         self._stuck: Pose | None = None  # pose where the free tube could not be entered
         self._forget()
 
@@ -136,53 +136,53 @@ class MotionTubes:
             _Manoeuvre.TURN: self._turn,
             _Manoeuvre.BACK: self._back_up,
         }
-        wanted = steps[self._state](scene)
-        command = self._stopping_in_time(wanted, scene)
-        if command == Twist(0.0, 0.0) != wanted:
+        desired = steps[self._state](scene)
+        command = self._stopping_in_time(desired, scene)
+        if command == Twist(0.0, 0.0) != desired:
             self._leave_unsafe_tube(observation.odometry)
         return command
 
-    def _leave_unsafe_tube(self, here: Pose) -> None:
+    def _leave_unsafe_tube(self, pose: Pose) -> None:
         """Change the state if the chosen tube was not safe to enter."""
         if self._state is _Manoeuvre.FOLLOW:
-            self._state, self._stuck = _Manoeuvre.BACK, here
+            self._state, self._stuck = _Manoeuvre.BACK, pose
         elif self._state is _Manoeuvre.BACK:
             self._state, self._stuck = _Manoeuvre.STOP, None
 
     def _forget(self) -> None:
-        self._around.forget()
+        self._surroundings.forget()
         self._state = _Manoeuvre.FOLLOW
         self._stuck = None
 
     def _scene(self, observation: Observation, guidance: Guidance) -> _Scene:
         """Remember the scan and collect the input of the decision."""
         mount = self._robot.lidar.mount
-        view, seen = lidar_view(observation.scan, mount)
+        view, free_ranges = lidar_view(observation.scan, mount)
         points = obstacle_points(observation.scan, mount)
-        self._around.see(observation.odometry, view, seen, _within(points, _KEPT))
-        points = np.concatenate((_within(points, _NEAR), self._around.hidden_hits(_NEAR)))
-        return _Scene(observation, self._tubes.route(guidance), view, seen, points)
+        self._surroundings.see(observation.odometry, view, free_ranges, _within(points, _MEMORY_RADIUS))
+        points = np.concatenate((_within(points, _STOP_RADIUS), self._surroundings.hidden_hits(_STOP_RADIUS)))
+        return _Scene(observation, self._tubes.route(guidance), view, free_ranges, points)
 
     def _follow(self, scene: _Scene) -> Twist:
         """Drive the best tube; brake if there is none."""
-        config, now, dt = self._config, scene.observation.ramp_start, self._dt
-        chosen = self._tubes.ahead(scene.route, now, scene.view, scene.seen)
-        if chosen is None:
+        config, twist, dt = self._config, scene.observation.ramp_start, self._dt
+        tube = self._tubes.ahead(scene.route, twist, scene.view, scene.free_ranges)
+        if tube is None:
             self._state = _Manoeuvre.STOP
             return self._brake(scene)
         limits = scene.observation.limits
-        speed, braking = min(chosen.speed, limits.v_max), min(config.stop_deceleration, limits.alpha_v)
+        speed, braking = min(tube.speed, limits.v_max), min(config.stop_deceleration, limits.alpha_v)
         # Ramp to the speed of the tube, in time to stop at the end of the path and within reach of the turn rate.
-        v = min(max(speed, now.v - config.deceleration * dt), now.v + config.acceleration * dt)
-        v = min(v, approach(scene.route.left, now.v, speed, braking, dt))
-        v = self._limited_by_turn_rate(v, chosen.curvature, scene.observation)
-        return Twist(v, v * chosen.curvature)
+        v = min(max(speed, twist.v - config.deceleration * dt), twist.v + config.acceleration * dt)
+        v = min(v, approach(scene.route.left, twist.v, speed, braking, dt))
+        v = self._limited_by_turn_rate(v, tube.curvature, scene.observation)
+        return Twist(v, v * tube.curvature)
 
     def _limited_by_turn_rate(self, v: float, curvature: float, observation: Observation) -> float:
         """Limit the speed [m/s] so that the reachable turn rate keeps the robot in the tube."""
         limits = observation.limits
-        wanted = min(max(v * curvature, -limits.omega_max), limits.omega_max)
-        omega = towards(wanted, observation.ramp_start.omega, limits.alpha_omega, self._dt)
+        desired = min(max(v * curvature, -limits.omega_max), limits.omega_max)
+        omega = towards(desired, observation.ramp_start.omega, limits.alpha_omega, self._dt)
         if omega * curvature > 0.0:
             return min(v, omega / curvature)
         return v if curvature == 0.0 else min(v, self._config.near_speed)
@@ -190,7 +190,9 @@ class MotionTubes:
     def _stop(self, scene: _Scene) -> Twist:
         """Brake until a tube is free; at a standstill, recover."""
         v, omega = scene.observation.ramp_start
-        if v > -_STANDSTILL and self._tubes.ahead(scene.route, Twist(v, omega), scene.view, scene.seen):
+        if v > -_STANDSTILL and self._tubes.ahead(
+            scene.route, Twist(v, omega), scene.view, scene.free_ranges
+        ):
             self._state = _Manoeuvre.FOLLOW
             return self._follow(scene)
         if max(abs(v), abs(omega)) > _STANDSTILL:
@@ -206,8 +208,8 @@ class MotionTubes:
     def _turn(self, scene: _Scene) -> Twist:
         """Turn on the spot until the robot faces along the path or can drive ahead."""
         bearing, config = self._tubes.bearing(scene.route), self._config
-        done = abs(bearing) <= config.turn_tolerance or self._can_drive_ahead(scene)
-        if done or not self._room_to_turn(scene, 0.0):
+        is_aligned = abs(bearing) <= config.turn_tolerance or self._can_drive_ahead(scene)
+        if is_aligned or not self._room_to_turn(scene, 0.0):
             self._state = _Manoeuvre.STOP
             return self._brake(scene)
         rate = scene.observation.ramp_start.omega
@@ -232,54 +234,54 @@ class MotionTubes:
         slower = towards(0.0, v, self._config.stop_deceleration, self._dt)
         return Twist(slower, omega * slower / v)
 
-    def _stopping_in_time(self, wanted: Twist, scene: _Scene) -> Twist:
+    def _stopping_in_time(self, desired: Twist, scene: _Scene) -> Twist:
         """Return the command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
-        here, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
+        clearance, _ = sweep(np.array([_ORIGIN]), self._robot.footprint.box, circles, _NO_EDGES)
         # A robot that is nearer to a point than the gap need only keep its distance.
-        for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
-            command = limited(v_share * wanted.v, omega_share * wanted.omega, scene.observation, self._dt)
-            if self._clearance(command, scene.observation, circles) >= min(_GAP, here - 1e-6):
+        for v_factor, omega_factor in _SLOWER if desired.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
+            command = limited(v_factor * desired.v, omega_factor * desired.omega, scene.observation, self._dt)
+            if self._clearance(command, scene.observation, circles) >= min(_GAP, clearance - 1e-6):
                 return command
         return limited(0.0, 0.0, scene.observation, self._dt)
 
     def _clearance(self, command: Twist, observation: Observation, circles: Floats) -> float:
         """Least distance to the points over one period of the command and a full stop [m]; −1 in contact."""
-        least = math.inf
+        min_clearance = math.inf
         for twist in observation.twists:
             poses = until_rest(command, twist, observation.limits, self._robot)
             clearance, contact = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
-            least = min(least, clearance if contact < 0 else -1.0)
-        return least
+            min_clearance = min(min_clearance, clearance if contact < 0 else -1.0)
+        return min_clearance
 
     def _turns_usefully(self, scene: _Scene, margin: float) -> bool:
-        off = abs(self._tubes.bearing(scene.route)) > self._config.turn_tolerance
-        return off and self._room_to_turn(scene, margin)
+        is_off_path = abs(self._tubes.bearing(scene.route)) > self._config.turn_tolerance
+        return is_off_path and self._room_to_turn(scene, margin)
 
     def _room_to_turn(self, scene: _Scene, margin: float) -> bool:
         """Return whether the circle that the footprint sweeps in a turn is free; a disc needs no room."""
         footprint = self._robot.footprint
-        least = float(np.hypot(*scene.points.T).min(initial=math.inf))
-        return footprint.radius is not None or least > footprint.r_max + margin
+        min_distance = float(np.hypot(*scene.points.T).min(initial=math.inf))
+        return footprint.radius is not None or min_distance > footprint.r_max + margin
 
     def _has_backed_off(self, scene: _Scene) -> bool:
         """Return whether the robot is far enough from where it got stuck and can turn or drive ahead."""
-        here = scene.observation.odometry
-        if self._stuck is not None and math.dist(here[:2], self._stuck[:2]) < self._config.near_length:
+        pose = scene.observation.odometry
+        if self._stuck is not None and math.dist(pose[:2], self._stuck[:2]) < self._config.near_length:
             return False
         return self._turns_usefully(scene, self._config.turn_margin) or self._can_drive_ahead(scene)
 
     def _can_drive_ahead(self, scene: _Scene) -> bool:
         """Return whether enough tubes are free, and one ends near the path (authors' public code: within one bin)."""
-        chosen = self._tubes.ahead(scene.route, scene.observation.ramp_start, scene.view, scene.seen)
-        return chosen is not None and chosen.share >= self._config.free_low and chosen.bin <= 1
+        tube = self._tubes.ahead(scene.route, scene.observation.ramp_start, scene.view, scene.free_ranges)
+        return tube is not None and tube.share >= self._config.free_low and tube.bin <= 1
 
     def _backward_curvature(self, scene: _Scene) -> float | None:
         """Curvature of the best backward tube [1/m], a short one if no long one is free; None if none is free."""
         goal = self._tubes.goal(scene.route, self._config.short_length)
         for spec in self._back:
             tubes = backward_tubes(spec)
-            unknown = ~self._around.known_free(tubes.samples)
+            unknown = ~self._surroundings.known_free(tubes.samples)
             free: Bools = ~np.any(tubes.inside[:, unknown], axis=1)
             if free.any():
                 return self._middle(tubes, free, goal)
@@ -287,11 +289,11 @@ class MotionTubes:
 
     def _middle(self, tubes: BackwardTubes, free: Bools, goal: TubeGoal) -> float:
         """Curvature of the middle tube in the widest fan of free tubes that end in the bin nearest to the goal."""
-        away = np.hypot(tubes.ends[:, 0] - goal.x, tubes.ends[:, 1] - goal.y)
-        bins = np.floor(away / self._config.back_bin)
-        good = np.flatnonzero(free & (bins == bins[free].min()))
+        distances = np.hypot(tubes.ends[:, 0] - goal.x, tubes.ends[:, 1] - goal.y)
+        bins = np.floor(distances / self._config.back_bin)
+        candidates = np.flatnonzero(free & (bins == bins[free].min()))
         # Runs of neighbouring tubes; of an even number in the widest, the flatter of both middle ones.
-        fans = np.split(good, np.flatnonzero(np.diff(good) > 1) + 1)
+        fans = np.split(candidates, np.flatnonzero(np.diff(candidates) > 1) + 1)
         widest = max(fans, key=len)
         middle = widest[[(len(widest) - 1) // 2, len(widest) // 2]]
         return float(min(tubes.curvatures[middle], key=abs))
@@ -299,5 +301,5 @@ class MotionTubes:
 
 def _within(points: Floats, reach: float) -> Floats:
     """Return the points (M, 2) that are nearer than `reach` [m]."""
-    near: Floats = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
-    return near
+    nearby: Floats = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
+    return nearby

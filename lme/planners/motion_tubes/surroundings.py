@@ -31,7 +31,7 @@ class Surroundings:
         self._hits: list[Floats] = []  # of each scan, in the odometry frame
         self._view: LidarView | None = None
 
-    def see(self, odometry: Pose, view: LidarView, seen: Ranges, points: Floats) -> None:
+    def see(self, odometry: Pose, view: LidarView, free_ranges: Ranges, points: Floats) -> None:
         """Add a scan. It replaces the last one if the robot has not moved enough between the last two.
 
         points (M, 2): its obstacle points in the base frame [m].
@@ -44,10 +44,10 @@ class Surroundings:
             self._ranges.pop()
             self._hits.pop()
         self._poses.append(odometry)
-        self._ranges.append(seen)
+        self._ranges.append(free_ranges)
         self._hits.append(to_world(points, odometry))
-        for kept in (self._poses, self._ranges, self._hits):
-            del kept[: -self._capacity]
+        for memory in (self._poses, self._ranges, self._hits):
+            del memory[: -self._capacity]
 
     def hidden_hits(self, reach: float) -> Floats:
         """Return earlier points within `reach` of the base that are out of view now, in its frame: (K, 2) [m]."""
@@ -62,9 +62,9 @@ class Surroundings:
         view, bodies, lidars, ranges = self._in_base_frame()
         return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
 
-    def _moved(self, before: Pose, after: Pose) -> bool:
-        _, _, turn = relative(after, before)
-        return math.dist(before[:2], after[:2]) >= self._spacing or abs(turn) >= self._turn
+    def _moved(self, previous: Pose, current: Pose) -> bool:
+        _, _, turn = relative(current, previous)
+        return math.dist(previous[:2], current[:2]) >= self._spacing or abs(turn) >= self._turn
 
     def _in_base_frame(self) -> tuple[LidarView, Floats, Floats, Ranges]:
         """Return the view, poses of base and lidar (M, 3) in the current base frame, ranges (M, B); newest first."""

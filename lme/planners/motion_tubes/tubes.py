@@ -58,11 +58,11 @@ class Tubes(NamedTuple):
 
 def lidar_view(scan: LaserScan, mount: Pose) -> tuple[LidarView, Ranges]:
     """Return the scan's beams in the base frame, anticlockwise, and the free range of each (B,) [m]."""
-    seen = free_ranges(scan.ranges, scan.range_min, scan.range_max)
-    first, increment, count = scan.angle_min, scan.angle_increment, len(seen)
+    free = free_ranges(scan.ranges, scan.range_min, scan.range_max)
+    first, increment, count = scan.angle_min, scan.angle_increment, len(free)
     if increment < 0.0:
-        first, increment, seen = first + (count - 1) * increment, -increment, np.ascontiguousarray(seen[::-1])
-    return LidarView(mount.x, mount.y, mount.yaw + first, increment, count), seen
+        first, increment, free = first + (count - 1) * increment, -increment, np.ascontiguousarray(free[::-1])
+    return LidarView(mount.x, mount.y, mount.yaw + first, increment, count), free
 
 
 @lru_cache(maxsize=16)
@@ -73,11 +73,11 @@ def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
     front = spec.box[0] + spec.box[2] + spec.margins[0]
     steps = max(1, math.ceil(spec.length / _ALONG))
     lidar = (view.x, view.y, view.first)
-    needs, hidden = swept_ranges(
+    needed, hidden = swept_ranges(
         curvatures, spec.length, steps, outline, front, lidar, view.increment, view.num_beams
     )
     beams, ranges = _whiskers(spec, curvatures, view)
-    return Tubes(spec.length, curvatures, needs, _spans(needs), hidden, beams, ranges)
+    return Tubes(spec.length, curvatures, needed, _spans(needed), hidden, beams, ranges)
 
 
 def grown_outline(box: Box, front: float, side: float) -> Floats:
@@ -103,11 +103,11 @@ def _curvatures(spec: TubeSpec) -> Floats:
     return np.concatenate(([0.0], np.column_stack((left, -left)).ravel()))
 
 
-def _spans(needs: Ranges) -> Ints:
+def _spans(needed: Ranges) -> Ints:
     """First and last beam that meet each tube: (N, 2); (0, −1) if none does."""
-    met = np.pad(needs > 0.0, ((0, 0), (1, 1)))
-    first, last = met.argmax(axis=1) - 1, needs.shape[1] - met[:, ::-1].argmax(axis=1)
-    return np.where(np.any(met, axis=1, keepdims=True), np.column_stack((first, last)), (0, -1))
+    is_met = np.pad(needed > 0.0, ((0, 0), (1, 1)))
+    first_beam, last_beam = is_met.argmax(axis=1) - 1, needed.shape[1] - is_met[:, ::-1].argmax(axis=1)
+    return np.where(np.any(is_met, axis=1, keepdims=True), np.column_stack((first_beam, last_beam)), (0, -1))
 
 
 def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints, Ranges]:
@@ -119,13 +119,13 @@ def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints
     ahead = np.full(_WHISKER_SAMPLES, x + rounding + spec.whiskers[0])
     front = np.column_stack((ahead, np.linspace(-y, y, _WHISKER_SAMPLES)))
     right = left * (1.0, -1.0)
-    both, empty = np.vstack((left, right)), np.empty((0, 2))
-    sides = {0.0: (both, empty), 1.0: (right, left), -1.0: (left, right)}
+    both_sides, empty = np.vstack((left, right)), np.empty((0, 2))
+    sides = {0.0: (both_sides, empty), 1.0: (right, left), -1.0: (left, right)}
     samples = np.empty((3, len(curvatures), 2 * _WHISKER_SAMPLES, 2))
     for n, curvature in enumerate(curvatures):
         outer, inner = sides[float(np.sign(curvature))]
         pose = arc_pose(curvature, spec.length)
-        for k, whisker in enumerate((outer, front, inner if len(inner) else both)):
+        for k, whisker in enumerate((outer, front, inner if len(inner) else both_sides)):
             samples[k, n] = np.resize(_placed(whisker, pose), (2 * _WHISKER_SAMPLES, 2))
     return _beams(samples, view)
 
@@ -174,9 +174,9 @@ def backward_tubes(spec: TubeSpec) -> BackwardTubes:
     for n, curvature in enumerate(curvatures):
         for k in range(1, steps + 1):
             inside[n] |= _within(lattice, grown, arc_pose(curvature, -spec.length * k / steps))
-    met = inside.any(axis=0)
+    is_covered = inside.any(axis=0)
     ends = np.array([arc_pose(curvature, -spec.length)[:2] for curvature in curvatures])
-    return BackwardTubes(curvatures, ends, lattice[met], np.ascontiguousarray(inside[:, met]))
+    return BackwardTubes(curvatures, ends, lattice[is_covered], np.ascontiguousarray(inside[:, is_covered]))
 
 
 def _within(points: Floats, box: Box, pose: tuple[float, float, float]) -> Bools:
@@ -185,5 +185,5 @@ def _within(points: Floats, box: Box, pose: tuple[float, float, float]) -> Bools
     dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
     beside_x = np.maximum(np.abs(cos * dx + sin * dy) - box[0], 0.0)
     beside_y = np.maximum(np.abs(cos * dy - sin * dx) - box[1], 0.0)
-    within: Bools = np.hypot(beside_x, beside_y) <= box[2] + 1e-9
-    return within
+    is_inside: Bools = np.hypot(beside_x, beside_y) <= box[2] + 1e-9
+    return is_inside

@@ -79,7 +79,7 @@ class PreferForwardConfig:
 
 
 _POSITIVE = ("model_dt", "vx_std", "wz_std", "vx_max", "wz_max", "ax_max", "az_max", "temperature")
-_POSITIVE_TOO = ("prune_distance", "path_spacing")
+_POSITIVE_DISTANCES = ("prune_distance", "path_spacing")
 _CRITICS = ("constraint", "cost", "goal", "path_align", "path_follow", "path_angle", "prefer_forward")
 _COUNTS = {
     "cost": ("trajectory_point_step", 1),
@@ -121,7 +121,7 @@ class MppiConfig:
     costmap: LocalCostmapConfig = field(default_factory=_costmap)
 
     def __post_init__(self) -> None:
-        for key in _POSITIVE + _POSITIVE_TOO:
+        for key in _POSITIVE + _POSITIVE_DISTANCES:
             require(f"planner.{key}", getattr(self, key), above=0.0)
         for key in ("gamma", "xy_goal_tolerance", "retry_attempt_limit"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
@@ -132,8 +132,8 @@ class MppiConfig:
         require("planner.iteration_count", self.iteration_count, at_least=1)
         for critic in _CRITICS:
             require(f"planner.{critic}.cost_weight", getattr(self, critic).cost_weight, at_least=0.0)
-        for critic, (key, least) in _COUNTS.items():
-            require(f"planner.{critic}.{key}", getattr(getattr(self, critic), key), at_least=least)
+        for critic, (key, minimum) in _COUNTS.items():
+            require(f"planner.{critic}.{key}", getattr(getattr(self, critic), key), at_least=minimum)
 
 
 _SHORTEST = 10  # [steps] the filter looks at nine of them

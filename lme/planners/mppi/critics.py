@@ -42,7 +42,7 @@ class Critics:
         the velocity (v_min, v_max) [m/s].
         """
         config, map_, dt = self._config, self._costmap, self._config.model_dt
-        left = math.hypot(*observation.target)
+        target_distance = math.hypot(*observation.target)
         costs = np.zeros(len(poses))
         # Critics of velocity and obstacles, for every distance to the target.
         critics.constraint(costs, speeds, bounds, dt, config.constraint.cost_weight)
@@ -56,27 +56,27 @@ class Critics:
             map_.outline,
             self._possible,
             (cost.collision_cost, cost.critical_cost, cost.cost_weight),
-            left < cost.near_goal_distance,
+            target_distance < cost.near_goal_distance,
         )
         # Critics that count only near the target, or only away from it.
-        if left < config.goal.threshold_to_consider:
+        if target_distance < config.goal.threshold_to_consider:
             x, y = to_world(observation.target, observation.odometry)
             critics.goal(costs, poses, (float(x), float(y)), config.goal.cost_weight)
-        self._along_path(costs, observation, path, poses, left)
-        if left >= config.prefer_forward.threshold_to_consider:
+        self._along_path(costs, observation, path, poses, target_distance)
+        if target_distance >= config.prefer_forward.threshold_to_consider:
             critics.prefer_forward(costs, speeds, dt, config.prefer_forward.cost_weight)
         return costs, not collide
 
     def _along_path(
-        self, costs: Floats, observation: Observation, path: Floats, poses: Singles, left: float
+        self, costs: Floats, observation: Observation, path: Floats, poses: Singles, target_distance: float
     ) -> None:
-        """Apply the critics of the path. left: distance to the target [m]."""
+        """Apply the critics of the path. target_distance: distance to the target [m]."""
         config, map_ = self._config, self._costmap
         # Points of the path that are free, and the furthest one that some trajectory reaches.
         free = critics.free_points(path, map_.costs, map_.grid)
         furthest = critics.furthest_reached(poses, path)
         align, follow, angle = config.path_align, config.path_follow, config.path_angle
-        if left >= align.threshold_to_consider:
+        if target_distance >= align.threshold_to_consider:
             critics.path_align(
                 costs,
                 poses,
@@ -88,14 +88,14 @@ class Critics:
                 align.max_path_occupancy_ratio,
                 align.cost_weight,
             )
-        if left >= follow.threshold_to_consider:
+        if target_distance >= follow.threshold_to_consider:
             critics.path_follow(
                 costs, poses, path, free, furthest, follow.offset_from_furthest, follow.cost_weight
             )
-        if left >= angle.threshold_to_consider:
-            at = min(furthest + angle.offset_from_furthest, len(path) - 1)
-            most, weight = angle.max_angle_to_furthest, angle.cost_weight
-            critics.path_angle(costs, poses, path, observation.odometry, at, most, weight)
+        if target_distance >= angle.threshold_to_consider:
+            index = min(furthest + angle.offset_from_furthest, len(path) - 1)
+            max_angle, weight = angle.max_angle_to_furthest, angle.cost_weight
+            critics.path_angle(costs, poses, path, observation.odometry, index, max_angle, weight)
 
 
 def _cost_at_corner(config: MppiConfig, outline: Floats, inscribed: float) -> float:

@@ -46,8 +46,8 @@ class Mppi:
     def __init__(self, config: MppiConfig, robot: Robot) -> None:
         self._config = config
         self._dt = robot.dt
-        self._held = math.floor(robot.dt / config.model_dt + 1e-6)  # [steps] of the model for one command
-        self._held = min(self._held, config.time_steps - 1)
+        self._hold = math.floor(robot.dt / config.model_dt + 1e-6)  # [steps] of the model for one command
+        self._hold = min(self._hold, config.time_steps - 1)
         self.costmap = LocalCostmap(config.costmap, robot)
         self._critics = Critics(config, self.costmap, robot)
 
@@ -74,7 +74,7 @@ class Mppi:
     def _forget(self) -> None:
         """Start again from rest."""
         self.sequence = np.zeros((self._config.time_steps, 2))  # of controls [m/s, rad/s]
-        self._before = np.zeros((_REMEMBERED, 2))
+        self._sent_controls = np.zeros((_REMEMBERED, 2))
 
     def _path(self, observation: Observation, guidance: Guidance) -> Floats:
         """Return the first `prune_distance` of the path from the robot, in the odometry frame: (P, 2), P ≥ 2."""
@@ -119,9 +119,9 @@ class Mppi:
 
     def _command(self, limits: VelocityLimits) -> tuple[float, float]:
         """Return the mean of the filtered controls until the next command, and advance the sequence to it."""
-        sequence, held = smooth(self.sequence, self._before), self._held
-        given = sequence[1 : held + 1] if held else sequence[:1]  # element 0 is the present control
-        self._before = np.vstack([self._before, given])[-_REMEMBERED:]
-        self.sequence = np.vstack([sequence[held:], np.repeat(sequence[-1:], held, axis=0)])
-        v, omega = given.mean(axis=0).tolist()
+        sequence, hold = smooth(self.sequence, self._sent_controls), self._hold
+        controls = sequence[1 : hold + 1] if hold else sequence[:1]  # element 0 is the present control
+        self._sent_controls = np.vstack([self._sent_controls, controls])[-_REMEMBERED:]
+        self.sequence = np.vstack([sequence[hold:], np.repeat(sequence[-1:], hold, axis=0)])
+        v, omega = controls.mean(axis=0).tolist()
         return min(max(v, limits[0]), limits[1]), min(max(omega, -limits[2]), limits[2])

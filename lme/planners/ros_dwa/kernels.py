@@ -35,8 +35,8 @@ def way_cells(
     for k in range(len(path)):
         i, j = lattice(path[k, 0] / grid[2]) - grid[0], lattice(path[k, 1] / grid[2]) - grid[1]
         # Skip points until one is near `centre` and on the map; then stop at the first that is not.
-        near = math.hypot(path[k, 0] - centre[0], path[k, 1] - centre[1]) <= reach
-        if near and 0 <= i < shape[0] and 0 <= j < shape[1]:
+        in_reach = math.hypot(path[k, 0] - centre[0], path[k, 1] - centre[1]) <= reach
+        if in_reach and 0 <= i < shape[0] and 0 <= j < shape[1]:
             cells[count, 0], cells[count, 1] = i, j
             count += 1
         elif count > 0:
@@ -69,26 +69,26 @@ def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int,
                 steps[cell], missing = _WANTED, missing + 1
     # Breadth-first search across the sides of cells, from all of `cells` at once.
     queue = np.empty(rows * columns, np.int32)
-    done, size = 0, 0
+    head, size = 0, 0
     for k in range(len(cells)):
         cell = (cells[k, 0] + 1) * width + cells[k, 1] + 1
         missing -= steps[cell] == _WANTED
         if steps[cell] != 0:
             steps[cell], queue[size], size = 0, cell, size + 1
-    while done < size and missing > 0:
-        cell = queue[done]
-        done += 1
-        for way in (-1, 1, -width, width):
-            beside = cell + way
-            if steps[beside] <= _OPEN:
-                missing -= steps[beside] == _WANTED
-                steps[beside], queue[size], size = steps[cell] + 1, beside, size + 1
+    while head < size and missing > 0:
+        cell = queue[head]
+        head += 1
+        for offset in (-1, 1, -width, width):
+            neighbour = cell + offset
+            if steps[neighbour] <= _OPEN:
+                missing -= steps[neighbour] == _WANTED
+                steps[neighbour], queue[size], size = steps[cell] + 1, neighbour, size + 1
     return steps.reshape(rows + 2, width)[1:-1, 1:-1].copy()
 
 
 @njit(cache=True, error_model="numpy")
 def score(
-    wanted: Floats,
+    twists: Floats,
     pose: tuple[float, float, float],
     twist: tuple[float, float],
     alphas: tuple[float, float],
@@ -99,7 +99,7 @@ def score(
     to_path: Distances,
     to_goal: Distances,
     scales: tuple[float, float, float],
-    least: float,
+    best_cost: float,
     best_only: bool,
 ) -> tuple[Floats, Floats]:
     """Scores (N,) of the trajectories to the wanted twists (N, 2) [m/s, rad/s], less is better, and ends (N, 3).
@@ -108,42 +108,44 @@ def score(
     step [m], step [rad per second of turning]). scales: of the distances [cells] to path and goal at the last pose,
     and of the highest cost under the outline or the centre at any pose. The pose after the last step is not scored.
     A score is `HITS` if the outline touches an obstacle or leaves the map, `LOST` if the centre comes to a cell
-    without a way to path or goal, whichever is first. If it is worse than `least` it may be inf instead; with
+    without a way to path or goal, whichever is first. If it is worse than `best_cost` it may be inf instead; with
     `best_only` also if another one is better. Source: base_local_planner's trajectory_planner.cpp.
     """
-    poses, counts = _simulate(wanted, pose, twist, alphas, simulation)
+    poses, counts = _simulate(twists, pose, twist, alphas, simulation)
     bounds = _bounds(poses, counts, grid, to_path, to_goal, scales)
     cells = np.empty(outline_capacity(outline, grid[2]), np.int64)
-    scores, ends = np.full(len(wanted), np.inf), np.empty((len(wanted), 3))
+    scores, ends = np.full(len(twists), np.inf), np.empty((len(twists), 3))
     # In the order of the bounds, so that a good trajectory soon rules out the others.
     for n in np.argsort(bounds):
         ends[n] = poses[n, counts[n] - 1]
-        if bounds[n] > least:
+        if bounds[n] > best_cost:
             continue
-        scores[n] = _total(bounds[n], scales[2], poses[n, : counts[n]], outline, costs, grid, least, cells)
+        scores[n] = _total(
+            bounds[n], scales[2], poses[n, : counts[n]], outline, costs, grid, best_cost, cells
+        )
         if best_only and scores[n] >= 0.0:
-            least = min(least, scores[n])
+            best_cost = min(best_cost, scores[n])
     return scores, ends
 
 
 @njit(cache=True, error_model="numpy")
-def _simulate(wanted, pose, twist, alphas, simulation):
+def _simulate(twists, pose, twist, alphas, simulation):
     """Poses (N, K, 3) of the trajectories, and the number of poses of each (N,)."""
-    counts = np.empty(len(wanted), np.int64)
-    for n in range(len(wanted)):
+    counts = np.empty(len(twists), np.int64)
+    for n in range(len(twists)):
         # As many poses as the way or the turn needs, whichever is more.
-        way, turn = abs(wanted[n, 0]) * simulation[0] / simulation[1], abs(wanted[n, 1]) / simulation[2]
-        counts[n] = max(int(max(way, turn) + 0.5), 1)
-    poses = np.empty((len(wanted), counts.max() if len(counts) else 0, 3))
-    for n in range(len(wanted)):
+        distance, turn = abs(twists[n, 0]) * simulation[0] / simulation[1], abs(twists[n, 1]) / simulation[2]
+        counts[n] = max(int(max(distance, turn) + 0.5), 1)
+    poses = np.empty((len(twists), counts.max() if len(counts) else 0, 3))
+    for n in range(len(twists)):
         x, y, yaw = pose
         v, omega = twist
         dt = simulation[0] / counts[n]
         for k in range(counts[n]):
             poses[n, k, 0], poses[n, k, 1], poses[n, k, 2] = x, y, yaw
             # Velocities approach the wanted ones by at most α dt; then one Euler step.
-            v = min(max(wanted[n, 0], v - alphas[0] * dt), v + alphas[0] * dt)
-            omega = min(max(wanted[n, 1], omega - alphas[1] * dt), omega + alphas[1] * dt)
+            v = min(max(twists[n, 0], v - alphas[0] * dt), v + alphas[0] * dt)
+            omega = min(max(twists[n, 1], omega - alphas[1] * dt), omega + alphas[1] * dt)
             x, y, yaw = x + v * math.cos(yaw) * dt, y + v * math.sin(yaw) * dt, yaw + omega * dt
     return poses, counts
 
@@ -167,8 +169,8 @@ def _bounds(poses, counts, grid, to_path, to_goal, scales):
 
 
 @njit(cache=True, error_model="numpy")
-def _total(bound, scale, poses, outline, costs, grid, least, cells):
-    """`bound` plus the scaled highest cost at the poses (K, 3), or `HITS` or `LOST`; inf once it is above `least`.
+def _total(bound, scale, poses, outline, costs, grid, best_cost, cells):
+    """`bound` plus the scaled highest cost at the poses (K, 3), or `HITS` or `LOST`; inf once it is above `best_cost`.
 
     Every eighth pose is checked first, since most trajectories that touch an obstacle do so at several poses.
     """
@@ -182,6 +184,6 @@ def _total(bound, scale, poses, outline, costs, grid, least, cells):
                 return HITS
             i, j = lattice(poses[k, 0] / grid[2]) - grid[0], lattice(poses[k, 1] / grid[2]) - grid[1]
             highest = max(highest, cost, int(costs[i, j]))
-            if bound + scale * highest > least:
+            if bound + scale * highest > best_cost:
                 return np.inf
     return LOST if bound == np.inf else bound + scale * highest

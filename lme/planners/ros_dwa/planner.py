@@ -99,7 +99,9 @@ class RosDwa:
             return
         if not guidance.blocked:
             path = guidance.path if guidance.path is not None else np.vstack([np.zeros(2), guidance.subgoal])
-            self._path = to_world(_dense(path, self._config.costmap.cell_size), observation.odometry)
+            # Points at most a cell apart; the ends stay.
+            ahead = stretch(path, 0.0, math.inf, self._config.costmap.cell_size)
+            self._path = to_world(np.vstack([path[:1], ahead]), observation.odometry)
             self._planned, self._state = self._time, _State.CONTROLLING
             if self._no_plan:
                 self._recovery = 0
@@ -157,19 +159,14 @@ class _Turn:
         past = abs(wrap_angle(pose.yaw - self._begin))
         if self._half_done and past <= config.yaw_goal_tolerance:
             return None
-        left = past if self._half_done else 2.0 * math.pi - past
+        remaining = past if self._half_done else 2.0 * math.pi - past
         self._half_done = self._half_done or math.pi - past < config.yaw_goal_tolerance
-        if any(costmap.outline_cost(pose._replace(yaw=yaw)) < 0 for yaw in _headings(pose.yaw, left)):
+        if any(costmap.outline_cost(pose._replace(yaw=yaw)) < 0 for yaw in _headings(pose.yaw, remaining)):
             return None
-        fastest = math.sqrt(2.0 * config.acc_lim_theta * left)
+        fastest = math.sqrt(2.0 * config.acc_lim_theta * remaining)
         return min(max(fastest, config.min_in_place_vel_theta), config.max_vel_theta)
 
 
 def _headings(begin: float, turn: float) -> Iterator[float]:
     """Headings during a turn [rad]."""
     return (begin + k * _STEP for k in range(math.ceil(turn / _STEP)))
-
-
-def _dense(path: Floats, spacing: float) -> Floats:
-    """Insert points into the polyline (K, 2) so that they are at most `spacing` [m] apart; its ends stay."""
-    return np.vstack([path[:1], stretch(path, 0.0, math.inf, spacing)])

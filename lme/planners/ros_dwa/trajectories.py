@@ -141,38 +141,38 @@ class TrajectorySearch:
         forward = _Scored(samples, *self._score(samples, observation, math.inf, best_only=True))
         samples = self._in_place(observation.ramp_start, limits)
         turns = _Scored(samples, *self._score(samples, observation, forward.least, best_only=False))
-        wanted = self._choose(forward, turns)
-        if wanted is None:
-            wanted = self._back_up(observation, limits)
-        elif wanted.v == 0.0:
-            self._turns[1 if wanted.omega > 0.0 else -1] += 1
+        best = self._choose(forward, turns)
+        if best is None:
+            best = self._back_up(observation, limits)
+        elif best.v == 0.0:
+            self._turns[1 if best.omega > 0.0 else -1] += 1
             self._turned_at = pose[:2]
         self._lift_bans(pose)
-        return wanted
+        return best
 
     def _limits(self, robot: Limits) -> Limits:
         """Return the configured limits within those of the robot."""
         config = self._config
-        ours = Limits(config.max_vel_x, config.max_vel_theta, config.acc_lim_x, config.acc_lim_theta)
-        within = zip(Limits._fields, map(min, ours.bounds, robot.bounds), strict=False)
-        return robot._replace(**dict(within))
+        configured = Limits(config.max_vel_x, config.max_vel_theta, config.acc_lim_x, config.acc_lim_theta)
+        smaller = zip(Limits._fields, map(min, configured.bounds, robot.bounds), strict=False)
+        return robot._replace(**dict(smaller))
 
     def _measure(self, pose: Pose, path: Floats) -> None:
         """Measure the distances of all cells to the path and to its last point on the map."""
         costmap, reach = self._costmap, self._config.costmap.size / 2.0
         shape = costmap.costs.shape
         cells = way_cells(path, pose[:2], reach, costmap.grid, shape)
-        under = covered_cells(costmap.outline, pose, costmap.grid, shape)
-        nothing = np.zeros(shape, dtype=np.bool_)
-        self._to_path = distances(costmap.costs, under, cells, self._window)
-        self._to_goal = distances(costmap.costs, nothing, cells[-1:], self._window)
+        covered = covered_cells(costmap.outline, pose, costmap.grid, shape)
+        nowhere = np.zeros(shape, dtype=np.bool_)
+        self._to_path = distances(costmap.costs, covered, cells, self._window)
+        self._to_goal = distances(costmap.costs, nowhere, cells[-1:], self._window)
 
     def _samples(self, observation: Observation, path: Floats, limits: Limits) -> Floats:
         """Forward velocities of the dynamic window: (N, 2), slow ones first, straight ones before turns."""
         config, (v, omega), dt = self._config, observation.ramp_start, self._dt
-        left = math.dist(path[-1], observation.odometry[:2])
+        remaining = math.dist(path[-1], observation.odometry[:2])
         slowest = min(config.min_vel_x, limits.v_max)
-        fastest = min(limits.v_max, left / config.sim_time, v + limits.alpha_v * dt)
+        fastest = min(limits.v_max, remaining / config.sim_time, v + limits.alpha_v * dt)
         low = max(slowest, v - limits.alpha_v * dt)
         speeds = np.linspace(low, max(fastest, slowest), config.vx_samples)
         turns = np.append(0.0, self._turn_rates(omega, limits)[:-1])  # the last one is not used, as in ROS
@@ -188,12 +188,12 @@ class TrajectorySearch:
         """Turns in place: (N, 2), none of them slow."""
         rates = self._turn_rates(twist.omega, limits)
         slowest = min(self._config.min_in_place_vel_theta, limits.omega_max)
-        fast = np.where(rates > 0.0, np.maximum(rates, slowest), np.minimum(rates, -slowest))
-        fast = fast[np.abs(rates) > (rates[-1] - rates[0]) / (rates.size - 1)]
-        return np.column_stack([np.zeros(fast.size), fast])
+        turn_rates = np.where(rates > 0.0, np.maximum(rates, slowest), np.minimum(rates, -slowest))
+        turn_rates = turn_rates[np.abs(rates) > (rates[-1] - rates[0]) / (rates.size - 1)]
+        return np.column_stack([np.zeros(turn_rates.size), turn_rates])
 
     def _score(
-        self, twists: Floats, observation: Observation, least: float, best_only: bool
+        self, twists: Floats, observation: Observation, best_cost: float, best_only: bool
     ) -> tuple[Floats, Floats]:
         """Scores and ends of trajectories; see `lme.planners.ros_dwa.kernels.score`."""
         costmap, limits = self._costmap, self._limits(observation.limits)
@@ -209,25 +209,25 @@ class TrajectorySearch:
             self._to_path,
             self._to_goal,
             self._scales,
-            least,
+            best_cost,
             best_only,
         )
 
     def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
         """Choose the best forward trajectory, unless an equally good turn in place faces a cell nearer the goal."""
-        wanted, least, nearest = forward.best(), forward.least, math.inf
+        best, min_cost, nearest = forward.best(), forward.least, math.inf
         for twist, total, end in zip(turns.twists, turns.scores, turns.ends, strict=True):
             side = 1 if twist[1] > 0.0 else -1
             ahead = self._goal_distance_ahead(end)
-            if total < math.inf and total <= least and self._turns[-side] < 2 and ahead < nearest:
-                nearest, least, wanted = ahead, float(total), Twist(*twist.tolist())
-        return wanted
+            if total < math.inf and total <= min_cost and self._turns[-side] < 2 and ahead < nearest:
+                nearest, min_cost, best = ahead, float(total), Twist(*twist.tolist())
+        return best
 
     def _goal_distance_ahead(self, end: Floats) -> float:
         """Distance to the goal from the cell ahead of a pose [cells]: the most if there is no way, inf off the map."""
-        grid, away = self._costmap.grid, self._config.heading_lookahead
-        i = lattice((end[0] + away * math.cos(end[2])) / grid[2]) - grid[0]
-        j = lattice((end[1] + away * math.sin(end[2])) / grid[2]) - grid[1]
+        grid, lookahead = self._costmap.grid, self._config.heading_lookahead
+        i = lattice((end[0] + lookahead * math.cos(end[2])) / grid[2]) - grid[0]
+        j = lattice((end[1] + lookahead * math.sin(end[2])) / grid[2]) - grid[1]
         rows, columns = self._to_goal.shape
         if not (0 <= i < rows and 0 <= j < columns):
             return math.inf
@@ -235,20 +235,20 @@ class TrajectorySearch:
 
     def _back_up(self, observation: Observation, limits: Limits) -> Twist | None:
         """Back up, even into obstacles, as ROS does; None from a cell without a way to the goal."""
-        back = Twist(max(self._config.escape_vel, limits.lowest), 0.0)
-        scores, _ = self._score(np.array([back]), observation, math.inf, False)
+        escape = Twist(max(self._config.escape_vel, limits.lowest), 0.0)
+        scores, _ = self._score(np.array([escape]), observation, math.inf, False)
         if scores[0] == LOST:
             return None
         self._escape = self._escape or observation.odometry
-        return back
+        return escape
 
     def _lift_bans(self, pose: Pose) -> None:
         """Allow all turns and forward driving again once the robot is far enough from where they were forbidden."""
-        config, here = self._config, pose[:2]
-        if math.dist(here, self._turned_at) > config.oscillation_reset_dist:
+        config, position = self._config, pose[:2]
+        if math.dist(position, self._turned_at) > config.oscillation_reset_dist:
             self._turns = {-1: 0, 1: 0}
         if self._escape is not None and (
-            math.dist(here, self._escape[:2]) > config.escape_reset_dist
+            math.dist(position, self._escape[:2]) > config.escape_reset_dist
             or abs(wrap_angle(pose.yaw - self._escape.yaw)) > config.escape_reset_theta
         ):
             self._escape = None

@@ -29,9 +29,9 @@ class FuzzyCurve:
         self._at = np.linspace(inputs[0], inputs[-1], _INPUTS)
         universe = np.linspace(peaks[0], peaks[-1], _OUTPUTS)
         covered = np.zeros((_INPUTS, _OUTPUTS))
-        for row_in, row_out in zip(np.eye(len(inputs)), rows, strict=True):
-            degree = np.interp(self._at, inputs, row_in)
-            shape = np.interp(universe, peaks, row_out)
+        for membership, degrees in zip(np.eye(len(inputs)), rows, strict=True):
+            degree = np.interp(self._at, inputs, membership)
+            shape = np.interp(universe, peaks, degrees)
             np.maximum(covered, np.minimum(degree[:, None], shape), out=covered)
         weights = covered * _trapezoid_weights(_OUTPUTS)
         self._values = (weights @ universe) / weights.sum(axis=1)

@@ -97,23 +97,23 @@ def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: fl
     """
     runs = valleys(blocked)
     width = 2.0 * math.pi / len(blocked)
-    out = np.empty(len(runs))
+    directions = np.empty(len(runs))
     count = 0
     for k in range(len(runs)):
         span = runs[k, 1] * width
         if runs[k, 1] == len(blocked):
-            out[count] = goal
+            directions[count] = goal
         elif span < narrow - _TINY:
             continue
         else:
             # Middle of the valley, and how far the heading may turn from it towards the goal.
             middle = _wrapped(-math.pi + (runs[k, 0] + 0.5 * runs[k, 1]) * width)
             room = max(0.5 * span - margin, 0.0) if span > wide + _TINY else 0.0
-            out[count] = _wrapped(middle + min(max(_wrapped(goal - middle), -room), room))
-            if abs(out[count]) > math.pi - _TINY:  # straight behind: turn to the side of the goal
-                out[count] = math.copysign(out[count], goal)
+            directions[count] = _wrapped(middle + min(max(_wrapped(goal - middle), -room), room))
+            if abs(directions[count]) > math.pi - _TINY:  # straight behind: turn to the side of the goal
+                directions[count] = math.copysign(directions[count], goal)
         count += 1
-    return out[:count]
+    return directions[:count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -140,43 +140,43 @@ def search(
     count, best = 1, 0
     while True:
         # Take the open node with the least estimate (A*).
-        taken = int(np.argmin(estimate[:count]))
+        cheapest = int(np.argmin(estimate[:count]))
         # No node is left.
-        if estimate[taken] == np.inf:
+        if estimate[cheapest] == np.inf:
             return nodes[best, 3], best > 0
         # The estimates are lower bounds, so this node is optimal.
-        if nodes[taken, 5] >= costs.depth:
-            return nodes[taken, 3], True
-        if nodes[taken, 5] > nodes[best, 5]:  # costs rise, so the first node of a depth is its cheapest
-            best = taken
-        estimate[taken] = np.inf
-        count = _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs)
+        if nodes[cheapest, 5] >= costs.depth:
+            return nodes[cheapest, 3], True
+        if nodes[cheapest, 5] > nodes[best, 5]:  # costs rise, so the first node of a depth is its cheapest
+            best = cheapest
+        estimate[cheapest] = np.inf
+        count = _expand(nodes, estimate, count, cheapest, points, unseen, goal, spacing, rules, costs)
 
 
 @njit(cache=True, error_model="numpy")
-def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):
+def _expand(nodes, estimate, count, parent, points, is_hidden, goal, spacing, rules, costs):
     """Append the children of a node; return the new number of nodes."""
-    x, y, before, cost, depth = (
-        nodes[taken, 0],
-        nodes[taken, 1],
-        nodes[taken, 2],
-        nodes[taken, 4],
-        nodes[taken, 5],
+    x, y, previous_heading, cost, depth = (
+        nodes[parent, 0],
+        nodes[parent, 1],
+        nodes[parent, 2],
+        nodes[parent, 4],
+        nodes[parent, 5],
     )
     to_goal = math.hypot(goal[0] - x, goal[1] - y)
     bearing = math.atan2(goal[1] - y, goal[0] - x)
     # Free headings as seen from this node; an obstacle beyond the goal does not block.
-    density = histogram(points, x, y, spacing, rules.window, len(unseen))
+    density = histogram(points, x, y, spacing, rules.window, len(is_hidden))
     limit = rules.window - min(rules.block_distance, to_goal)
-    blocked = unseen | (density > limit)
+    blocked = is_hidden | (density > limit)
     ahead = headings(blocked, bearing, rules.narrow, rules.wide, rules.margin)
     for k in range(min(len(ahead), len(nodes) - count)):
         heading, arrived = ahead[k], to_goal <= costs.step
         # Extra cost for heading away from the goal and for turning.
         turn = costs.deviation * abs(_wrapped(heading - bearing)) + costs.switch * abs(
-            _wrapped(heading - before)
+            _wrapped(heading - previous_heading)
         )
-        first = heading if taken == 0 else nodes[taken, 3]
+        first = heading if parent == 0 else nodes[parent, 3]
         # The child, and as a bound of the rest the length of the steps that are left.
         nodes[count, 0] = x + costs.step * math.cos(heading)
         nodes[count, 1] = y + costs.step * math.sin(heading)
@@ -231,26 +231,26 @@ def least_clearance(
     reach = math.hypot(box[0], box[1]) + box[2]
     steps = max(1, math.ceil((abs(v) + abs(omega) * reach) * time / _CHECK_EVERY))
     x, y, yaw, half_turn = 0.0, 0.0, 0.0, 0.5 * omega * time / steps
-    now = _clearance(points, box, x, y, yaw)
-    least = now
+    initial = _clearance(points, box, x, y, yaw)
+    min_clearance = initial
     for _ in range(steps):
         # Midpoint rule: half of the turn, the way, and the other half.
         yaw += half_turn
         x += v * time / steps * math.cos(yaw)
         y += v * time / steps * math.sin(yaw)
         yaw += half_turn
-        least = min(least, _clearance(points, box, x, y, yaw))
-    return now, least
+        min_clearance = min(min_clearance, _clearance(points, box, x, y, yaw))
+    return initial, min_clearance
 
 
 @njit(cache=True, error_model="numpy")
 def _clearance(points, box, x, y, yaw):
     """Distance from the footprint at (x, y, yaw) to the nearest point [m]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
-    least = np.inf
+    min_square = np.inf
     for i in range(len(points)):
         dx, dy = points[i, 0] - x, points[i, 1] - y
         along = max(abs(cos * dx + sin * dy) - box[0], 0.0)
         across = max(abs(cos * dy - sin * dx) - box[1], 0.0)
-        least = min(least, along * along + across * across)
-    return math.sqrt(least) - box[2]
+        min_square = min(min_square, along * along + across * across)
+    return math.sqrt(min_square) - box[2]

@@ -16,7 +16,7 @@ from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
 
 _ENTRY_PERIOD = 0.1  # [s] period of the entry's smoothing
-_NEAR = 0.01  # [m] least clearance of a command, plus twice the standard deviation of the lidar's noise
+_MARGIN = 0.01  # [m] least clearance of a command, plus twice the standard deviation of the lidar's noise
 _EQUAL = 1e-9  # [m] clearances of two sides that differ by less are equal
 _ROOM_MIN = 0.05  # [m] least room for backing up
 
@@ -85,7 +85,7 @@ class S3Fisvfh:
         self._robot = robot
         self._unseen = _unseen(robot, 2 * round(math.pi / config.sector))
         size = 2.0 * robot.r * config.size_factor
-        self._near = _NEAR + 2.0 * robot.lidar.noise_std
+        self._contact_margin = _MARGIN + 2.0 * robot.lidar.noise_std
         narrow = 2.0 * math.asin(min(size / (2.0 * config.size_distance), 1.0))
         self._rules = Valleys(
             float(config.window), float(config.block_distance), narrow, config.wide_factor * narrow, narrow
@@ -94,7 +94,7 @@ class S3Fisvfh:
         five = np.linspace(0.0, 1.0, 5)
         self._speed = FuzzyCurve(config.window * five, config.speed * five[::-1])
         self._turn = FuzzyCurve(config.turn_span * (2 * five - 1), config.turn * (2 * five - 1))
-        self._keep = (1.0 - config.smoothing) ** (robot.dt / _ENTRY_PERIOD)
+        self._retention = (1.0 - config.smoothing) ** (robot.dt / _ENTRY_PERIOD)
         half_length, _, rounding = robot.footprint.box
         self._front = half_length + rounding
 
@@ -113,7 +113,7 @@ class S3Fisvfh:
         guard = self._front + min(
             self._config.guard_clearance, distance
         )  # obstacles beyond the goal do not count
-        heading = self._smoothed(self._wanted(points, goal, bearing, observation.scan))
+        heading = self._smoothed(self._search_heading(points, goal, bearing, observation.scan))
         if min(nearest_ahead(points, self._config.guard_ahead)) >= guard:
             omega = math.copysign(self._turn(abs(heading)), heading) * observation.limits.omega_max
             v = self._cruise(points, bearing, observation)
@@ -127,21 +127,21 @@ class S3Fisvfh:
                 return twist
         return self._retreat(points, guard, heading, observation)
 
-    def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
+    def _search_heading(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
         """Return the heading of the search [rad]; without one, the goal's bearing limited to the field of view."""
-        before, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
-        heading, found = search(points, self._unseen, goal, before, spacing, self._rules, self._costs)
-        if found:
+        previous, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
+        heading, success = search(points, self._unseen, goal, previous, spacing, self._rules, self._costs)
+        if success:
             return heading
         half, middle = self._robot.lidar.fov / 2, self._robot.lidar.yaw
-        off = math.remainder(bearing - middle, math.tau)
-        return math.remainder(middle + min(max(off, -half), half), math.tau)
+        deviation = math.remainder(bearing - middle, math.tau)
+        return math.remainder(middle + min(max(deviation, -half), half), math.tau)
 
     def _smoothed(self, heading: float) -> float:
         """Exponential moving average of the headings, on the circle [rad]."""
         if self._heading is not None:
             change = math.remainder(heading - self._heading, math.tau)
-            heading = math.remainder(self._heading + (1.0 - self._keep) * change, math.tau)
+            heading = math.remainder(self._heading + (1.0 - self._retention) * change, math.tau)
         self._heading = heading
         return heading
 
@@ -172,13 +172,17 @@ class S3Fisvfh:
         """
         limits = observation.limits
         v = min(v, approach(distance, observation.ramp_start.v, limits.v_max, limits.alpha_v, self._robot.dt))
-        near, off = distance <= self._costs.step, abs(bearing)
-        if near and off >= math.pi / 2:
+        is_near, deviation = distance <= self._costs.step, abs(bearing)
+        if is_near and deviation >= math.pi / 2:
             return 0.0
-        if not self._towards(bearing) or off == 0.0 or (not near and off < self._config.clear_deviation):
+        if (
+            not self._towards(bearing)
+            or deviation == 0.0
+            or (not is_near and deviation < self._config.clear_deviation)
+        ):
             return v
         turning = max(math.copysign(omega, omega * bearing), 0.0)
-        return min(v, turning * distance / (2.0 * math.sin(min(off, math.pi / 2))))
+        return min(v, turning * distance / (2.0 * math.sin(min(deviation, math.pi / 2))))
 
     def _retreat(self, points: Floats, guard: float, heading: float, observation: Observation) -> Twist:
         """Back up over ground just driven, turning to the clearer side; else turn on the spot; else stop."""
@@ -188,8 +192,8 @@ class S3Fisvfh:
             sides = nearest_ahead(points, math.pi / 2)
         clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
         omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)
-        back = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
-        for v in (back, 0.0):
+        retreat_v = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
+        for v in (retreat_v, 0.0):
             twist = limited(v, omega, observation, dt)
             if self._is_free(twist, points, observation):
                 return twist
@@ -198,8 +202,8 @@ class S3Fisvfh:
     def _note_travel(self, pose: Pose) -> None:
         """Update the distance that the robot may back up into the lidar's blind arc [m]."""
         if self._pose is not None:
-            before = self._pose
-            ahead = (pose.x - before.x) * math.cos(before.yaw) + (pose.y - before.y) * math.sin(before.yaw)
+            origin = self._pose
+            ahead = (pose.x - origin.x) * math.cos(origin.yaw) + (pose.y - origin.y) * math.sin(origin.yaw)
             self._room = min(max(self._room + ahead, 0.0), self._config.retreat_room)
         self._pose = pose
 
@@ -208,8 +212,10 @@ class S3Fisvfh:
         limits = observation.limits
         braking = max(abs(twist.v) / limits.alpha_v, abs(twist.omega) / limits.alpha_omega) / 2.0
         time = self._robot.dt + braking
-        now, least = least_clearance(points, self._robot.footprint.box, twist.v, twist.omega, time)
-        return least >= min(self._near, now)
+        clearance, min_clearance = least_clearance(
+            points, self._robot.footprint.box, twist.v, twist.omega, time
+        )
+        return min_clearance >= min(self._contact_margin, clearance)
 
 
 def _unseen(robot: Robot, num_sectors: int) -> Bools:

@@ -17,7 +17,7 @@ STILL = Twist(0.0, 0.0)
 TOUCHING = 1e-6  # [m] nearer counts as contact: far beyond rounding errors, and less than any scan resolves
 _V_SAMPLES, _OMEGA_SAMPLES = 9, 15  # of the commands among which the nearest one is looked for
 _ROUNDING = 1e-9  # [s]
-_NONE = np.empty((0, 2))
+_NO_COMMANDS = np.empty((0, 2))
 
 
 class StoppingState(NamedTuple):
@@ -56,8 +56,8 @@ class StoppingCheck:
         self._box = float(half_length), float(half_width), float(rounding)
         self._r_max = outline.r_max
         periods = math.ceil(latency / dt - _ROUNDING)
-        late = periods * dt - latency
-        self._times = dt, late if late > _ROUNDING else 0.0, lag
+        delay = periods * dt - latency
+        self._times = dt, delay if delay > _ROUNDING else 0.0, lag
         self.under_way: deque[Twist] = deque(maxlen=periods)
         self._tested = np.empty((1, 2))  # command whose clearance is computed, reused as a buffer
         self.reset()
@@ -70,43 +70,47 @@ class StoppingCheck:
         """Count a command as under way. Call it once per control period."""
         self.under_way.append(command)
 
-    def clearance(self, command: Twist, now: StoppingState, enough: float = TOUCHING) -> float:
-        """Return the least distance to a point from the command until rest [m]; at most `enough`.
+    def clearance(self, command: Twist, state: StoppingState, sufficient: float = TOUCHING) -> float:
+        """Return the least distance to a point from the command until rest [m]; at most `sufficient`.
 
         The command is limited to the nearest one within a ramp, so zero brakes.
         """
-        self._tested[0] = reachable(*command, now.ramp_start, now.limits, self._times[0])
-        return min(float(self._clearances(self._tested, now, twist, enough)[0]) for twist in now.twists)
+        self._tested[0] = reachable(*command, state.ramp_start, state.limits, self._times[0])
+        return min(
+            float(self._clearances(self._tested, state, twist, sufficient)[0]) for twist in state.twists
+        )
 
-    def stops(self, command: Twist, now: StoppingState) -> bool:
+    def stops(self, command: Twist, state: StoppingState) -> bool:
         """Return whether the robot can stop after the command without contact. With zero: whether it can stop now."""
-        return self.clearance(command, now) >= TOUCHING
+        return self.clearance(command, state) >= TOUCHING
 
-    def nearest(self, wanted: Twist, now: StoppingState, enough: float = TOUCHING) -> Twist | None:
+    def nearest(self, desired: Twist, state: StoppingState, sufficient: float = TOUCHING) -> Twist | None:
         """Return the nearest command after which the robot can stop with this clearance [m]; None: there is none.
 
         Nearness to the wanted command is measured by the velocity of a point of the outline. A regular sample of the
         commands within reach in a period is tried.
         """
         # Candidates in the order of their difference |Δv| + r_max |Δω| from the wanted command.
-        tried = self._tried(wanted, now)
-        far = np.abs(tried - wanted) @ [1.0, self._r_max]
-        tried = tried[np.argsort(far, kind="stable")]
-        while len(tried):
+        candidates = self._candidates(desired, state)
+        differences = np.abs(candidates - desired) @ [1.0, self._r_max]
+        candidates = candidates[np.argsort(differences, kind="stable")]
+        while len(candidates):
             # The first that is safe with the measured twist is checked with the other twists too.
-            first = np.flatnonzero(self._clearances(tried, now, now.twists[0], enough) >= enough)
+            first = np.flatnonzero(
+                self._clearances(candidates, state, state.twists[0], sufficient) >= sufficient
+            )
             if not len(first):
                 return None
-            command = Twist(*tried[first[0]].tolist())
-            if len(now.twists) == 1 or self.clearance(command, now, enough) >= enough:
+            command = Twist(*candidates[first[0]].tolist())
+            if len(state.twists) == 1 or self.clearance(command, state, sufficient) >= sufficient:
                 return command
-            tried = tried[first[0] + 1 :]
+            candidates = candidates[first[0] + 1 :]
         return None
 
-    def _tried(self, wanted: Twist, now: StoppingState) -> Floats:
+    def _candidates(self, desired: Twist, state: StoppingState) -> Floats:
         """Return commands (N, 2) within reach of the last one; their v and ω include the wanted ones."""
-        limits, dt = now.limits, self._times[0]
-        v, omega = now.ramp_start
+        limits, dt = state.limits, self._times[0]
+        v, omega = state.ramp_start
         low = (
             max(v - limits.alpha_v * dt, limits.lowest),
             max(omega - limits.alpha_omega * dt, -limits.omega_max),
@@ -115,24 +119,18 @@ class StoppingCheck:
             min(v + limits.alpha_v * dt, limits.v_max),
             min(omega + limits.alpha_omega * dt, limits.omega_max),
         )
-        speeds = [*np.linspace(low[0], high[0], _V_SAMPLES), min(max(wanted.v, low[0]), high[0])]
-        rates = [*np.linspace(low[1], high[1], _OMEGA_SAMPLES), min(max(wanted.omega, low[1]), high[1])]
+        speeds = [*np.linspace(low[0], high[0], _V_SAMPLES), min(max(desired.v, low[0]), high[0])]
+        rates = [*np.linspace(low[1], high[1], _OMEGA_SAMPLES), min(max(desired.omega, low[1]), high[1])]
         return np.array(np.meshgrid(speeds, rates)).reshape(2, -1).T
 
-    def _clearances(self, tried: Floats, now: StoppingState, twist: Twist, enough: float) -> Floats:
-        start = now.points, _plain(twist), self._sent()
-        found: Floats = stopping_clearances(*start, tried, self._motion(now.limits), self._box, enough)
-        return found
-
-    def _sent(self) -> Floats:
-        if not self.under_way:
-            return _NONE
-        return np.array(self.under_way, dtype=np.float64)
-
-    def _motion(self, limits: Limits) -> tuple[tuple[float, float, float, float], float, float, float]:
-        """Return the motion as a plain tuple, since a named one is a different type to Numba."""
-        return (*StoppingMotion(limits.bounds, *self._times),)
-
-
-def _plain(twist: Twist) -> tuple[float, float]:
-    return float(twist[0]), float(twist[1])
+    def _clearances(
+        self, candidates: Floats, state: StoppingState, twist: Twist, sufficient: float
+    ) -> Floats:
+        sent = np.array(self.under_way, dtype=np.float64) if self.under_way else _NO_COMMANDS
+        # Plain tuples, since a named one is a different type to Numba.
+        start = float(twist[0]), float(twist[1])
+        motion = (*StoppingMotion(state.limits.bounds, *self._times),)
+        clearances: Floats = stopping_clearances(
+            state.points, start, sent, candidates, motion, self._box, sufficient
+        )
+        return clearances

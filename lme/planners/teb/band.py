@@ -13,7 +13,7 @@ from lme.planners.teb.kernels import Bounds, along, near_obstacles, normal_equat
 from lme.planners.teb.optimizer import Equations, optimize
 from lme.types import Floats, Limits, Pose, Twist
 
-_PASSED = 10  # samples, at most, that the robot leaves behind in one period
+_MAX_PASSED = 10  # samples, at most, that the robot leaves behind in one period
 
 
 class Way(NamedTuple):
@@ -45,16 +45,16 @@ class TimedBand:
         self.poses: Floats = np.empty((0, 3))
         self.times: Floats = np.empty(0)
 
-    def follow(self, way: Way, robot: Pose, limits: Limits) -> None:
+    def follow(self, route: Way, robot: Pose, limits: Limits) -> None:
         """Move the ends to the robot and to the local goal, or start anew if the local goal has jumped."""
-        goal = np.append(way.points[-1], way.yaw)
+        goal = np.append(route.points[-1], route.yaw)
         if len(self.poses) == 0 or self._jumped(goal):
             v, omega = self._bounds(limits)[1:3]
-            self.poses, self.times = along(way.points, robot, way.yaw, v, omega)
+            self.poses, self.times = along(route.points, robot, route.yaw, v, omega)
             return
-        passed = self._passed(robot)
-        self.poses = np.vstack([robot, self.poses[passed + 1 :]])
-        self.times = np.append(self.times[:1], self.times[passed + 1 :])
+        num_passed = self._num_passed(robot)
+        self.poses = np.vstack([robot, self.poses[num_passed + 1 :]])
+        self.times = np.append(self.times[:1], self.times[num_passed + 1 :])
         self.poses[-1] = goal
 
     def optimize(self, via: Floats, points: Floats, twist: Twist, limits: Limits, turn: float) -> float:
@@ -64,48 +64,48 @@ class TimedBand:
         these more. turn: wanted direction of turns, 1 left, -1 right, 0 any.
         """
         config, bounds = self._config, self._bounds(limits)
-        always = config.min_obstacle_dist * config.obstacle_association_force_inclusion_factor
-        never = config.min_obstacle_dist * config.obstacle_association_cutoff_factor
+        forced_distance = config.min_obstacle_dist * config.obstacle_association_force_inclusion_factor
+        ignored_distance = config.min_obstacle_dist * config.obstacle_association_cutoff_factor
         sizes = (config.dt_ref, config.dt_hysteresis, config.min_samples, config.max_samples)
         total = math.inf
         for k in range(config.no_outer_iterations):
             self.poses, self.times = resized(self.poses, self.times, *sizes)
-            near = near_obstacles(self.poses, points, self._box, always, never)
-            passes = self._passes(via)
+            obstacles = near_obstacles(self.poses, points, self._box, forced_distance, ignored_distance)
+            passes = self._via_poses(via)
             weights = config.weights(config.weight_adapt_factor**k)
-            equations = _equations(twist, near, passes, turn, self._box, bounds, weights)
+            equations = _equations(twist, obstacles, passes, turn, self._box, bounds, weights)
             iterations = config.no_inner_iterations
             self.poses, self.times, total = optimize(self.poses, self.times, equations, iterations)
         return total
 
     def command(self) -> tuple[float, float]:
         """Velocity and turn rate of the first motion."""
-        (x, y, yaw), after = self.poses[0].tolist(), self.poses[1].tolist()
-        dx, dy = after[0] - x, after[1] - y
+        (x, y, yaw), following = self.poses[0].tolist(), self.poses[1].tolist()
+        dx, dy = following[0] - x, following[1] - y
         ahead = math.copysign(1.0, math.cos(yaw) * dx + math.sin(yaw) * dy)
         dt = float(self.times[0])
-        return ahead * math.hypot(dx, dy) / dt, wrap_angle(after[2] - yaw) / dt
+        return ahead * math.hypot(dx, dy) / dt, wrap_angle(following[2] - yaw) / dt
 
     def _jumped(self, goal: Floats) -> bool:
         """Return whether the local goal has moved or turned too far."""
         config, end = self._config, self.poses[-1]
-        away = math.hypot(goal[0] - end[0], goal[1] - end[1])
-        turned = abs(wrap_angle(goal[2] - end[2]))
-        return away >= config.force_reinit_new_goal_dist or turned >= config.force_reinit_new_goal_angular
+        distance = math.hypot(goal[0] - end[0], goal[1] - end[1])
+        angle = abs(wrap_angle(goal[2] - end[2]))
+        return distance >= config.force_reinit_new_goal_dist or angle >= config.force_reinit_new_goal_angular
 
-    def _passed(self, robot: Pose) -> int:
+    def _num_passed(self, robot: Pose) -> int:
         """Number of samples that the robot has passed: those before the first one after which they get farther."""
-        most = min(len(self.poses) - self._config.min_samples, _PASSED)
-        away = np.hypot(*(self.poses[: most + 1, :2] - robot[:2]).T)
-        farther = np.flatnonzero(np.diff(away) >= 0.0)
-        return int(farther[0]) if len(farther) else max(len(away) - 1, 0)
+        max_passed = min(len(self.poses) - self._config.min_samples, _MAX_PASSED)
+        distances = np.hypot(*(self.poses[: max_passed + 1, :2] - robot[:2]).T)
+        increases = np.flatnonzero(np.diff(distances) >= 0.0)
+        return int(increases[0]) if len(increases) else max(len(distances) - 1, 0)
 
-    def _passes(self, via: Floats) -> Floats:
+    def _via_poses(self, via: Floats) -> Floats:
         """Assign a pose to each point to pass (V, 2): (K, 3) [index, x, y], without points near the robot."""
         if len(via) == 0 or len(self.poses) < 3:
             return np.empty((0, 3))
-        away = np.hypot(*(self.poses[:, None, :2] - via).transpose(2, 0, 1))
-        index = np.minimum(away.argmin(axis=0), len(self.poses) - 2)
+        distances = np.hypot(*(self.poses[:, None, :2] - via).transpose(2, 0, 1))
+        index = np.minimum(distances.argmin(axis=0), len(self.poses) - 2)
         passes: Floats = np.column_stack([index, via])[index > 0]
         return passes
 
@@ -123,6 +123,6 @@ class TimedBand:
         )
 
 
-def _equations(*others: Any) -> Equations:
+def _equations(*arguments: Any) -> Equations:
     """Return the normal equations as a function of the band alone, given the other arguments."""
-    return lambda poses, times: normal_equations(poses, times, *others)
+    return lambda poses, times: normal_equations(poses, times, *arguments)

@@ -22,7 +22,7 @@ _POSITIVE = (
     "path_spacing",
     "max_vel_x",
 )
-_POSITIVE_TOO = ("max_vel_theta", "acc_lim_x", "acc_lim_theta", "weight_adapt_factor")
+_POSITIVE_LIMITS = ("max_vel_theta", "acc_lim_x", "acc_lim_theta", "weight_adapt_factor")
 _NOT_NEGATIVE = (
     "dt_hysteresis",
     "force_reinit_new_goal_dist",
@@ -102,13 +102,13 @@ class TebConfig:
     costmap: LocalCostmapConfig = field(default_factory=_costmap)
 
     def __post_init__(self) -> None:
-        for key in _POSITIVE + _POSITIVE_TOO:
+        for key in _POSITIVE + _POSITIVE_LIMITS:
             require(f"planner.{key}", getattr(self, key), above=0.0)
         for key in _NOT_NEGATIVE + tuple(f"weight_{name}" for name in _WEIGHTS):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         if self.divergence_detection_max_chi_squared is not None:
-            most = self.divergence_detection_max_chi_squared
-            require("planner.divergence_detection_max_chi_squared", most, above=0.0)
+            max_chi_squared = self.divergence_detection_max_chi_squared
+            require("planner.divergence_detection_max_chi_squared", max_chi_squared, above=0.0)
         require("planner.min_samples", self.min_samples, at_least=2)
         require("planner.max_samples", self.max_samples, at_least=self.min_samples, at_most=10_000)
         for key in ("no_inner_iterations", "no_outer_iterations"):

@@ -46,21 +46,21 @@ def along(
     # Least time for each motion: the greater of its way at v_max and its turn at omega_max.
     times = np.empty(count - 1)
     for k in range(count - 1):
-        way = math.hypot(poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1])
+        distance = math.hypot(poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1])
         turn = abs(wrapped(poses[k + 1, 2] - poses[k, 2]))
-        times[k] = max(way / v_max, turn / omega_max, 1e-3)
+        times[k] = max(distance / v_max, turn / omega_max, 1e-3)
     return poses, times
 
 
 @njit(cache=True, error_model="numpy")
 def resized(
-    poses: Floats, times: Floats, wanted: float, hysteresis: float, fewest: int, most: int
+    poses: Floats, times: Floats, interval: float, hysteresis: float, fewest: int, max_samples: int
 ) -> tuple[Floats, Floats]:
-    """Add and remove samples so that the time differences of the band are near `wanted` [s].
+    """Add and remove samples so that the time differences of the band are near `interval` [s].
 
-    hysteresis [s]: the greatest deviation from it. `fewest` and `most`: limits of the number of time differences.
+    hysteresis [s]: the greatest deviation from it. `fewest`, `max_samples`: limits of the number of time differences.
     """
-    size = max(most, len(times)) + 1
+    size = max(max_samples, len(times)) + 1
     p, t = np.empty((size, 3)), np.empty(size)
     count = len(times)
     p[: count + 1], t[:count] = poses, times
@@ -69,15 +69,15 @@ def resized(
         while i < count:
             # Too long: split a difference of more than twice the wanted one, else hand the surplus on to the next.
             # Too short: merge the motion with its neighbour.
-            if t[i] > wanted + hysteresis and count < most:
-                if t[i] > 2.0 * wanted:
+            if t[i] > interval + hysteresis and count < max_samples:
+                if t[i] > 2.0 * interval:
                     count = _split(p, t, count, i)
                     modified = True
                     continue  # looks at the first half again
                 if i < count - 1:
-                    t[i + 1] += t[i] - wanted
-                t[i] = wanted
-            elif t[i] < wanted - hysteresis and count > fewest:
+                    t[i + 1] += t[i] - interval
+                t[i] = interval
+            elif t[i] < interval - hysteresis and count > fewest:
                 modified = True
                 count = _merge(p, t, count, i)
                 if i < count:
@@ -103,11 +103,11 @@ def _split(p, t, count, i):
 @njit(cache=True, error_model="numpy")
 def _merge(p, t, count, i):
     """Remove the pose after difference i, or before the last one; return the new number of differences."""
-    gone = i if i < count - 1 else i - 1
-    t[gone + 1] += t[gone]
-    for k in range(gone, count - 1):
+    removed = i if i < count - 1 else i - 1
+    t[removed + 1] += t[removed]
+    for k in range(removed, count - 1):
         t[k] = t[k + 1]
-    for k in range(gone + 1, count):
+    for k in range(removed + 1, count):
         p[k] = p[k + 1]
     return count - 1
 
@@ -121,7 +121,7 @@ def near_obstacles(
     At each pose but the first and the last, these are all points nearer than `always` to the footprint `box`, and of
     the others up to `never` the nearest one on its left and on its right [m].
     """
-    out = np.empty((len(poses) * (len(points) + 2), 3))
+    rows = np.empty((len(poses) * (len(points) + 2), 3))
     reach = never + math.hypot(box[0], box[1]) + box[2]
     count = 0
     for i in range(1, len(poses) - 1):
@@ -134,7 +134,7 @@ def near_obstacles(
             # Very near points all count; of the others only the nearest one on either side.
             distance = clearance(poses[i], points[k, 0], points[k, 1], box)[0]
             if distance < always:
-                count = _list(out, count, i, points[k])
+                count = _list(rows, count, i, points[k])
             elif distance <= never:
                 if math.cos(poses[i, 2]) * dy - math.sin(poses[i, 2]) * dx > 0.0:
                     if distance < left:
@@ -142,16 +142,16 @@ def near_obstacles(
                 elif distance < right:
                     right, on_right = distance, k
         if on_left >= 0:
-            count = _list(out, count, i, points[on_left])
+            count = _list(rows, count, i, points[on_left])
         if on_right >= 0:
-            count = _list(out, count, i, points[on_right])
-    return out[:count].copy()
+            count = _list(rows, count, i, points[on_right])
+    return rows[:count].copy()
 
 
 @njit(cache=True, error_model="numpy")
-def _list(out, count, i, point):
+def _list(rows, count, i, point):
     """Write a row; return the new number of rows."""
-    out[count, 0], out[count, 1], out[count, 2] = i, point[0], point[1]
+    rows[count, 0], rows[count, 1], rows[count, 2] = i, point[0], point[1]
     return count + 1
 
 
@@ -250,29 +250,29 @@ def _motions(poses, times):
         # The sign of the speed is smooth, s(a) = a / (1 + |a|), so that it has a derivative at standstill.
         ahead = STEEPNESS * (cos * dx + sin * dy)
         sign, slope = ahead / (1.0 + abs(ahead)), STEEPNESS / (1.0 + abs(ahead)) ** 2
-        way = math.hypot(dx, dy)
-        ux, uy = (dx / way, dy / way) if way > _TINY else (0.0, 0.0)
-        speeds[i], rates[i] = sign * way / t, wrapped(poses[i + 1, 2] - poses[i, 2]) / t
+        distance = math.hypot(dx, dy)
+        ux, uy = (dx / distance, dy / distance) if distance > _TINY else (0.0, 0.0)
+        speeds[i], rates[i] = sign * distance / t, wrapped(poses[i + 1, 2] - poses[i, 2]) / t
         # Derivatives by (x, y, yaw, time) of pose i and by (x, y, yaw) of the next one.
-        gx, gy = (sign * ux + way * slope * cos) / t, (sign * uy + way * slope * sin) / t
+        gx, gy = (sign * ux + distance * slope * cos) / t, (sign * uy + distance * slope * sin) / t
         by_speed[i, 0], by_speed[i, 1], by_speed[i, 4], by_speed[i, 5] = -gx, -gy, gx, gy
-        by_speed[i, 2] = way * slope * (cos * dy - sin * dx) / t
+        by_speed[i, 2] = distance * slope * (cos * dy - sin * dx) / t
         by_speed[i, 3] = -speeds[i] / t
         by_rate[i, 2], by_rate[i, 6], by_rate[i, 3] = -1.0 / t, 1.0 / t, -rates[i] / t
     return speeds, rates, by_speed, by_rate
 
 
 @njit(cache=True, error_model="numpy")
-def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, weight):
-    """Add the errors of accelerations from `before` over the speeds to rest. limits: (the greatest one, epsilon)."""
-    last = len(times) - 1
+def _accelerations(matrix, descent, times, speeds, by_speed, initial, limits, weight):
+    """Add the errors of accelerations from `initial` over the speeds to rest. limits: (the greatest one, epsilon)."""
+    last_motion = len(times) - 1
     interval = (-limits[0], limits[0], limits[1])
     # From the speed before the band to that of the first motion.
     start = by_speed[0] / times[0]
-    value = (speeds[0] - before) / times[0]
+    value = (speeds[0] - initial) / times[0]
     start[3] -= value / times[0]
     total = _limit(matrix, descent, 0, start, value, interval, weight)
-    for i in range(last):
+    for i in range(last_motion):
         # Between motions: a = (v_{i+1} − v_i) / ((t_i + t_{i+1}) / 2), and its derivatives by 11 variables.
         row, span = np.zeros(11), 0.5 * (times[i] + times[i + 1])
         value = (speeds[i + 1] - speeds[i]) / span
@@ -282,10 +282,10 @@ def _accelerations(matrix, descent, times, speeds, by_speed, before, limits, wei
         row[7] -= 0.5 * value / span
         total += _limit(matrix, descent, 4 * i, row, value, interval, weight)
     # From the last motion to rest.
-    end = -by_speed[last] / times[last]
-    value = -speeds[last] / times[last]
-    end[3] -= value / times[last]
-    return total + _limit(matrix, descent, 4 * last, end, value, interval, weight)
+    end = -by_speed[last_motion] / times[last_motion]
+    value = -speeds[last_motion] / times[last_motion]
+    end[3] -= value / times[last_motion]
+    return total + _limit(matrix, descent, 4 * last_motion, end, value, interval, weight)
 
 
 @njit(cache=True, error_model="numpy")
@@ -299,8 +299,8 @@ def _steering(matrix, descent, i, poses, weights):
     row[0], row[1] = sin + sin_after, -cos - cos_after
     row[4], row[5] = -row[0], -row[1]
     row[2], row[6] = -sin * dy - cos * dx, -sin_after * dy - cos_after * dx
-    aside = (cos + cos_after) * dy - (sin + sin_after) * dx
-    total = _add(matrix, descent, 4 * i, row, aside, weights[0])
+    arc_error = (cos + cos_after) * dy - (sin + sin_after) * dx
+    total = _add(matrix, descent, 4 * i, row, arc_error, weights[0])
     # Driving backwards costs by the way that is driven against the heading.
     ahead = cos * dx + sin * dy
     if ahead < 0.0:
@@ -325,11 +325,11 @@ def _turn(matrix, descent, i, poses, turn, weight):
 def _via(matrix, descent, i, poses, point, weight):
     """Add the error of pose i: its distance from a point [index, x, y]."""
     dx, dy = poses[i, 0] - point[1], poses[i, 1] - point[2]
-    away = math.hypot(dx, dy)
+    distance = math.hypot(dx, dy)
     row = np.zeros(2)
-    if away > _TINY:
-        row[0], row[1] = dx / away, dy / away
-    return _add(matrix, descent, 4 * i, row, away, weight)
+    if distance > _TINY:
+        row[0], row[1] = dx / distance, dy / distance
+    return _add(matrix, descent, 4 * i, row, distance, weight)
 
 
 @njit(cache=True, error_model="numpy")

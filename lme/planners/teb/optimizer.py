@@ -36,13 +36,13 @@ def optimize(
         for _ in range(_TRIALS):
             # Try a step; it must keep all time differences positive.
             step = _step(matrix, descent, damping)
-            moved = poses + step[:, :3], times + step[:-1, 3]
-            after = equations(*moved) if moved[1].min() > 0.0 else (np.inf, matrix, descent)
+            new_band = poses + step[:, :3], times + step[:-1, 3]
+            candidate = equations(*new_band) if new_band[1].min() > 0.0 else (np.inf, matrix, descent)
             # Ratio of the actual to the expected decrease of the sum.
             flat = step.ravel()
-            gain = (total - after[0]) / float(flat @ (damping * flat + descent) + _LEAST_GAIN)
-            if gain > 0.0 and np.isfinite(after[0]):
-                (poses, times), (total, matrix, descent) = moved, after
+            gain = (total - candidate[0]) / float(flat @ (damping * flat + descent) + _LEAST_GAIN)
+            if gain > 0.0 and np.isfinite(candidate[0]):
+                (poses, times), (total, matrix, descent) = new_band, candidate
                 # Accepted: less damping the better the prediction was.
                 damping *= min(max(1.0 - (2.0 * gain - 1.0) ** 3, _LEAST_SCALE), _GREATEST_SCALE)
                 growth = 2.0

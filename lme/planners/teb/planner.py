@@ -18,7 +18,7 @@ from lme.planners.teb.recovery import Horizon, Oscillation
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 
-_BEYOND = 3  # points of the path after the local goal that say its heading
+_HEADING_POINTS = 3  # points of the path after the local goal that say its heading
 
 
 class Teb:
@@ -65,23 +65,23 @@ class Teb:
     def _optimize(self, observation: Observation, guidance: Guidance) -> bool:
         """Adjust the band; return whether it is feasible."""
         pose, limits = observation.odometry, observation.limits
-        way = self._way(observation, guidance)
-        self.band.follow(way, pose, limits)
+        route = self._route(observation, guidance)
+        self.band.follow(route, pose, limits)
         turn = self._oscillation.turn
-        total = self.band.optimize(way.via, self._obstacles(pose), observation.ramp_start, limits, turn)
-        most = self._config.divergence_detection_max_chi_squared
-        return math.isfinite(total) and (most is None or total <= most) and self._free()
+        total = self.band.optimize(route.via, self._obstacles(pose), observation.ramp_start, limits, turn)
+        max_chi_squared = self._config.divergence_detection_max_chi_squared
+        return math.isfinite(total) and (max_chi_squared is None or total <= max_chi_squared) and self._free()
 
-    def _way(self, observation: Observation, guidance: Guidance) -> Way:
+    def _route(self, observation: Observation, guidance: Guidance) -> Way:
         """Return the path ahead up to the horizon; a straight line to the subgoal if there is no path."""
         config, line = self._config, guidance.path
         if line is None or len(line) == 0:
             line = np.vstack([np.zeros(2), guidance.subgoal])
         end, spacing = config.max_global_plan_lookahead_dist * self._horizon.share, config.path_spacing
         points = np.vstack([line[:1], stretch(line, 0.0, end, spacing)])
-        beyond = stretch(line, end, end + _BEYOND * spacing, spacing)
-        towards = beyond[-1] - points[-1] if len(beyond) else points[-1] - points[-2:][0]
-        yaw = observation.odometry.yaw + math.atan2(towards[1], towards[0])
+        extension = stretch(line, end, end + _HEADING_POINTS * spacing, spacing)
+        direction = extension[-1] - points[-1] if len(extension) else points[-1] - points[-2:][0]
+        yaw = observation.odometry.yaw + math.atan2(direction[1], direction[0])
         step = max(round(config.global_plan_viapoint_sep / spacing), 1)
         ahead = to_world(points, observation.odometry)
         return Way(ahead[1:] if len(ahead) > 1 else ahead, ahead[step::step], yaw)
@@ -100,11 +100,11 @@ class Teb:
         poses = self.band.poses[: self._config.feasibility_check_no_poses + 1]
         if any(self._touches(pose) for pose in poses):
             return False
-        for one, other in pairwise(poses):
-            way = other - one
-            way[2] = math.remainder(way[2], math.tau)
-            count = math.ceil(math.hypot(way[0], way[1]) / self._check_spacing)
-            if any(self._touches(one + way * k / count) for k in range(1, count)):
+        for first_pose, next_pose in pairwise(poses):
+            motion = next_pose - first_pose
+            motion[2] = math.remainder(motion[2], math.tau)
+            count = math.ceil(math.hypot(motion[0], motion[1]) / self._check_spacing)
+            if any(self._touches(first_pose + motion * k / count) for k in range(1, count)):
                 return False
         return True
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 from lme.planners.teb.config import TebConfig
 from lme.types import Twist
 
-_MANY = 10  # failures in a row
+_MAX_FAILURES = 10  # failures in a row
 
 
 class Horizon:
@@ -25,21 +25,21 @@ class Horizon:
 
     def reset(self) -> None:
         """Forget all failures."""
-        self._in_a_row, self._left = 0, 0
+        self._in_a_row, self._remaining = 0, 0
 
     @property
     def share(self) -> float:
         """Share of the horizon to use."""
-        if self._left == 0:
+        if self._remaining == 0:
             return 1.0
-        return 0.25 if self._in_a_row >= _MANY else 0.5
+        return 0.25 if self._in_a_row >= _MAX_FAILURES else 0.5
 
     def record(self, *, failed: bool) -> None:
         """Record whether this period failed to give a feasible band."""
         if failed:
-            self._in_a_row, self._left = self._in_a_row + 1, self._periods
+            self._in_a_row, self._remaining = self._in_a_row + 1, self._periods
         else:
-            self._in_a_row, self._left = 0, max(self._left - 1, 0)
+            self._in_a_row, self._remaining = 0, max(self._remaining - 1, 0)
 
 
 class Oscillation:
@@ -56,17 +56,17 @@ class Oscillation:
     def reset(self) -> None:
         """Forget all commands."""
         self._commands: deque[tuple[float, float]] = deque(maxlen=self._size)
-        self._left, self.turn = 0, 0.0  # periods to keep to the direction; 1 left, -1 right, 0 any
+        self._remaining, self.turn = 0, 0.0  # periods to keep to the direction; 1 left, -1 right, 0 any
 
     def record(self, command: Twist, omega: float) -> None:
         """Record a command, and the turn rate [rad/s] at which the robot is turning."""
         self._commands.append((command.v / self._scale[0], command.omega / self._scale[1]))
-        self._left = max(self._left - 1, 0)
+        self._remaining = max(self._remaining - 1, 0)
         if self._wavers():
-            if self._left == 0:
+            if self._remaining == 0:
                 self.turn = 1.0 if omega > 0.0 else -1.0
-            self._left = self._periods
-        elif self._left == 0:
+            self._remaining = self._periods
+        elif self._remaining == 0:
             self.turn = 0.0
 
     def _wavers(self) -> bool:
@@ -74,8 +74,8 @@ class Oscillation:
         commands, config = self._commands, self._config
         if len(commands) < self._size // 2:
             return False
-        v = sum(each[0] for each in commands) / len(commands)
-        omega = sum(each[1] for each in commands) / len(commands)
-        sides = [math.copysign(1.0, each[1]) if each[1] else 0.0 for each in commands]
-        changes = sum(one != other for one, other in pairwise(sides))
+        v = sum(command[0] for command in commands) / len(commands)
+        omega = sum(command[1] for command in commands) / len(commands)
+        sides = [math.copysign(1.0, command[1]) if command[1] else 0.0 for command in commands]
+        changes = sum(side != next_side for side, next_side in pairwise(sides))
         return abs(v) < config.oscillation_v_eps and abs(omega) < config.oscillation_omega_eps and changes > 1

@@ -115,29 +115,29 @@ def cloud_scan(
     ranges = np.full(num_bins, np.float32(np.inf))
     first, number, phase = beams[0], beams[1], (beams[2], beams[3])
     height, elevation_min, rise_span = sensor[0], sensor[1], sensor[2] - sensor[1]
-    most = MOST_NOISE * noise[1]
+    max_noise = MOST_NOISE * noise[1]
     frame, cells, in_cells = grid
     # Sort the obstacles by bearing, and find the distance to the nearest one in each bucket.
-    starts, items = by_bearing(pose, circles, edges, min(sensor[4], spans[1] + most))
-    near = np.minimum(
+    starts, items = by_bearing(pose, circles, edges, min(sensor[4], spans[1] + max_noise))
+    nearest_gaps = np.minimum(
         _nearest(pose, starts, items, circles, edges), nearest(pose[0], pose[1], frame, cells, in_cells)
     )
     # Elevations within which a beam can give a point that counts, for each bucket and over all of them.
-    low, high = _elevations(near, sensor, heights, most)
+    low, high = _elevations(nearest_gaps, sensor, heights, max_noise)
     lowest, highest = (low.min() - elevation_min) / rise_span, (high.max() - elevation_min) / rise_span
     heading = pose[2] / (2.0 * math.pi)
     for beam in _between(first, number, phase[1], lowest, highest):
         turn, rise = turn_share(beam, phase[0]), rise_share(beam, phase[1])
-        place = turn + heading
-        place -= np.floor(place)
-        bucket = min(int(place * BUCKETS), BUCKETS - 1)
+        beam_turn = turn + heading
+        beam_turn -= np.floor(beam_turn)
+        bucket = min(int(beam_turn * BUCKETS), BUCKETS - 1)
         elevation = elevation_min + rise_span * rise
         if elevation < low[bucket] or elevation > high[bucket]:
             continue
         # Horizontal range to the first obstacle, of infinite height, or to the ground if that is nearer.
-        flat = direction(place)
-        reach = _first_hit(flat, pose, items, starts[bucket], starts[bucket + 1], circles, edges)
-        reach = first_hit(pose[0], pose[1], (1.0, 0.0), flat, reach, frame, cells, in_cells)
+        horizontal = direction(beam_turn)
+        reach = _first_hit(horizontal, pose, items, starts[bucket], starts[bucket + 1], circles, edges)
+        reach = first_hit(pose[0], pose[1], (1.0, 0.0), horizontal, reach, frame, cells, in_cells)
         cos, sin = direction(elevation / (2.0 * math.pi))
         if height * cos + reach * sin < 0.0:
             reach = -height * cos / sin  # the ground is nearer
@@ -147,50 +147,50 @@ def cloud_scan(
         if noise[1] > 0.0:
             distance += noise[1] * noise_of(beam, np.uint64(noise[0]))
         # Height and horizontal range of the noisy point; if it counts, it goes into the bin of its azimuth.
-        up, flat = height + distance * sin, distance * cos
-        if distance >= sensor[3] and heights[0] <= up <= heights[1] and spans[0] <= flat <= spans[1]:
+        z, horizontal = height + distance * sin, distance * cos
+        if distance >= sensor[3] and heights[0] <= z <= heights[1] and spans[0] <= horizontal <= spans[1]:
             k = int((turn + 0.5 - np.floor(turn + 0.5)) * num_bins + 0.5) % num_bins
-            ranges[k] = min(ranges[k], np.float32(flat))
+            ranges[k] = min(ranges[k], np.float32(horizontal))
     return ranges
 
 
 @njit(cache=True, error_model="numpy")
 def _between(first, number, phase, lowest, highest):
     """Beams with an elevation between two shares of the field of view. Without branches, for speed."""
-    kept, count = np.empty(number, np.int64), 0
+    chosen, count = np.empty(number, np.int64), 0
     for beam in range(first, first + number):
         rise = rise_share(beam, phase)
-        kept[count] = beam
+        chosen[count] = beam
         count += (rise >= lowest) & (rise <= highest)
-    return kept[:count]
+    return chosen[:count]
 
 
 @njit(cache=True, error_model="numpy")
 def _nearest(pose, starts, items, circles, edges):
     """Distance to the nearest obstacle of each bucket [m], inf if it has none: (BUCKETS,)."""
-    gaps, near = _gaps(pose, circles, edges), np.full(BUCKETS, np.inf)
+    gaps, nearest = _gaps(pose, circles, edges), np.full(BUCKETS, np.inf)
     for bucket in range(BUCKETS):
         for j in range(starts[bucket], starts[bucket + 1]):
-            near[bucket] = min(near[bucket], gaps[items[j]])
-    return near
+            nearest[bucket] = min(nearest[bucket], gaps[items[j]])
+    return nearest
 
 
 @njit(cache=True, error_model="numpy")
-def _elevations(near, sensor, heights, most):
+def _elevations(nearest, sensor, heights, max_noise):
     """Lowest and highest elevation of the beams in each bucket that may give a point that counts: 2 × (BUCKETS,).
 
-    A beam hits nothing nearer than the nearest obstacle of its bucket, at near (BUCKETS,) [m], or the ground, and its
-    noise is at most `most` [m].
+    A beam hits nothing nearer than the nearest obstacle of its bucket, at nearest (BUCKETS,) [m], or the ground, and
+    its noise is at most `max_noise` [m].
     """
     low, high = np.full(BUCKETS, -math.pi / 2.0), np.full(BUCKETS, math.pi / 2.0)
     below, above = max(sensor[0] - heights[0], 0.0), max(heights[1] - sensor[0], 0.0)
-    ground_counts = heights[0] <= most
+    ground_counts = heights[0] <= max_noise
     for bucket in range(BUCKETS):
         # A steeper beam is above or below the heights that count where it meets the nearest obstacle.
-        if near[bucket] > most:
-            high[bucket] = math.atan(above / (near[bucket] - most))
+        if nearest[bucket] > max_noise:
+            high[bucket] = math.atan(above / (nearest[bucket] - max_noise))
             if not ground_counts:
-                low[bucket] = -math.atan(below / (near[bucket] - most))
+                low[bucket] = -math.atan(below / (nearest[bucket] - max_noise))
     return low, high
 
 

@@ -35,7 +35,7 @@ def cast_rays(
     """
     starts, items = by_bearing(origin, circles, edges, range_max)
     x, y, z = origin[0], origin[1], origin[2]
-    out = np.empty(len(directions))
+    distances = np.empty(len(directions))
     for k in range(len(directions)):
         ray = (directions[k, 0], directions[k, 1], directions[k, 2])
         # Ground and ceiling first, then the obstacles in the bucket of the ray.
@@ -51,10 +51,10 @@ def cast_rays(
                 ends = (edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y)
                 best = min(best, to_edge(ray, ends, edges[i, 4] - z, edges[i, 5] - z))
         # The lids of polygons are not among the edges, so they are tested separately.
-        out[k] = _to_lids(origin, ray, edges, solids, best)
-        if out[k] > range_max:
-            out[k] = np.inf
-    return out
+        distances[k] = _to_lids(origin, ray, edges, solids, best)
+        if distances[k] > range_max:
+            distances[k] = np.inf
+    return distances
 
 
 @njit(cache=True, error_model="numpy")
@@ -180,24 +180,24 @@ def to_edge(ray, ends, bottom, top):
 
 
 @njit(cache=True, error_model="numpy")
-def _to_lids(origin, ray, edges, solids, nearer):
-    """Distance along a ray to the nearest lid that it hits from outside, at most `nearer`."""
+def _to_lids(origin, ray, edges, solids, nearest):
+    """Distance along a ray to the nearest lid that it hits from outside, at most `nearest`."""
     for p in range(len(solids)):
         height = solids[p, 3] if ray[2] < 0.0 else solids[p, 2]
         distance = _to_height(origin[2], ray[2], height)
-        if distance < nearer:
+        if distance < nearest:
             x, y = origin[0] + distance * ray[0], origin[1] + distance * ray[1]
             if _inside(x, y, edges, int(solids[p, 0]), int(solids[p, 1])):
-                nearer = distance
-    return nearer
+                nearest = distance
+    return nearest
 
 
 @njit(cache=True, error_model="numpy")
-def _inside(x, y, edges, first, last):
-    """Return whether a point lies in the polygon of edges first…last−1, by the even–odd rule."""
-    odd = False
-    for i in range(first, last):
+def _inside(x, y, edges, start, stop):
+    """Return whether a point lies in the polygon of edges start…stop − 1, by the even–odd rule."""
+    is_inside = False
+    for i in range(start, stop):
         x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
-            odd = not odd
-    return odd
+            is_inside = not is_inside
+    return is_inside

@@ -52,13 +52,13 @@ class ExtrudedWorld:
         """Circles (C, 5), edges (E, 6) and solids (P, 4) for `lme.simulation.mid360.raycast3d.cast_rays`."""
         world, sides = self.world, [len(polygon) for polygon in self.world.polygons]
         polygons = np.asarray(self.polygons)
-        last = len(world.segments) + np.cumsum(sides, dtype=np.int64)
+        stops = len(world.segments) + np.cumsum(sides, dtype=np.int64)
         edge_heights = np.vstack([np.asarray(self.segments), np.repeat(polygons, sides, axis=0)])
         circles = np.hstack([world.circles, np.asarray(self.circles)])
         return (
             circles,
             np.hstack([world.edges, edge_heights]),
-            np.column_stack([last - sides, last, polygons]),
+            np.column_stack([stops - sides, stops, polygons]),
         )
 
 
@@ -126,8 +126,8 @@ class Mid360:
         )
         # Noise, and the limits of the range.
         distances += config.noise_std * beam_noise(first, number, self._seed)
-        seen = (distances >= config.range_min) & (distances < math.inf)
-        return (beams[seen] * distances[seen, None]).astype(np.float32)
+        is_return = (distances >= config.range_min) & (distances < math.inf)
+        return (beams[is_return] * distances[is_return, None]).astype(np.float32)
 
     def scan(
         self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats, grid: EdgeGrid = NO_EDGES
@@ -169,9 +169,9 @@ def mid360_of(lidar: Lidar) -> Mid360:
     return Mid360(Mid360Config(mount=mount, noise_std=lidar.noise_std))
 
 
-def _heights(kind: str, given: ArrayLike, count: int) -> Floats:
+def _heights(kind: str, values: ArrayLike, count: int) -> Floats:
     """Bottoms and tops: (count, 2) [m]."""
-    heights = np.asarray(given, dtype=np.float64)
+    heights = np.asarray(values, dtype=np.float64)
     if heights.shape == (2,):
         heights = np.tile(heights, (count, 1))
     if heights.shape != (count, 2) or not (heights[:, 0] <= heights[:, 1]).all():

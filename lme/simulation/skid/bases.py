@@ -48,10 +48,10 @@ class SlidingBase:
     ) -> None:
         """lag: time constant of the wheels' controller [s]. gait: response that the controller follows."""
         self._gait = gait
-        given = asdict(drivetrain)
-        controller = given.pop("controller")
+        parameters = asdict(drivetrain)
+        controller = parameters.pop("controller")
         multiplier, _ = controller.pop("separation_multiplier"), controller.pop("timeout")
-        self._chassis = Chassis(**given, separation_multiplier=multiplier, lag=lag)
+        self._chassis = Chassis(**parameters, separation_multiplier=multiplier, lag=lag)
         self._limits = tuple(controller.values())
         self._axes = axes
         self._state = WheelState(np.zeros(6), np.zeros(4), np.zeros(2), np.zeros(16), np.zeros(2))
@@ -106,9 +106,9 @@ class RespondingBase:
         self, command: Twist, duration: float, count: int, factors: tuple[float, float], yaw_errors: Floats
     ) -> Floats:
         """See `Base`."""
-        wanted = Twist(command.v * self._response.gain_v, command.omega * self._response.gain_omega)
-        self._delay_v.send(wanted, self._time)
-        self._delay_omega.send(wanted, self._time)
+        scaled = Twist(command.v * self._response.gain_v, command.omega * self._response.gain_omega)
+        self._delay_v.send(scaled, self._time)
+        self._delay_omega.send(scaled, self._time)
         poses, dt = np.empty((count, 3)), duration / count
         for k in range(count):
             poses[k] = self._roll(dt, factors, float(yaw_errors[k * len(yaw_errors) // count]))

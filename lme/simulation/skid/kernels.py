@@ -84,9 +84,9 @@ def slide(
     per_pose = math.ceil(duration / count / MAX_STEP - 1e-9)
     steps = count * per_pose
     dt = duration / steps
-    share = 1.0 - math.exp(-dt / chassis.lag) if chassis.lag > 0.0 else 1.0
+    gain = 1.0 - math.exp(-dt / chassis.lag) if chassis.lag > 0.0 else 1.0
     for k in range(steps):
-        left, right = _turn_wheels(wheels, chassis, command, limits, share, dt)
+        left, right = _turn_wheels(wheels, chassis, command, limits, gain, dt)
         _grip(state, chassis, points, rows, (left * factors[0], right * factors[1]), axes, dt)
         # Semi-implicit Euler: the friction has changed the velocity, which now moves the body.
         for i in range(3):
@@ -123,15 +123,15 @@ def _contacts(chassis):
 
 
 @njit(cache=True, error_model="numpy")
-def _turn_wheels(wheels, chassis, command, limits, share, dt):
+def _turn_wheels(wheels, chassis, command, limits, gain, dt):
     """Advance the controller and the wheels by one step; return the speeds of the treads [m/s], left and right.
 
     The controller moves by a share of the difference to the command, as far as its acceleration allows.
     """
     for i in range(2):
         goal = min(max(command[i], -limits[i]), limits[i])
-        most = limits[i + 2] * dt
-        wheels[i] += min(max(share * (goal - wheels[i]), -most), most)
+        max_change = limits[i + 2] * dt
+        wheels[i] += min(max(gain * (goal - wheels[i]), -max_change), max_change)
     # Treads of a differential drive: v ∓ ω b / 2, with b the track times its multiplier.
     turn = wheels[1] * chassis.track * chassis.separation_multiplier / 2
     left, right = wheels[0] - turn, wheels[0] + turn
@@ -156,9 +156,9 @@ def _grip(state, chassis, points, rows, treads, axes, dt):
             x, y, turn = rows[i, 0], rows[i, 1], rows[i, 2]
             # Speed of the contact relative to the tread, along the direction of the row.
             sliding = (vx - tread * cos) * x + (vy - tread * sin) * y + omega * turn
-            before = grip[i]
-            grip[i] = min(max(before - sliding * rows[i, 3], -rows[i, 4]), rows[i, 4])
-            change = grip[i] - before
+            previous = grip[i]
+            grip[i] = min(max(previous - sliding * rows[i, 3], -rows[i, 4]), rows[i, 4])
+            change = grip[i] - previous
             vx += change * x * per_mass
             vy += change * y * per_mass
             omega += change * turn * per_inertia

@@ -114,7 +114,7 @@ class SkidSimulator:
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
         self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
         self._pieces = 1
-        if len(self._crowd) or self._config.latency or self._config.natural_frequency:
+        if len(self._crowd) or self._config.latency or self._config.has_gait:
             self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
 
     def _drive(self, time: float, duration: float, factors: tuple[float, float]) -> State:
@@ -157,8 +157,8 @@ class SkidSimulator:
         if rate is None:
             return self.state.pose
         age = (self.state.time + self._scan_phase) % (1.0 / rate)
-        back = round(age / self._config.check_time)
-        return Pose(*travel[max(len(travel) - 1 - back, 0)].tolist())
+        num_back = round(age / self._config.check_time)
+        return Pose(*travel[max(len(travel) - 1 - num_back, 0)].tolist())
 
 
 def _check(robot: Robot) -> None:

@@ -29,7 +29,7 @@ _PATIENCE = 5.0  # [s] ASSUMED: a person without progress for this long turns ro
 _CRAWL = 0.1  # [m/s] slower motion is no progress
 
 _HORIZON = 3.0  # [s] ASSUMED: how far ahead people foresee encounters
-_APART = 0.1  # [m] ASSUMED: gap that people leave between bodies; without it ORCA lets them pass in contact
+_GAP = 0.1  # [m] ASSUMED: gap that people leave between bodies; without it ORCA lets them pass in contact
 _WALL_HORIZON = 0.5  # [s] ASSUMED: they come near walls at most by their clearance in this time
 _NEIGHBOURS = 10.0  # [m] people farther away do not count
 
@@ -40,10 +40,10 @@ _WALL_STRENGTH, _WALL_REACH = 3.0, 0.1  # a [m/s²], b [m]
 
 @njit(cache=True, error_model="numpy")
 def next_waypoints(
-    places: Floats,
+    positions: Floats,
     velocities: Floats,
     traits: Floats,
-    way: Floats,
+    waypoints: Floats,
     first: Floats,
     repeats: Floats,
     plans: Floats,
@@ -52,38 +52,41 @@ def next_waypoints(
 ) -> Floats:
     """Advance the plans (P, 3) in place and return the wanted velocities (P, 2) [m/s].
 
-    way (W, 2): the waypoints of all people; those of person i begin at first[i]. elapsed: since the last call [s].
+    waypoints (W, 2): those of all people; those of person i begin at first[i]. elapsed: since the last call [s].
     A person who makes no progress for `_PATIENCE` turns round, so that two people in a narrow passage do not block
     each other for ever.
     """
-    wanted = np.zeros_like(places)
-    for i in range(len(places)):
-        path, plan = way[first[i] : first[i + 1]], plans[i]
+    preferred = np.zeros_like(positions)
+    for i in range(len(positions)):
+        path, plan = waypoints[first[i] : first[i + 1]], plans[i]
         if time < traits[i, _STARTS]:
             continue
         # Count the time without progress, other than at the end of the path, and turn round after `_PATIENCE`.
         is_slow = math.hypot(velocities[i, 0], velocities[i, 1]) < _CRAWL
-        last = _is_last(plan, len(path), repeats[i])
-        away = _away(places[i], path[int(plan[_LEG])])
-        plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (last and away < _REACHED) else 0.0
+        is_last = _is_last(plan, len(path), repeats[i])
+        distance = _distance(positions[i], path[int(plan[_LEG])])
+        plan[_STUCK] = plan[_STUCK] + elapsed if is_slow and not (is_last and distance < _REACHED) else 0.0
         if plan[_STUCK] > _PATIENCE and len(path) > 1:
             plan[_SIGN], plan[_STUCK] = -plan[_SIGN], 0.0
             _advance(plan, len(path), repeats[i])
         # Skip the waypoints that have been reached.
         for _ in range(len(path)):
-            if _is_last(plan, len(path), repeats[i]) or _away(places[i], path[int(plan[_LEG])]) > _REACHED:
+            if (
+                _is_last(plan, len(path), repeats[i])
+                or _distance(positions[i], path[int(plan[_LEG])]) > _REACHED
+            ):
                 break
             _advance(plan, len(path), repeats[i])
         # Walk straight to the next waypoint, and slow down before the last one.
         target = path[int(plan[_LEG])]
-        away = _away(places[i], target)
+        distance = _distance(positions[i], target)
         speed = traits[i, _SPEED]
         if _is_last(plan, len(path), repeats[i]):
-            speed = min(speed, away / _ARRIVAL)
-        if away > 0.0:
-            wanted[i, 0] = speed * (target[0] - places[i, 0]) / away
-            wanted[i, 1] = speed * (target[1] - places[i, 1]) / away
-    return wanted
+            speed = min(speed, distance / _ARRIVAL)
+        if distance > 0.0:
+            preferred[i, 0] = speed * (target[0] - positions[i, 0]) / distance
+            preferred[i, 1] = speed * (target[1] - positions[i, 1]) / distance
+    return preferred
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,58 +108,58 @@ def _advance(plan, count, repeat):
 
 
 @njit(cache=True, error_model="numpy")
-def _away(place, target):
-    return math.hypot(target[0] - place[0], target[1] - place[1])
+def _distance(position, target):
+    return math.hypot(target[0] - position[0], target[1] - position[1])
 
 
 @njit(cache=True, error_model="numpy")
 def orca(
-    places: Floats,
+    positions: Floats,
     velocities: Floats,
-    wanted: Floats,
+    preferred: Floats,
     traits: Floats,
-    others: Floats,
+    discs: Floats,
     circles: Floats,
     edges: Floats,
     dt: float,
 ) -> Floats:
     """Optimal reciprocal collision avoidance (van den Berg et al. 2011): each does half of every evasion."""
-    chosen = np.empty_like(velocities)
-    people, count = len(places), len(others)
+    new_velocities = np.empty_like(velocities)
+    people, count = len(positions), len(discs)
     lines = np.empty((len(circles) + len(edges) + people + count, 4))
     for i in range(people):
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
         # Walls give hard half-planes, which come first in `lines`.
-        hard = _walls(places[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
-        used = hard
+        hard = _walls(positions[i], radius, fastest, circles, edges, _WALL_HORIZON, lines)
+        size = hard
         # People, the robot if this person sees it, and other discs give soft half-planes.
         for j in range(people):
-            relative = places[j] - places[i]
+            relative = positions[j] - positions[i]
             if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
-                reach = radius + traits[j, _RADIUS] + _APART
-                beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[used])
-                used += 1
+                reach = radius + traits[j, _RADIUS] + _GAP
+                beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[size])
+                size += 1
         for j in range(count):
-            relative = others[j, :2] - places[i]
+            relative = discs[j, :2] - positions[i]
             if (j > 0 or traits[i, _SEES_ROBOT] > 0.0) and math.hypot(
                 relative[0], relative[1]
             ) <= _NEIGHBOURS:
-                reach = radius + others[j, 4] + _APART
-                beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[used])
-                used += 1
+                reach = radius + discs[j, 4] + _GAP
+                beside_disc(relative, velocities[i], discs[j, 2:4], reach, _HORIZON, dt, 0.5, lines[size])
+                size += 1
         # The velocity in all half-planes that is nearest to the wanted one.
-        vx, vy = best_velocity(lines[:used], hard, fastest, (wanted[i, 0], wanted[i, 1]))
-        chosen[i, 0], chosen[i, 1] = vx, vy
-    return chosen
+        vx, vy = best_velocity(lines[:size], hard, fastest, (preferred[i, 0], preferred[i, 1]))
+        new_velocities[i, 0], new_velocities[i, 1] = vx, vy
+    return new_velocities
 
 
 @njit(cache=True, error_model="numpy")
 def social_force(
-    places: Floats,
+    positions: Floats,
     velocities: Floats,
-    wanted: Floats,
+    preferred: Floats,
     traits: Floats,
-    others: Floats,
+    discs: Floats,
     circles: Floats,
     edges: Floats,
     dt: float,
@@ -164,34 +167,34 @@ def social_force(
     """The social force model (Helbing & Molnár 1995, DOI 10.1103/PhysRevE.51.4282), with the interaction that Moussaïd
     et al. measured (2009, DOI 10.1098/rspb.2009.0405). Walls are never entered, whatever the forces.
     """
-    chosen = np.empty_like(velocities)
-    people = len(places)
+    new_velocities = np.empty_like(velocities)
+    people = len(positions)
     lines = np.empty((len(circles) + len(edges), 4))
     for i in range(people):
-        # Relaxation towards the wanted velocity: (v_wanted − v) / τ.
-        fx = (wanted[i, 0] - velocities[i, 0]) / _RELAXATION
-        fy = (wanted[i, 1] - velocities[i, 1]) / _RELAXATION
+        # Relaxation towards the preferred velocity: (v_preferred − v) / τ.
+        fx = (preferred[i, 0] - velocities[i, 0]) / _RELAXATION
+        fy = (preferred[i, 1] - velocities[i, 1]) / _RELAXATION
         for j in range(people):
             if j != i:
-                push_x, push_y = _interaction(places[j] - places[i], velocities[i] - velocities[j])
+                push_x, push_y = _interaction(positions[j] - positions[i], velocities[i] - velocities[j])
                 fx, fy = fx + push_x, fy + push_y
-        for j in range(len(others)):
+        for j in range(len(discs)):
             if j > 0 or traits[i, _SEES_ROBOT] > 0.0:
-                push_x, push_y = _interaction(others[j, :2] - places[i], velocities[i] - others[j, 2:4])
+                push_x, push_y = _interaction(discs[j, :2] - positions[i], velocities[i] - discs[j, 2:4])
                 fx, fy = fx + push_x, fy + push_y
         radius, fastest = traits[i, _RADIUS], traits[i, _FASTEST]
         # Repulsion by the nearest wall: a exp(−(d − r) / b), straight away from it.
-        x, y = _nearest_wall(places[i], circles, edges)
-        away = math.hypot(x, y)
-        if 0.0 < away < math.inf:
-            push = _WALL_STRENGTH * math.exp(-(away - radius) / _WALL_REACH)
-            fx, fy = fx - push * x / away, fy - push * y / away
+        x, y = _nearest_wall(positions[i], circles, edges)
+        distance = math.hypot(x, y)
+        if 0.0 < distance < math.inf:
+            push = _WALL_STRENGTH * math.exp(-(distance - radius) / _WALL_REACH)
+            fx, fy = fx - push * x / distance, fy - push * y / distance
         # One Euler step, then the nearest velocity that enters no wall.
-        hard = _walls(places[i], radius, fastest, circles, edges, dt, lines)
-        after = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
-        vx, vy = best_velocity(lines[:hard], hard, fastest, after)
-        chosen[i, 0], chosen[i, 1] = vx, vy
-    return chosen
+        hard = _walls(positions[i], radius, fastest, circles, edges, dt, lines)
+        accelerated = (velocities[i, 0] + dt * fx, velocities[i, 1] + dt * fy)
+        vx, vy = best_velocity(lines[:hard], hard, fastest, accelerated)
+        new_velocities[i, 0], new_velocities[i, 1] = vx, vy
+    return new_velocities
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,24 +215,24 @@ def _interaction(relative, velocity):
     )  # from the direction of interaction to the person
     # Deceleration along t and evasion across it: A exp(−d / B − (n B θ)²) with B = γ |D|.
     reach = _GAMMA * length
-    slow = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)
-    aside = _STRENGTH * math.exp(-distance / reach - (_N * reach * theta) ** 2)
+    slowing = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)
+    sideways = _STRENGTH * math.exp(-distance / reach - (_N * reach * theta) ** 2)
     side = 1.0 if theta >= 0.0 else -1.0  # away from the person; straight ahead, to the right
-    return -slow * tx + side * aside * ty, -slow * ty - side * aside * tx
+    return -slowing * tx + side * sideways * ty, -slowing * ty - side * sideways * tx
 
 
 @njit(cache=True, error_model="numpy")
-def _walls(place, radius, fastest, circles, edges, horizon, lines):
+def _walls(position, radius, fastest, circles, edges, horizon, lines):
     """Write a half-plane for each static obstacle in reach; return their number."""
     count, reach = 0, radius + fastest * horizon
     # Circles first, then edges, each by its nearest point.
     for k in range(len(circles)):
-        x, y = _to_circle(place, circles[k])
+        x, y = _to_circle(position, circles[k])
         if math.hypot(x, y) <= reach:
             before_point(x, y, radius, horizon, lines[count])
             count += 1
     for k in range(len(edges)):
-        x, y = _to_edge(place, edges[k])
+        x, y = _to_edge(position, edges[k])
         if math.hypot(x, y) <= reach:
             before_point(x, y, radius, horizon, lines[count])
             count += 1
@@ -237,34 +240,34 @@ def _walls(place, radius, fastest, circles, edges, horizon, lines):
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest_wall(place, circles, edges):
-    """Nearest point of all static obstacles, relative to a place: (x, y) [m], infinite if there is none."""
+def _nearest_wall(position, circles, edges):
+    """Nearest point of all static obstacles, relative to a position: (x, y) [m], infinite if there is none."""
     best_x, best_y = math.inf, math.inf
     for k in range(len(circles)):
-        x, y = _to_circle(place, circles[k])
+        x, y = _to_circle(position, circles[k])
         if math.hypot(x, y) < math.hypot(best_x, best_y):
             best_x, best_y = x, y
     for k in range(len(edges)):
-        x, y = _to_edge(place, edges[k])
+        x, y = _to_edge(position, edges[k])
         if math.hypot(x, y) < math.hypot(best_x, best_y):
             best_x, best_y = x, y
     return best_x, best_y
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circle(place, circle):
+def _to_circle(position, circle):
     """Nearest point of a disc, relative to a place outside it: (x, y) [m]."""
-    dx, dy = circle[0] - place[0], circle[1] - place[1]
+    dx, dy = circle[0] - position[0], circle[1] - position[1]
     distance = math.hypot(dx, dy)
-    share = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
-    return share * dx, share * dy
+    fraction = max(distance - circle[2], 0.0) / distance if distance > 0.0 else 0.0
+    return fraction * dx, fraction * dy
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edge(place, edge):
-    """Nearest point of a segment, relative to a place: (x, y) [m]."""
+def _to_edge(position, edge):
+    """Nearest point of a segment, relative to a position: (x, y) [m]."""
     ax, ay = edge[2] - edge[0], edge[3] - edge[1]
     square = ax * ax + ay * ay
-    part = ((place[0] - edge[0]) * ax + (place[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
-    part = min(max(part, 0.0), 1.0)
-    return edge[0] + part * ax - place[0], edge[1] + part * ay - place[1]
+    fraction = ((position[0] - edge[0]) * ax + (position[1] - edge[1]) * ay) / square if square > 0.0 else 0.0
+    fraction = min(max(fraction, 0.0), 1.0)
+    return edge[0] + fraction * ax - position[0], edge[1] + fraction * ay - position[1]

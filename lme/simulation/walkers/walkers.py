@@ -30,13 +30,13 @@ class Walkers:
         self, movers: Sequence[Mover], chosen: Sequence[int], world: World, robot_radius: float
     ) -> None:
         """chosen: indices of the people. robot_radius: of the disc that represents the robot [m]."""
-        self._chosen = np.array(chosen, dtype=np.int64)
+        self._indices = np.array(chosen, dtype=np.int64)
         people = [movers[i] for i in chosen]
-        self._others = np.array(
+        self._other_indices = np.array(
             [i for i, mover in enumerate(movers) if mover.radius is not None and not mover.walks],
             dtype=np.int64,
         )
-        self._other_radii = np.array([movers[i].radius for i in self._others])
+        self._other_radii = np.array([movers[i].radius for i in self._other_indices])
         self._by_orca = np.array([mover.motion == ORCA for mover in people])
         self._traits = np.array(
             [
@@ -44,7 +44,7 @@ class Walkers:
                 for mover in people
             ]
         )
-        self._way = np.vstack([mover.path[:, :2] for mover in people])
+        self._waypoints = np.vstack([mover.path[:, :2] for mover in people])
         self._first = np.cumsum([0, *(len(mover.path) for mover in people)])
         self._repeats = np.array([REPEATS.index(mover.repeat) for mover in people])
         self._plan = np.column_stack([np.zeros(len(people)), np.ones(len(people)), np.zeros(len(people))])
@@ -53,35 +53,35 @@ class Walkers:
         self._robot_radius = robot_radius
         self._velocities = np.zeros((len(people), 2))
         self._robot: Pose | None = None
-        self._time, self._decided = 0.0, -math.inf
+        self._time, self._decision_time = 0.0, -math.inf
 
-    def go_on(self, former: Walkers, kept: Mapping[int, int]) -> None:
+    def go_on(self, former: Walkers, pairs: Mapping[int, int]) -> None:
         """Continue from other walkers: take over their time, and the plans of the people who are in both.
 
-        kept: for each mover that stays, its current and its former index.
+        pairs: for each mover that stays, its current and its former index.
         """
-        self._time, self._decided, self._robot = former._time, former._decided, former._robot
-        rows = {int(i): row for row, i in enumerate(former._chosen)}
-        for row, i in enumerate(self._chosen.tolist()):
-            if i in kept:
-                self._plan[row] = former._plan[rows[kept[i]]]
-                self._velocities[row] = former._velocities[rows[kept[i]]]
+        self._time, self._decision_time, self._robot = former._time, former._decision_time, former._robot
+        rows = {int(i): row for row, i in enumerate(former._indices)}
+        for row, i in enumerate(self._indices.tolist()):
+            if i in pairs:
+                self._plan[row] = former._plan[rows[pairs[i]]]
+                self._velocities[row] = former._velocities[rows[pairs[i]]]
 
     def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
         """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""
-        before, self._robot = self._robot, robot
-        if self._time - self._decided < PERIOD - 1e-9:
+        previous, self._robot = self._robot, robot
+        if self._time - self._decision_time < PERIOD - 1e-9:
             return
         # Wanted velocities, from the waypoints of each person.
-        elapsed = min(self._time - self._decided, self._time)
-        self._decided = self._time
-        here = crowd.poses[self._chosen, :2]
-        state = (here, self._velocities)
-        wanted = next_waypoints(
-            here,
+        elapsed = min(self._time - self._decision_time, self._time)
+        self._decision_time = self._time
+        positions = crowd.poses[self._indices, :2]
+        state = (positions, self._velocities)
+        preferred = next_waypoints(
+            positions,
             self._velocities,
             self._traits,
-            self._way,
+            self._waypoints,
             self._first,
             self._repeats,
             self._plan,
@@ -89,26 +89,26 @@ class Walkers:
             elapsed,
         )
         # New velocities by the model of each person; both models run only if both are in use.
-        others = self._moving(crowd, robot, before or robot, dt)
+        moving_discs = self._moving(crowd, robot, previous or robot, dt)
         edges = np.vstack([self._edges, crowd.edges]) if len(crowd.edges) else self._edges
-        given = (*state, wanted, self._traits, others, self._circles, edges, PERIOD)
+        arguments = (*state, preferred, self._traits, moving_discs, self._circles, edges, PERIOD)
         if self._by_orca.all():
-            self._velocities = orca(*given)
+            self._velocities = orca(*arguments)
         elif not self._by_orca.any():
-            self._velocities = social_force(*given)
+            self._velocities = social_force(*arguments)
         else:
-            self._velocities = np.where(self._by_orca[:, None], orca(*given), social_force(*given))
+            self._velocities = np.where(self._by_orca[:, None], orca(*arguments), social_force(*arguments))
 
     def walk(self, poses: Floats, velocities: Floats, dt: float) -> None:
         """Move the people in the poses (M, 3) of all movers by `dt` [s]; velocities (M, 2) become theirs."""
-        poses[self._chosen, :2] += dt * self._velocities
-        velocities[self._chosen] = self._velocities
+        poses[self._indices, :2] += dt * self._velocities
+        velocities[self._indices] = self._velocities
         self._time += dt
 
-    def _moving(self, crowd: Crowd, robot: Pose, before: Pose, dt: float) -> Floats:
+    def _moving(self, crowd: Crowd, robot: Pose, previous: Pose, dt: float) -> Floats:
         """Rows (1 + O, 5) of x, y, vx, vy, radius: first the robot, then the other discs that move."""
-        velocity = ((robot.x - before.x) / dt, (robot.y - before.y) / dt)
-        there = crowd.present[self._others]
-        places, speeds = crowd.poses[self._others, :2], crowd.velocities[self._others]
-        discs = np.column_stack([places, speeds, self._other_radii])[there]
+        velocity = ((robot.x - previous.x) / dt, (robot.y - previous.y) / dt)
+        is_present = crowd.present[self._other_indices]
+        positions, speeds = crowd.poses[self._other_indices, :2], crowd.velocities[self._other_indices]
+        discs = np.column_stack([positions, speeds, self._other_radii])[is_present]
         return np.vstack([[robot.x, robot.y, *velocity, self._robot_radius], discs])

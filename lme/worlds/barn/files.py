@@ -40,13 +40,13 @@ def find_worlds(source: str | Path) -> dict[int, Path]:
     if state:
         raise InputError(f"map.source {root} {state}: must be a folder with the BARN files world_N.world")
     for layout in _LAYOUTS:
-        found = {
+        files = {
             int(match[1]): path
             for path in _entries(root / layout)
             if (match := WORLD_FILES.fullmatch(path.name)) is not None
         }
-        if found:
-            return dict(sorted(found.items()))
+        if files:
+            return dict(sorted(files.items()))
     raise InputError(
         f"map.source {root} holds no world_N.world: must be a checkout of the BARN benchmark, "
         "its worlds/ or its BARN/ folder"
@@ -109,10 +109,10 @@ def _entries(folder: Path) -> list[Path]:
         raise InputError(f"{folder} cannot be read: {error.strerror}") from None
 
 
-def _read_limited(file: Path, most: int) -> bytes:
-    """The content of a regular file of at most `most` bytes. Raises InputError."""
+def _read_limited(file: Path, max_bytes: int) -> bytes:
+    """The content of a regular file of at most `max_bytes`. Raises InputError."""
     try:
-        return read_bytes(file, most)
+        return read_bytes(file, max_bytes)
     except FileNotFoundError:
         raise InputError(f"{file} does not exist") from None
     except OSError as error:

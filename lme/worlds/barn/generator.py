@@ -64,8 +64,8 @@ def cylinders_of(grid: Bools) -> Floats:
 
     A filled cell has a cylinder only if it lies on the border of the grid or has an empty neighbour.
     """
-    drawn = grid & ~ndimage.binary_erosion(grid, _NEIGHBOURHOOD, border_value=0)
-    cells = np.argwhere(drawn)
+    surface = grid & ~ndimage.binary_erosion(grid, _NEIGHBOURHOOD, border_value=0)
+    cells = np.argwhere(surface)
     centres = np.column_stack([ORIGIN_X_M + CELL_M * cells[:, 0], ORIGIN_Y_M + CELL_M * cells[:, 1]])
     return np.vstack([start_wall(), _discs(centres)])
 

@@ -38,8 +38,8 @@ def most_alike(measures: Mapping[str, float]) -> int:
     Differences count in standard deviations of the measure over the official worlds.
     """
     official = _official()
-    apart = (official - [measures[name] for name in MEASURES]) / official.std(axis=0)
-    return int((apart**2).sum(axis=1).argmin())
+    differences = (official - [measures[name] for name in MEASURES]) / official.std(axis=0)
+    return int((differences**2).sum(axis=1).argmin())
 
 
 @lru_cache(maxsize=4096)

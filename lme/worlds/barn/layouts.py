@@ -112,8 +112,8 @@ def _fresh_recipe(fresh_seed: int, index: int) -> Recipe:
 
 def _matching_recipe(number: int, cylinders: Floats) -> Recipe | None:
     recipe = official_recipes().get(number)
-    same = recipe is not None and np.array_equal(cylinders_of(occupancy(recipe)[0]), np.round(cylinders, 6))
-    return recipe if same else None
+    equal = recipe is not None and np.array_equal(cylinders_of(occupancy(recipe)[0]), np.round(cylinders, 6))
+    return recipe if equal else None
 
 
 def _checked_path(file: Path, world_file: Path, grid: Bools) -> Ints:

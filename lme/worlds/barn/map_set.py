@@ -106,7 +106,10 @@ class Barn:
         """Choose the worlds; `task` reads the files. Raises InputError if a requested world does not exist."""
         self.config = config
         self._files = None if config.source is None else find_worlds(config.source)
-        self._numbers = self._chosen()
+        self._numbers = config.numbers(self._subset())
+        absent = [number for number in self._numbers if not self._exists(number)]
+        if absent:
+            raise InputError(self._describe_missing(absent))
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -148,14 +151,6 @@ class Barn:
             measures=_measures(layout),
         )
 
-    def _chosen(self) -> tuple[int, ...]:
-        """Numbers of `worlds` or of the subset. Raises InputError that names those that do not exist."""
-        asked = self.config.numbers(self._subset())
-        absent = [number for number in asked if not self._exists(number)]
-        if absent:
-            raise InputError(self._describe_missing(absent))
-        return asked
-
     def _subset(self) -> Iterable[int]:
         config = self.config
         if config.subset in FRESH:
@@ -171,14 +166,16 @@ class Barn:
 
     def _describe_missing(self, absent: list[int]) -> str:
         config = self.config
-        some = ", ".join(map(str, absent[:5])) + (f" and {len(absent) - 5} more" if len(absent) > 5 else "")
+        listing = ", ".join(map(str, absent[:5])) + (
+            f" and {len(absent) - 5} more" if len(absent) > 5 else ""
+        )
         if self._files is not None:
             key = f"map.subset is {config.subset!r}" if config.worlds is None else "map.worlds"
-            return f"{key} asks for worlds that map.source {config.source} does not hold: {some}"
+            return f"{key} asks for worlds that map.source {config.source} does not hold: {listing}"
         right = (
             f"from {FIRST_FRESH} on with map.subset={config.subset}" if config.subset in FRESH else "0 to 299"
         )
-        return f"map.worlds asks for {some}: must be {right}"
+        return f"map.worlds asks for {listing}: must be {right}"
 
 
 def _measures(layout: Layout) -> dict[str, float]:

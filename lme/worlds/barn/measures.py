@@ -79,20 +79,20 @@ def tortuosity(path: Ints) -> float:
     return float(arc / math.dist(path[0], path[-1]))
 
 
-def _free(walls: Walls, cell: list[int], ray: tuple[int, int], most: int = 1000) -> int:
-    """Number of free cells along a ray, without the first, up to a wall, the border or `most`."""
+def _free(walls: Walls, cell: list[int], ray: tuple[int, int], max_cells: int = 1000) -> int:
+    """Number of free cells along a ray, without the first, up to a wall, the border or `max_cells`."""
     (r, c), (dr, dc) = cell, ray
     steps = 0
-    while steps < most and _inside(walls, r + dr, c + dc) and not walls[r + dr][c + dc]:
+    while steps < max_cells and _inside(walls, r + dr, c + dc) and not walls[r + dr][c + dc]:
         r, c, steps = r + dr, c + dc, steps + 1
     return steps
 
 
 def _wall_near(walls: Walls, cell: list[int], ray: tuple[int, int]) -> bool:
-    most = math.ceil(_DISPERSION_CELLS / max(1, *ray))
-    stop = _free(walls, cell, ray, most) + 1
+    max_cells = math.ceil(_DISPERSION_CELLS / max(1, *ray))
+    stop = _free(walls, cell, ray, max_cells) + 1
     r, c = cell[0] + stop * ray[0], cell[1] + stop * ray[1]
-    return stop <= most and _inside(walls, r, c) and walls[r][c]
+    return stop <= max_cells and _inside(walls, r, c) and walls[r][c]
 
 
 def _width(walls: Walls, cell: list[int], axis: tuple[int, int]) -> float:
@@ -103,8 +103,8 @@ def _length(ray: tuple[int, int], steps: int) -> float:
     return math.hypot(*ray) * steps
 
 
-def _alternations(around: list[bool]) -> int:
-    return sum(here != before for before, here in zip([around[-1], *around], around, strict=False))
+def _alternations(ring: list[bool]) -> int:
+    return sum(current != previous for previous, current in zip([ring[-1], *ring], ring, strict=False))
 
 
 def _inside(walls: Walls, r: int, c: int) -> bool:

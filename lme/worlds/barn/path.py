@@ -73,12 +73,12 @@ def plan(blocked: Bools, start: Cell, goal: Cell) -> Ints | None:
             return _trace(parents, goal)
         for child, step in _moves(walls, cell, parents[cell]):
             cost = costs[cell] + step
-            known = child in costs
-            if child in closed or (known and cost >= costs[child]):
+            is_open = child in costs
+            if child in closed or (is_open and cost >= costs[child]):
                 continue
             # The rank is the cost and the penalty, and for a cell that was reached before the straight distance too.
             costs[child], parents[child] = cost, cell
-            ranks[child] = cost + nearness[child[0]][child[1]] + (math.dist(child, goal) if known else 0.0)
+            ranks[child] = cost + nearness[child[0]][child[1]] + (math.dist(child, goal) if is_open else 0.0)
             heapq.heappush(heap, (ranks[child], order.setdefault(child, len(order)), child))
     return None
 
@@ -112,9 +112,9 @@ def _path_through(blocked: Bools, choose: Callable[[list[int]], int]) -> Ints | 
 
 def _penalties(blocked: Bools) -> list[list[float]]:
     distance = obstacle_distance(blocked)
-    near = (distance > 0) & (distance <= _PENALTY_CELLS)
+    is_near = (distance > 0) & (distance <= _PENALTY_CELLS)
     penalties: list[list[float]] = np.divide(
-        _PENALTY, distance, out=np.zeros_like(distance), where=near
+        _PENALTY, distance, out=np.zeros_like(distance), where=is_near
     ).tolist()
     return penalties
 

@@ -24,10 +24,10 @@ def corridors(rng: np.random.Generator, passage: int) -> Building:
     crossings = list(product(range(len(columns)), range(len(rows))))
     number = {crossing: i for i, crossing in enumerate(crossings)}
     pairs = [
-        (number[x, y], number[onward])
+        (number[x, y], number[neighbour])
         for x, y in crossings
-        for onward in ((x + 1, y), (x, y + 1))
-        if onward in number
+        for neighbour in ((x + 1, y), (x, y + 1))
+        if neighbour in number
     ]
     size = math.ceil(rng.uniform(*SHARE) * len(crossings))
     ends = [[crossings[end] for end in pairs[i]] for i in network(rng, pairs, size, LOOPS)]

@@ -32,9 +32,9 @@ def floor_plans(rng: np.random.Generator, passage: int) -> Building:
     tiles = _split(rng, Rectangle(0, 0, columns, rows))
     shared = borders(tiles, passage)
     size = math.ceil(rng.uniform(*SHARE) * len(tiles))
-    chosen = [shared[i] for i in network(rng, [border.tiles for border in shared], size, LOOPS)]
-    rooms = [room(tiles[i]) for i in sorted({i for border in chosen for i in border.tiles})]
-    doors = [door(rng, border.wall, passage) for border in chosen]
+    joined_borders = [shared[i] for i in network(rng, [border.tiles for border in shared], size, LOOPS)]
+    rooms = [room(tiles[i]) for i in sorted({i for border in joined_borders for i in border.tiles})]
+    doors = [door(rng, border.wall, passage) for border in joined_borders]
     return Building((columns + WALL, rows + WALL), rooms, doors, furniture(rng, rooms, doors, passage))
 
 

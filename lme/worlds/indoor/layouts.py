@@ -55,9 +55,9 @@ class Rectangle(NamedTuple):
         """Return whether both have a cell in common."""
         return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
-    def holds(self, place: Floats) -> bool:
-        """Return whether a place (2,) [m] lies in this rectangle."""
-        x, y = (place / CELL_M).tolist()
+    def holds(self, point: Floats) -> bool:
+        """Return whether a point (2,) [m] lies in this rectangle."""
+        x, y = (point / CELL_M).tolist()
         return bool(self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1)
 
 
@@ -87,23 +87,23 @@ def furniture(
     Desks and cupboards stand at a wall. Tables and single chairs are at least `passage` cells from any wall.
     """
     pieces: list[Piece] = []
-    taken = [door.enlarged(passage) for door in doors]
+    blocked = [door.enlarged(passage) for door in doors]
     for room in rooms:
-        across, up = room.size
-        for _ in range(random_size(rng, (0, across * up // FLOOR_PER_PIECE))):
+        width, height = room.size
+        for _ in range(random_size(rng, (0, width * height // FLOOR_PER_PIECE))):
             piece = _piece(rng, room, passage)
-            if piece is not None and not any(map(piece.floor.meets, taken)):
+            if piece is not None and not any(map(piece.floor.meets, blocked)):
                 pieces.append(piece)
-                taken.append(piece.floor.enlarged(passage))
+                blocked.append(piece.floor.enlarged(passage))
     return pieces
 
 
 def _piece(rng: np.random.Generator, room: Rectangle, passage: int) -> Piece | None:
     """A random piece at a random place of the room, regardless of other pieces; None if it does not fit."""
-    turned, mirrored = (rng.random(2) < 0.5).tolist()
-    width, height = room.size[::-1] if turned else room.size
-    make, gap = ((_desk, 0), (_cupboard, 0), (_table, passage), (_chair, passage))[int(rng.integers(4))]
-    piece = make(rng)
+    is_turned, is_mirrored = (rng.random(2) < 0.5).tolist()
+    width, height = room.size[::-1] if is_turned else room.size
+    maker, gap = ((_desk, 0), (_cupboard, 0), (_table, passage), (_chair, passage))[int(rng.integers(4))]
+    piece = maker(rng)
     length, depth = piece.floor.size
     if min(width - length, height - depth) < 2 * gap:
         return None
@@ -112,9 +112,9 @@ def _piece(rng: np.random.Generator, room: Rectangle, passage: int) -> Piece | N
 
     def placed(part: Rectangle) -> Rectangle:
         part = part.shifted(x, y)
-        if mirrored:
+        if is_mirrored:
             part = part._replace(y0=height - part.y1, y1=height - part.y0)
-        return (part.transposed() if turned else part).shifted(room.x0, room.y0)
+        return (part.transposed() if is_turned else part).shifted(room.x0, room.y0)
 
     return Piece([placed(box) for box in piece.boxes], [placed(chair) for chair in piece.chairs])
 
@@ -139,8 +139,8 @@ def _chair(rng: np.random.Generator) -> Piece:
 def _with_chair(rng: np.random.Generator, lengths: Range, depths: Range) -> Piece:
     """A box with its back to y = 0, and a chair that touches its front."""
     length, depth, chair = random_size(rng, lengths), random_size(rng, depths), _chair(rng).floor
-    at = random_size(rng, (0, length - chair.x1))
-    return Piece([Rectangle(0, 0, length, depth)], [chair.shifted(at, depth)])
+    chair_x = random_size(rng, (0, length - chair.x1))
+    return Piece([Rectangle(0, 0, length, depth)], [chair.shifted(chair_x, depth)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,16 +173,16 @@ def network(rng: np.random.Generator, pairs: Sequence[tuple[int, int]], size: in
     A tree grows from a random node by random pairs. Each other pair of two joined nodes is added with probability
     `loops`, which closes a loop.
     """
-    joined = {pairs[int(rng.integers(len(pairs)))][0]}
+    connected = {pairs[int(rng.integers(len(pairs)))][0]}
     tree: list[int] = []
-    while len(joined) < size:
-        onward = [i for i, (a, b) in enumerate(pairs) if (a in joined) != (b in joined)]
-        if not onward:
+    while len(connected) < size:
+        extensions = [i for i, (a, b) in enumerate(pairs) if (a in connected) != (b in connected)]
+        if not extensions:
             break
-        tree.append(onward[int(rng.integers(len(onward)))])
-        joined.update(pairs[tree[-1]])
-    others = [i for i, pair in enumerate(pairs) if i not in tree and joined.issuperset(pair)]
-    return sorted([*tree, *(i for i in others if rng.random() < loops)])
+        tree.append(extensions[int(rng.integers(len(extensions)))])
+        connected.update(pairs[tree[-1]])
+    loop_candidates = [i for i, pair in enumerate(pairs) if i not in tree and connected.issuperset(pair)]
+    return sorted([*tree, *(i for i in loop_candidates if rng.random() < loops)])
 
 
 class Border(NamedTuple):
@@ -199,16 +199,16 @@ def room(tile: Rectangle) -> Rectangle:
 
 def borders(tiles: Sequence[Rectangle], passage: int) -> list[Border]:
     """The borders of all tiles that are long enough for a door, `passage` cells wide or more."""
-    found, least = [], max(passage, DOOR[0]) + 2 * JAMB
+    long_borders, min_length = [], max(passage, DOOR[0]) + 2 * JAMB
     for (i, a), (j, b) in permutations(enumerate(tiles), 2):
         first, second = room(a), room(b)
         x0, y0 = max(first.x0, second.x0), max(first.y0, second.y0)
         x1, y1 = min(first.x1, second.x1), min(first.y1, second.y1)
-        if a.x1 == b.x0 and y1 - y0 >= least:
-            found.append(Border((i, j), Rectangle(a.x1, y0, second.x0, y1)))
-        if a.y1 == b.y0 and x1 - x0 >= least:
-            found.append(Border((i, j), Rectangle(x0, a.y1, x1, second.y0)))
-    return found
+        if a.x1 == b.x0 and y1 - y0 >= min_length:
+            long_borders.append(Border((i, j), Rectangle(a.x1, y0, second.x0, y1)))
+        if a.y1 == b.y0 and x1 - x0 >= min_length:
+            long_borders.append(Border((i, j), Rectangle(x0, a.y1, x1, second.y0)))
+    return long_borders
 
 
 def door(rng: np.random.Generator, wall: Rectangle, passage: int) -> Rectangle:

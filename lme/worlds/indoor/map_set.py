@@ -133,14 +133,14 @@ def _start_and_goal(
 
     Raises InputError if there are none.
     """
-    least, most = distances
+    min_distance, max_distance = distances
     for _ in range(PAIRS_TRIED):
-        found = space.draw(rng, least)
-        ends = np.array(found.start[:2]), found.goal
+        configuration = space.draw(rng, min_distance)
+        ends = np.array(configuration.start[:2]), configuration.goal
         together = any(all(map(room.holds, ends)) for room in building.rooms)
-        if not together and math.dist(*ends) <= most:
-            return found
+        if not together and math.dist(*ends) <= max_distance:
+            return configuration
     raise InputError(
-        f"map.max_distance is {most:g} m: must be a distance that start and goal can have in different rooms of "
-        f"each building (map.min_distance is {least:g} m)"
+        f"map.max_distance is {max_distance:g} m: must be a distance that start and goal can have in different rooms "
+        f"of each building (map.min_distance is {min_distance:g} m)"
     )

@@ -39,6 +39,6 @@ def _row(rng: np.random.Generator, length: int, y0: int, y1: int) -> list[Rectan
     """Draw tiles side by side along the corridor."""
     cuts = [0]
     while length - cuts[-1] > FRONT[1]:
-        rest = length - cuts[-1]
-        cuts.append(cuts[-1] + random_size(rng, (FRONT[0], min(FRONT[1], rest - FRONT[0]))))
+        remaining = length - cuts[-1]
+        cuts.append(cuts[-1] + random_size(rng, (FRONT[0], min(FRONT[1], remaining - FRONT[0]))))
     return [Rectangle(x0, y0, x1, y1) for x0, x1 in zip(cuts, [*cuts[1:], length], strict=True)]

@@ -194,7 +194,7 @@ def test_what_the_compiled_step_does_not_cover_is_refused():
     for config, key in (
         (FastConfig(latency=0.1), "sim.latency is 0.1"),
         (FastConfig(slip=0.1), "sim.slip is 0.1"),
-        (FastConfig(natural_frequency=7.0), "sim.natural_frequency is 7.0"),
+        (FastConfig(natural_frequency_v=7.0), "sim.natural_frequency_v is 7.0"),
         (FastConfig(tilt=0.1), "sim.tilt is 0.1"),
         (FastConfig(odometry_error=0.1), "sim.odometry_error is 0.1"),
         (FastConfig(scan_noise=0.1), "sim.scan_noise is 0.1"),

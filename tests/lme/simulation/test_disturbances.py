@@ -21,7 +21,8 @@ KEYS = {
     "latency": 0.05,
     "lag": 0.2,
     "odometry_age": 0.02,
-    "natural_frequency": 7.0,
+    "natural_frequency_v": 7.0,
+    "natural_frequency_omega": 7.0,
     "overshoot_v": 0.5,
     "overshoot_omega": 0.25,
     "ripple_v": 0.07,
@@ -44,7 +45,7 @@ def started(kind, world=None, robot=None, seed=0, goal=(1e3, 0.0), **sim):
     return simulator, simulator.reset(task(world, goal=goal), np.random.default_rng(seed))
 
 
-LEGS = {"natural_frequency": 7.0}
+LEGS = {"natural_frequency_v": 7.0, "natural_frequency_omega": 7.0}
 WITH = {
     "goal_rate": {"goal_noise": 0.1},
     "overshoot_v": LEGS,
@@ -192,7 +193,7 @@ def test_lost_beams_return_nothing(kind, share):
 def test_disturbances_leave_the_lidars_own_noise_alone(kind):
     robot = shipped("jackal")
     plain = started(kind, room(8.0), robot)[1].scan.ranges
-    gait = {"natural_frequency": 7.0, "ripple_v": 0.1}
+    gait = {**LEGS, "ripple_v": 0.1}
     for sim in ({"scan_dropout": 0.3}, {"slip": 0.2}, {"latency": 0.1}, {"goal_noise": 0.3}, gait):
         ranges = started(kind, room(8.0), robot, **sim)[1].scan.ranges
         kept = ranges < np.float32(30.0)
@@ -285,7 +286,8 @@ def test_arrival_is_judged_by_the_truth(kind):
         ("lag", -0.1, "at least 0"),
         ("odometry_age", -0.1, "at least 0"),
         ("slip", math.nan, "at least 0"),
-        ("natural_frequency", -1.0, "at least 0"),
+        ("natural_frequency_v", -1.0, "at least 0"),
+        ("natural_frequency_omega", -1.0, "at least 0"),
         ("overshoot_v", 1.5, "at most 0.95"),
         ("overshoot_omega", -0.1, "at least 0"),
         ("ripple_v", -0.1, "at least 0"),

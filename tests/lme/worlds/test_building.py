@@ -93,13 +93,13 @@ def test_the_width_of_the_way_is_that_of_the_door(folder):
         assert widths.max() > door - 0.11
 
 
-def test_the_widest_way_is_the_path_in_the_maximum_spanning_tree():
+def test_the_widest_path_is_the_path_in_the_maximum_spanning_tree():
     """Against scipy: the least clearance on the tree's path between two points."""
     rng = np.random.default_rng(0)
     for _ in range(20):
         field = rng.uniform(0.0, 1.0, (7, 9))
         start, goal = (0, 0), (6, 8)
-        assert building._widest_way(field, start, goal) == pytest.approx(widest(field, start, goal))
+        assert building._widest_path(field, start, goal) == pytest.approx(widest(field, start, goal))
 
 
 def widest(field, start, goal):

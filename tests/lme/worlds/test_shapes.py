@@ -205,7 +205,7 @@ def test_sides_cross_if_and_only_if_any_two_of_them_do(places):
 
 
 def test_an_outline_whose_sides_all_overlap_is_refused_where_it_would_take_minutes(monkeypatch):
-    monkeypatch.setattr("lme.worlds.shapes._MOST_PAIRS", 1000)
+    monkeypatch.setattr("lme.worlds.shapes._MAX_PAIRS", 1000)
     comb = [
         [0.0, 0.0],
         *([k * 0.01 + 5 * (k % 2), k * 0.01 + 5 * (k % 2)] for k in range(1, 200)),

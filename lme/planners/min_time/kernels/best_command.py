@@ -77,7 +77,7 @@ SafetyNumbers = tuple[float, float, float, float, float]  # and a Safety
 @njit(cache=True, error_model="numpy")
 def best_command(
     window: WindowNumbers,
-    shares: tuple[Floats, Floats],
+    fractions: tuple[Floats, Floats],
     subgoal: Floats,
     points: Floats,
     box: tuple[float, float, float],
@@ -87,7 +87,7 @@ def best_command(
 ) -> tuple[float, float, float, float]:
     """Return `best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
     # Sample what can be reached in a period, and choose among all pairs of v and ω.
-    v, omega, alpha = tried(window, shares, Estimate(*estimate).period, points, box, movers)
+    v, omega, alpha = tried(window, fractions, Estimate(*estimate).period, points, box, movers)
     best = best_twist(v, omega, alpha, subgoal, points, box, estimate, safety, movers)
     return best[0], best[1], best[2], v[0]
 
@@ -95,7 +95,7 @@ def best_command(
 @njit(cache=True, error_model="numpy")
 def tried(
     window: WindowNumbers,
-    shares: tuple[Floats, Floats],
+    fractions: tuple[Floats, Floats],
     period: float,
     points: Floats,
     box: tuple[float, float, float],
@@ -103,22 +103,22 @@ def tried(
 ) -> tuple[Floats, Floats, float]:
     """Speeds v ≥ 0 (V,) and turn rates (W,) within a period [m/s, rad/s], and the turn acceleration in use [rad/s²].
 
-    The turn rate nearest to 0 is set to 0 if 0 is among them. shares: of v (V,) from 0 to 1, of ω (W,) from −1 to 1.
+    The turn rate nearest to 0 is set to 0 if 0 is among them. fractions: of v (V,) from 0 to 1, of ω (W,) from −1 to 1.
     """
-    twist, least, most, alphas, calm, near, asked = window
+    twist, lowest, highest, alphas, calm, calm_clearance, commanded = window
     alpha = alphas[1]
     # Turn calmly unless something moves or a point is near.
-    if calm < alpha and len(movers) == 0 and not (clearances(points, box) < near).any():
+    if calm < alpha and len(movers) == 0 and not (clearances(points, box) < calm_clearance).any():
         alpha = calm
     # Speeds within one period of acceleration, without reversing.
-    slowest = max(max(twist[0] - alphas[0] * period, 0.0), least[0])
-    v = slowest + (max(min(twist[0] + alphas[0] * period, most[0]), slowest) - slowest) * shares[0]
+    slowest = max(max(twist[0] - alphas[0] * period, 0.0), lowest[0])
+    v = slowest + (max(min(twist[0] + alphas[0] * period, highest[0]), slowest) - slowest) * fractions[0]
     # Turn rates within `alpha` of the interval from the measured to the commanded rate, and within the full
     # acceleration of the measured one.
-    from_low, from_high = min(twist[1], asked), max(twist[1], asked)
-    low = max(from_low - alpha * period, twist[1] - alphas[1] * period, least[1])
-    high = min(from_high + alpha * period, twist[1] + alphas[1] * period, most[1])
-    omega = (low + high) / 2.0 + (high - low) / 2.0 * shares[1]
+    from_low, from_high = min(twist[1], commanded), max(twist[1], commanded)
+    low = max(from_low - alpha * period, twist[1] - alphas[1] * period, lowest[1])
+    high = min(from_high + alpha * period, twist[1] + alphas[1] * period, highest[1])
+    omega = (low + high) / 2.0 + (high - low) / 2.0 * fractions[1]
     if low <= 0.0 <= high:
         omega[np.abs(omega).argmin()] = 0.0
     return v, omega, alpha
@@ -146,9 +146,9 @@ def best_twist(
     (passive safety, Macek et al. 2009, "Towards safe vehicle navigation in dynamic urban scenarios", Automatika 50).
     """
     # Callers pass plain tuples; the kernel reads their fields by name.
-    named = Estimate(*estimate), Safety(*safety)
-    found: tuple[float, float, float] = _best(v, omega, alpha_omega, subgoal, points, box, *named, movers)
-    return found
+    numbers = Estimate(*estimate), Safety(*safety)
+    best: tuple[float, float, float] = _best(v, omega, alpha_omega, subgoal, points, box, *numbers, movers)
+    return best
 
 
 @njit(cache=True, error_model="numpy")
@@ -164,53 +164,53 @@ def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers)
         braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * alpha_omega))
         stops[n] = estimate.period + braking + safety.lag
     # Keep the points that some arc may meet, and bound every expected time from below, as if no point were there.
-    near = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
-    holds, moves = _held(omega, estimate, alpha_omega)
-    bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety.grip)
-    best, chosen = np.inf, 0
+    reachable = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
+    durations, moves = _hold_moves(omega, estimate, alpha_omega)
+    bounds = _least_times(v, omega, subgoal, durations, moves, estimate, safety.grip)
+    best, best_index = np.inf, 0
     reach = r_max + box[2] + safety.margin
     while True:  # the most promising one first, so that few arcs are checked
         n = int(np.argmin(bounds))
         # No pair that is left can be better than the best so far.
         if not bounds[n] <= best or bounds[n] == np.inf:
-            return twists[chosen, 0], twists[chosen, 1], best
+            return twists[best_index, 0], twists[best_index, 1], best
         bounds[n] = np.inf
         speed, rate = twists[n, 0], twists[n, 1]
         horizon = stops[n] + estimate.horizon
         # How long the command can be held if the robot is still to stop before contact.
-        free = first_contact(speed, rate, near, box, margins[n], stops[n], horizon) - stops[n]
+        free = first_contact(speed, rate, reachable, box, margins[n], stops[n], horizon) - stops[n]
         if not free >= 0.0:
             continue
-        time = _time_to(subgoal, speed, rate, free, holds, moves[n % len(omega)], estimate)
+        time = _time_to(subgoal, speed, rate, free, durations, moves[n % len(omega)], estimate)
         if len(movers):
-            time += _among_movers(speed, rate, movers, reach, estimate.period + safety.lag, safety.brake)
-        if time < best or (time == best and n < chosen):
-            best, chosen = time, n
+            time += _movers_cost(speed, rate, movers, reach, estimate.period + safety.lag, safety.brake)
+        if time < best or (time == best and n < best_index):
+            best, best_index = time, n
 
 
 @njit(cache=True, error_model="numpy")
-def _held(omega, estimate, alpha_omega):
+def _hold_moves(omega, estimate, alpha_omega):
     """Return the times for which a command is held (K,) [s], and the effect of each turn rate (W, K, 4).
 
     The effect is cosine and sine of half of the turn, the chord of an arc of length 1, and the heading that the robot
     reaches when the turn is braked at alpha_omega [rad/s²].
     """
-    holds, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 4))
+    durations, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 4))
     for k in range(_HOLDS):
         # Evenly spaced from one period to the horizon.
-        holds[k] = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
+        durations[k] = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
         for w in range(len(omega)):
             # Half of the turn, the ratio of chord to arc, sin(half) / half, and the heading at rest,
             # ω t + ω |ω| / (2 α).
-            half = 0.5 * omega[w] * holds[k]
+            half = 0.5 * omega[w] * durations[k]
             moves[w, k, 0], moves[w, k, 1] = math.cos(half), math.sin(half)
             moves[w, k, 2] = moves[w, k, 1] / half if abs(half) > 1e-6 else 1.0
-            moves[w, k, 3] = omega[w] * (holds[k] + abs(omega[w]) / (2.0 * alpha_omega))
-    return holds, moves
+            moves[w, k, 3] = omega[w] * (durations[k] + abs(omega[w]) / (2.0 * alpha_omega))
+    return durations, moves
 
 
 @njit(cache=True, error_model="numpy")
-def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
+def _least_times(v, omega, subgoal, durations, moves, estimate, grip):
     """Time of each command without obstacles, less `_ROUNDING` [s]; inf: no grip. Faster than `_time_to`."""
     count = len(v) * len(omega)
     x, y, heading = np.empty((3, _HOLDS, count))
@@ -218,7 +218,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
     for k in range(_HOLDS):
         for n in range(count):
             w = n % len(omega)
-            chord = v[n // len(omega)] * holds[k] * moves[w, k, 2]
+            chord = v[n // len(omega)] * durations[k] * moves[w, k, 2]
             x[k, n], y[k, n] = subgoal[0] - chord * moves[w, k, 0], subgoal[1] - chord * moves[w, k, 1]
             heading[k, n] = moves[w, k, 3]
     # Time of the hold, then straight on at v_max, and the turn that is left; the least over all holds.
@@ -227,7 +227,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
         for n in range(count):  # without branches, so that it is vectorised
             turn = math.copysign(unsigned_bearing(x[k, n], y[k, n]), y[k, n]) - heading[k, n]
             turn = abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
-            straight = holds[k] + math.sqrt(x[k, n] * x[k, n] + y[k, n] * y[k, n]) / estimate.v_max
+            straight = durations[k] + math.sqrt(x[k, n] * x[k, n] + y[k, n] * y[k, n]) / estimate.v_max
             times[n] = min(times[n], straight + estimate.turn * turn)
     for n in range(count):
         # Slow commands cost more. Commands beyond the grip are excluded, except at the lowest speed.
@@ -239,7 +239,7 @@ def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _after(v, omega, time):
+def _on_arc(v, omega, time):
     """Position of the robot after some time on its arc [m]."""
     half = 0.5 * omega * time
     chord = v * time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
@@ -247,61 +247,61 @@ def _after(v, omega, time):
 
 
 @njit(cache=True, error_model="numpy")
-def _among_movers(v, omega, movers, reach, delay, brake):
+def _movers_cost(v, omega, movers, reach, delay, brake):
     """Time that movers add to a command [s]. delay: until the robot can brake [s]."""
-    rest = delay + v / brake
-    met = _met(v, omega, movers, reach, np.inf, brake, max(FORESEEN, rest))
-    cost = _MEETING * (1.0 - min(met, FORESEEN) / FORESEEN)
-    if met < np.inf and v > 0.0:
-        struck = _met(v, omega, movers, reach, delay, brake, rest)
-        cost += _STRIKING * max(v - brake * max(struck - delay, 0.0), 0.0)
+    stopping_time = delay + v / brake
+    meeting_time = _meeting_time(v, omega, movers, reach, np.inf, brake, max(FORESEEN, stopping_time))
+    cost = _MEETING * (1.0 - min(meeting_time, FORESEEN) / FORESEEN)
+    if meeting_time < np.inf and v > 0.0:
+        striking_time = _meeting_time(v, omega, movers, reach, delay, brake, stopping_time)
+        cost += _STRIKING * max(v - brake * max(striking_time - delay, 0.0), 0.0)
     return cost
 
 
 @njit(cache=True, error_model="numpy")
-def _met(v, omega, movers, reach, held, brake, horizon):
+def _meeting_time(v, omega, movers, reach, delay, brake, horizon):
     """Time [s] until the robot on its arc is within `reach` of a mover and approaching; inf: not up to `horizon`.
 
-    The command is held for `held` [s]; then the robot brakes on its arc at `brake` [m/s²].
+    The command is held for `delay` [s]; then the robot brakes on its arc at `brake` [m/s²].
     """
-    steps, met = int(horizon / _STEP + 0.5), np.inf
+    steps, meeting_time = int(horizon / _STEP + 0.5), np.inf
     for n in range(len(movers)):
-        apart = reach + movers[n, 4]
+        contact_distance = reach + movers[n, 4]
         # Distances are compared as squares.
-        before = movers[n, 0] ** 2 + movers[n, 1] ** 2
+        start_square = movers[n, 0] ** 2 + movers[n, 1] ** 2
         for k in range(1, steps + 1):
             time = k * _STEP
             # While it brakes, the robot falls behind its constant speed by b (t − t_held)² / 2 [m].
-            late = time - held
-            x, y = _after(v, omega, time if late <= 0.0 else time - late * late * brake / (2.0 * v))
+            braking = time - delay
+            x, y = _on_arc(v, omega, time if braking <= 0.0 else time - braking * braking * brake / (2.0 * v))
             dx = movers[n, 0] + time * movers[n, 2] - x
             dy = movers[n, 1] + time * movers[n, 3] - y
             square = dx * dx + dy * dy
-            if square < apart * apart and square < before:
+            if square < contact_distance * contact_distance and square < start_square:
                 # For the movers that follow, only an earlier meeting matters.
                 steps = k - 1
-                met = steps * _STEP
+                meeting_time = steps * _STEP
                 break
-            before = square
-    return met
+            start_square = square
+    return meeting_time
 
 
 @njit(cache=True, error_model="numpy")
-def _time_to(subgoal, v, omega, free, holds, moves, estimate):
+def _time_to(subgoal, v, omega, free, durations, moves, estimate):
     """Least expected time to the subgoal [s], if the command is held for one period or longer, up to `free` [s]."""
-    least = np.inf
+    min_time = np.inf
     for k in range(_HOLDS):
-        held = holds[k]
-        if k > 0 and held > free:
+        duration = durations[k]
+        if k > 0 and duration > free:
             break
         # From where the robot is after the hold, drive straight to the subgoal at v_max.
-        chord = v * held * moves[k, 2]
+        chord = v * duration * moves[k, 2]
         x, y = subgoal[0] - chord * moves[k, 0], subgoal[1] - chord * moves[k, 1]
-        straight = held + math.sqrt(x * x + y * y) / estimate.v_max
-        if straight >= least:
+        straight = duration + math.sqrt(x * x + y * y) / estimate.v_max
+        if straight >= min_time:
             continue  # with the turn it is no less
         # Add the time for the turn that is left, wrapped to the shorter way.
         bearing = math.atan2(y, x) - moves[k, 3]
         bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
-        least = min(least, straight + estimate.turn * abs(bearing))
-    return least + estimate.slow * (1.0 - v / estimate.v_max)
+        min_time = min(min_time, straight + estimate.turn * abs(bearing))
+    return min_time + estimate.slow * (1.0 - v / estimate.v_max)

@@ -13,9 +13,9 @@ _HEADINGS = 96  # in a full turn
 TURN = 2.0 * math.pi / _HEADINGS  # [rad] in one step
 _STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
 _CELL = 0.02  # [m] places in the same cell, with the same heading, count as one
-_FAR = 75  # cells around the robot that are searched
-_MOST = 150_000  # poses that are searched
-_THERE = 0.2  # [m] from a place that is to be reached
+_RADIUS = 75  # cells around the robot that are searched
+_POSES = 150_000  # poses that are searched
+_ARRIVAL = 0.2  # [m] from a place that is to be reached
 _ROUNDING = 1e-6  # [m] by which rounding may bring a point nearer
 
 
@@ -25,7 +25,7 @@ def way_out(
     box: tuple[float, float, float],
     margin: float,
     room: float,
-    place: Floats,
+    goal: Floats,
     backwards: bool,
 ) -> tuple[NDArray[np.int8], bool]:
     """Find a few steps (K, 2) to where the centre is at least `room` [m] from all points; return them and True.
@@ -33,21 +33,21 @@ def way_out(
     A step is a row of two signs: 1 for forwards by `STROKE`, −1 for backwards, or 0; and 1 for left by `TURN`, −1 for
     right, or 0. points (M, 2): in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m], which
     keeps `margin` [m]; a point that is nearer already must not come any nearer. backwards: whether the robot can
-    drive backwards. The search is breadth-first, up to 1.5 m from the robot and over `_MOST` poses. If it finds no
-    such place, it returns steps that lead to within `_THERE` of the `place` (2,) [m], or none, and False.
+    drive backwards. The search is breadth-first, up to 1.5 m from the robot and over `_POSES` poses. If it finds no
+    such place, it returns steps that lead to within `_ARRIVAL` of the `goal` (2,) [m], or none, and False.
     """
     r_max = math.hypot(box[0], box[1]) + box[2]
-    near = _nearest_first(points, (_FAR + 1) * _CELL + max(room, r_max + margin))
+    nearby = _nearest_first(points, (_RADIUS + 1) * _CELL + max(room, r_max + margin))
     # Nothing to do where the robot has room already.
-    if _has_room(near, np.zeros(3), room):
+    if _has_room(nearby, np.zeros(3), room):
         return np.empty((0, 2), np.int8), True
-    kept, wide = _kept(near, box, margin), 2 * _FAR + 1
+    keep_distances, width = _keep_distances(nearby, box, margin), 2 * _RADIUS + 1
     # Breadth-first search over cells of x, y and heading; `poses` is the queue from `head` to `count`.
-    seen = np.zeros((wide, wide, _HEADINGS), np.bool_)
-    poses, steps, before = np.zeros((_MOST, 3)), np.zeros((_MOST, 2), np.int8), np.zeros(_MOST, np.int64)
-    seen[_FAR, _FAR, 0] = True
-    head, count, there = 0, 1, 0
-    while head < count < _MOST - len(_STEPS):
+    is_visited = np.zeros((width, width, _HEADINGS), np.bool_)
+    poses, steps, parents = np.zeros((_POSES, 3)), np.zeros((_POSES, 2), np.int8), np.zeros(_POSES, np.int64)
+    is_visited[_RADIUS, _RADIUS, 0] = True
+    head, count, arrived = 0, 1, 0
+    while head < count < _POSES - len(_STEPS):
         for k in range(-1, len(_STEPS)):  # first the step that led here, so that the strokes are few
             ahead, turn = _STEPS[k] if k >= 0 else (steps[head, 0], steps[head, 1])
             if ahead == turn == 0 or (ahead < 0 and not backwards):
@@ -57,22 +57,22 @@ def way_out(
             x = poses[head, 0] + ahead * STROKE * math.cos(yaw)
             y = poses[head, 1] + ahead * STROKE * math.sin(yaw)
             i, j = math.floor(x / _CELL + 0.5), math.floor(y / _CELL + 0.5)
-            cell = i + _FAR, j + _FAR, math.floor(yaw / TURN + 0.5) % _HEADINGS
-            if i * i + j * j > _FAR * _FAR or seen[cell]:
+            cell = i + _RADIUS, j + _RADIUS, math.floor(yaw / TURN + 0.5) % _HEADINGS
+            if i * i + j * j > _RADIUS * _RADIUS or is_visited[cell]:
                 continue
             poses[count, 0], poses[count, 1], poses[count, 2] = x, y, yaw
-            if not _keeps(near, kept, poses[count], box):
+            if not _is_kept(nearby, keep_distances, poses[count], box):
                 continue
-            seen[cell] = True
-            steps[count, 0], steps[count, 1], before[count] = ahead, turn, head
-            # Done at the first pose with room; the first pose close to `place` is the second choice.
-            if _has_room(near, poses[count], room):
-                return _from_start(steps, before, count), True
-            if there == 0 and (x - place[0]) ** 2 + (y - place[1]) ** 2 < _THERE * _THERE:
-                there = count
+            is_visited[cell] = True
+            steps[count, 0], steps[count, 1], parents[count] = ahead, turn, head
+            # Done at the first pose with room; the first pose close to `goal` is the second choice.
+            if _has_room(nearby, poses[count], room):
+                return _from_start(steps, parents, count), True
+            if arrived == 0 and (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < _ARRIVAL * _ARRIVAL:
+                arrived = count
             count += 1
         head += 1
-    return _from_start(steps, before, there), False
+    return _from_start(steps, parents, arrived), False
 
 
 def poses_after(steps: NDArray[np.int8]) -> Floats:
@@ -87,40 +87,40 @@ def keeps_on_stroke(
     points: Floats, box: tuple[float, float, float], margin: float, ahead: float, turn: float
 ) -> bool:
     """Return whether points (M, 2) keep `margin`, as in `way_out`, on a drive `ahead` [m] or a turn [rad]."""
-    kept = _kept(points, box, margin)
+    keep_distances = _keep_distances(points, box, margin)
     number = max(math.ceil(abs(ahead) / STROKE), math.ceil(abs(turn) / TURN))
     pose = np.zeros(3)
     for k in range(1, number + 1):
         pose[0], pose[2] = ahead * k / number, turn * k / number
-        if not _keeps(points, kept, pose, box):
+        if not _is_kept(points, keep_distances, pose, box):
             return False
     return True
 
 
 @njit(cache=True, error_model="numpy")
 def _nearest_first(points, reach):
-    """Sort the points within reach of the origin by distance, since a near one ends the search of `_keeps` early."""
+    """Sort the points within reach of the origin by distance, since a near one ends the search of `_is_kept` early."""
     squares = points[:, 0] ** 2 + points[:, 1] ** 2
     order = np.argsort(squares)
     return points[order[: np.searchsorted(squares[order], reach * reach)]]
 
 
 @njit(cache=True, error_model="numpy")
-def _kept(points, box, margin):
+def _keep_distances(points, box, margin):
     """Distance that each point has to keep from the footprint: the margin, or less if it is nearer now [m]."""
-    kept = np.empty(len(points))
+    keep_distances = np.empty(len(points))
     for m in range(len(points)):
-        kept[m] = min(margin, _distance(points[m, 0], points[m, 1], box) - _ROUNDING)
-    return kept
+        keep_distances[m] = min(margin, _distance(points[m, 0], points[m, 1], box) - _ROUNDING)
+    return keep_distances
 
 
 @njit(cache=True, error_model="numpy")
-def _keeps(points, kept, pose, box):
+def _is_kept(points, keep_distances, pose, box):
     """Return whether all points are as far from the footprint at a pose as they have to be."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for m in range(len(points)):
         x, y = points[m, 0] - pose[0], points[m, 1] - pose[1]
-        if _distance(cos * x + sin * y, cos * y - sin * x, box) < kept[m]:
+        if _distance(cos * x + sin * y, cos * y - sin * x, box) < keep_distances[m]:
             return False
     return True
 
@@ -128,10 +128,10 @@ def _keeps(points, kept, pose, box):
 @njit(cache=True, error_model="numpy")
 def _distance(x, y, box):
     """Distance of a point in the robot frame from the footprint, negative inside [m]."""
-    ahead, aside = abs(x) - box[0], abs(y) - box[1]
-    if ahead > 0.0 and aside > 0.0:
-        return math.sqrt(ahead * ahead + aside * aside) - box[2]
-    return max(ahead, aside) - box[2]
+    along, across = abs(x) - box[0], abs(y) - box[1]
+    if along > 0.0 and across > 0.0:
+        return math.sqrt(along * along + across * across) - box[2]
+    return max(along, across) - box[2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -145,13 +145,13 @@ def _has_room(points, pose, room):
 
 
 @njit(cache=True, error_model="numpy")
-def _from_start(steps, before, last):
+def _from_start(steps, parents, goal):
     """Return the steps that lead from the first pose to the last one."""
-    count, at = 0, last
-    while at > 0:
-        count, at = count + 1, before[at]
-    way, at = np.empty((count, 2), np.int8), last
-    while at > 0:
+    count, node = 0, goal
+    while node > 0:
+        count, node = count + 1, parents[node]
+    path, node = np.empty((count, 2), np.int8), goal
+    while node > 0:
         count -= 1
-        way[count], at = steps[at], before[at]
-    return way
+        path[count], node = steps[node], parents[node]
+    return path

@@ -22,20 +22,20 @@ _FEW = 2  # blocked points of a path that never silence a critic
 def constraint(costs: Floats, speeds: Singles, bounds: tuple[float, float], dt: float, weight: float) -> None:
     """ConstraintCritic: distance driven beyond the bounds (v_min, v_max) of the velocity."""
     for n in range(len(costs)):
-        beyond = 0.0
+        excess = 0.0
         for v in speeds[n]:
-            beyond += max(v - bounds[1], 0.0) + max(bounds[0] - v, 0.0)
-        costs[n] += weight * beyond * dt
+            excess += max(v - bounds[1], 0.0) + max(bounds[0] - v, 0.0)
+        costs[n] += weight * excess * dt
 
 
 @njit(cache=True, error_model="numpy")
 def prefer_forward(costs: Floats, speeds: Singles, dt: float, weight: float) -> None:
     """PreferForwardCritic: distance driven backwards."""
     for n in range(len(costs)):
-        back = 0.0
+        backward = 0.0
         for v in speeds[n]:
-            back += max(-v, 0.0)
-        costs[n] += weight * back * dt
+            backward += max(-v, 0.0)
+        costs[n] += weight * backward * dt
 
 
 @njit(cache=True, error_model="numpy")
@@ -100,11 +100,11 @@ def furthest_reached(poses: Singles, path: Floats) -> int:
     furthest = 0
     for n in range(len(poses)):
         # The point nearest to the end of this trajectory.
-        nearest, least = furthest, np.inf
+        nearest, min_square = furthest, np.inf
         for j in range(furthest, len(path)):
-            away = (path[j, 0] - poses[n, -1, 0]) ** 2 + (path[j, 1] - poses[n, -1, 1]) ** 2
-            if away < least:
-                nearest, least = j, away
+            square = (path[j, 0] - poses[n, -1, 0]) ** 2 + (path[j, 1] - poses[n, -1, 1]) ** 2
+            if square < min_square:
+                nearest, min_square = j, square
         furthest = nearest
     return furthest
 
@@ -144,18 +144,18 @@ def path_align(
         if blocked > _FEW and blocked > most_blocked * furthest:
             return
     # Length of the path up to each of its points.
-    ways = np.zeros(furthest)
+    lengths = np.zeros(furthest)
     for j in range(1, furthest):
-        ways[j] = ways[j - 1] + math.hypot(path[j, 0] - path[j - 1, 0], path[j, 1] - path[j - 1, 1])
+        lengths[j] = lengths[j - 1] + math.hypot(path[j, 0] - path[j - 1, 0], path[j, 1] - path[j - 1, 1])
     for n in range(len(costs)):
-        way, total, count, at = 0.0, 0.0, 0, 0
+        length, total, count, index = 0.0, 0.0, 0, 0
         for k in range(step, poses.shape[1], step):
             x, y = poses[n, k, 0], poses[n, k, 1]
             # The length driven so far, and the point of the path at that length.
-            way += math.hypot(x - poses[n, k - step, 0], y - poses[n, k - step, 1])
-            at = _at_length(ways, way, at)
-            if free[at]:
-                total += math.hypot(path[at, 0] - x, path[at, 1] - y)
+            length += math.hypot(x - poses[n, k - step, 0], y - poses[n, k - step, 1])
+            index = _at_length(lengths, length, index)
+            if free[index]:
+                total += math.hypot(path[index, 0] - x, path[index, 1] - y)
                 count += 1
         if count > 0:
             costs[n] += weight * total / count
@@ -166,12 +166,12 @@ def path_follow(
     costs: Floats, poses: Singles, path: Floats, free: Bools, furthest: int, offset: int, weight: float
 ) -> None:
     """PathFollowCritic: distance from the end to the first free point from `offset` beyond the furthest reached."""
-    last = len(path) - 1
-    at = min(furthest + offset, last)
-    while at < last - 1 and not free[at]:
-        at += 1
+    last_point = len(path) - 1
+    index = min(furthest + offset, last_point)
+    while index < last_point - 1 and not free[index]:
+        index += 1
     for n in range(len(costs)):
-        costs[n] += weight * math.hypot(poses[n, -1, 0] - path[at, 0], poses[n, -1, 1] - path[at, 1])
+        costs[n] += weight * math.hypot(poses[n, -1, 0] - path[index, 0], poses[n, -1, 1] - path[index, 1])
 
 
 @njit(cache=True, error_model="numpy")
@@ -181,16 +181,16 @@ def path_angle(
     path: Floats,
     pose: tuple[float, float, float],
     at: int,
-    most: float,
+    max_angle: float,
     weight: float,
 ) -> None:
     """PathAngleCritic: angle at the end of a trajectory between its heading and point `at` of the path.
 
-    Adds nothing if the robot, at `pose`, faces that point within `most` [rad].
+    Adds nothing if the robot, at `pose`, faces that point within `max_angle` [rad].
     """
     x, y = path[at, 0], path[at, 1]
     # The robot faces the point already.
-    if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < most:
+    if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < max_angle:
         return
     for n in range(len(costs)):
         # Angle between the last heading and the direction from the last pose to the point.
@@ -206,12 +206,12 @@ def _cost_at(x, y, cells, grid):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _at_length(ways, way, at):
-    """Index of the entry of `ways` (P,) that is nearest to a path length, from `at` on."""
-    for j in range(at + 1, len(ways)):
-        if ways[j] > way:
-            return j - 1 if way - ways[j - 1] < ways[j] - way else j
-    return len(ways) - 1
+def _at_length(lengths, length, start):
+    """Index of the entry of `lengths` (P,) that is nearest to a path length, from `start` on."""
+    for j in range(start + 1, len(lengths)):
+        if lengths[j] > length:
+            return j - 1 if length - lengths[j - 1] < lengths[j] - length else j
+    return len(lengths) - 1
 
 
 @njit(cache=True, error_model="numpy", inline="always")

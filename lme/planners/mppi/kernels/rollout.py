@@ -18,7 +18,7 @@ VelocityLimits = tuple[float, float, float, float, float, float]
 
 # Savitzky & Golay 1964, DOI 10.1021/ac60214a047: second order, nine points.
 _FILTER = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
-_BEFORE = 4  # points before the one that the filter smooths
+_LEAD = 4  # points before the one that the filter smooths
 _SHORTEST = 21  # [points] shorter sequences are not smoothed
 
 
@@ -52,12 +52,12 @@ def rollout(
             speeds[n, k] = v
             poses[n, k, 0], poses[n, k, 1], poses[n, k, 2] = x, y, yaw
             # Sampled control, limited to what the acceleration allows; it becomes the next velocity.
-            wanted_v = sequence[k, 0] + stds[0] * noise[n, k, 0]
-            wanted_omega = sequence[k, 1] + stds[1] * noise[n, k, 1]
+            next_v = sequence[k, 0] + stds[0] * noise[n, k, 0]
+            next_omega = sequence[k, 1] + stds[1] * noise[n, k, 1]
             if k < steps - 1:
-                wanted_v, wanted_omega = _within_reach(wanted_v, wanted_omega, v, omega, limits, dt)
-            controls[n, k, 0], controls[n, k, 1] = wanted_v, wanted_omega
-            v, omega = wanted_v, wanted_omega
+                next_v, next_omega = _within_reach(next_v, next_omega, v, omega, limits, dt)
+            controls[n, k, 0], controls[n, k, 1] = next_v, next_omega
+            v, omega = next_v, next_omega
     return controls, speeds, poses
 
 
@@ -77,10 +77,10 @@ def charge_controls(
 @njit(cache=True, error_model="numpy")
 def average(controls: Singles, costs: Floats, temperature: float) -> Floats:
     """Mean (T, 2) of the controls (N, T, 2), weighted by exp(−cost / temperature)."""
-    least, total = costs.min(), 0.0
+    min_cost, total = costs.min(), 0.0
     sequence = np.zeros(controls.shape[1:])
     for n in range(len(costs)):
-        weight = math.exp((least - costs[n]) / temperature)
+        weight = math.exp((min_cost - costs[n]) / temperature)
         total += weight
         if weight > 0.0:
             for k in range(controls.shape[1]):
@@ -96,38 +96,38 @@ def constrain(sequence: Floats, limits: VelocityLimits, dt: float) -> None:
         sequence[k, 0] = min(max(sequence[k, 0], limits[0]), limits[1])
         sequence[k, 1] = min(max(sequence[k, 1], -limits[2]), limits[2])
         if k > 0:
-            before = sequence[k - 1]
+            previous = sequence[k - 1]
             sequence[k, 0], sequence[k, 1] = _within_reach(
-                sequence[k, 0], sequence[k, 1], before[0], before[1], limits, dt
+                sequence[k, 0], sequence[k, 1], previous[0], previous[1], limits, dt
             )
 
 
 @njit(cache=True, error_model="numpy")
-def smooth(sequence: Floats, before: Floats) -> Floats:
-    """Apply a Savitzky–Golay filter to the sequence (T, 2), but its last. before (4, 2): the controls before it."""
-    last = len(sequence) - 1
-    if last < _SHORTEST - 1:
+def smooth(sequence: Floats, sent: Floats) -> Floats:
+    """Apply a Savitzky–Golay filter to the sequence (T, 2), but its last. sent (4, 2): the controls before it."""
+    end = len(sequence) - 1
+    if end < _SHORTEST - 1:
         return sequence.copy()
     smoothed = sequence.copy()
     for axis in range(2):
-        for k in range(last):
+        for k in range(end):
             # Weighted sum over the neighbours: those before the start have been sent, and the last one is
             # repeated past the end.
             total = 0.0
             for m in range(len(_FILTER)):
-                at = k + m - _BEFORE
-                total += _FILTER[m] * (before[at, axis] if at < 0 else sequence[min(at, last), axis])
+                i = k + m - _LEAD
+                total += _FILTER[m] * (sent[i, axis] if i < 0 else sequence[min(i, end), axis])
             smoothed[k, axis] = total
     return smoothed
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _within_reach(v, omega, v_now, omega_now, limits, dt):
+def _within_reach(v, omega, current_v, current_omega, limits, dt):
     """Nearest velocity and turn rate that the accelerations allow one step after the present ones."""
     fall, rise, turn = limits[3] * dt, limits[4] * dt, limits[5] * dt
-    if v_now <= 0.0:
+    if current_v <= 0.0:
         fall, rise = -rise, -fall
     return (
-        min(max(v, v_now + fall), v_now + rise),
-        min(max(omega, omega_now - turn), omega_now + turn),
+        min(max(v, current_v + fall), current_v + rise),
+        min(max(omega, current_omega - turn), current_omega + turn),
     )
