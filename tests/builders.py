@@ -7,7 +7,7 @@ from dataclasses import astuple, is_dataclass, replace
 import numpy as np
 
 import lme.guides.lme.escaper
-from lme.config.presets import load_settings
+from lme.config.presets import load_robot, load_settings
 from lme.guides.lme.escaper import PAPER_CRITERIA, LocalMinimumEscaper
 from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
@@ -58,7 +58,7 @@ def robot_from(values):
 
 def shipped(name):
     """A robot that ships."""
-    return robot_from(catalogue.shipped().values(f"robot/{name}"))
+    return load_robot(name)
 
 
 ROBOTS = tuple(catalogue.shipped().options("robot"))

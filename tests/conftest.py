@@ -1,4 +1,4 @@
-"""What holds for every test: the marks `browser` and `ros`, and `--last-skipped`."""
+"""What holds for every test: marks `browser` and `ros`, `--last-skipped`, kernels that are compiled once."""
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -9,6 +9,7 @@ settings.load_profile("no deadline")
 
 _MARKED_BY_FIXTURE = {"browser", "ros"}
 _CACHE_KEY = "lme/skipped"
+_MANY = 2000  # tests, which call most kernels
 _skipped: set[str] = set()
 
 
@@ -18,6 +19,15 @@ def own_runs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def compiled(request, tmp_path_factory):
+    """The kernels, before the tests of a worker of pytest-xdist that has many of them."""
+    if hasattr(request.config, "workerinput") and len(request.session.items) > _MANY:
+        from tests.compiling import compile_together
+
+        compile_together(tmp_path_factory.getbasetemp().parent)
 
 
 def pytest_addoption(parser):

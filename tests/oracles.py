@@ -320,7 +320,7 @@ def nearest_returns(ranges, sectors, angles, limits, unseen, offset):
 
 def outline_cells(outline, pose, grid):
     """Cells (set of array indices) on the lines between the cells of the corners, by Bresenham's closed form."""
-    corners = [_cell(corner, grid) for corner in _outwards(pose, outline)]
+    corners = [cell_of(corner, grid) for corner in outwards(pose, outline)]
     found = set()
     for (i, j), (a, b) in zip(corners, corners[1:] + corners[:1], strict=True):
         most, least = max(abs(a - i), abs(b - j)), min(abs(a - i), abs(b - j))
@@ -368,7 +368,7 @@ def trajectory_score(wanted, pose, twist, alphas, simulation, outline, costs, gr
         under = max(int(costs[cell]) for cell in cells)
         if under == 254:
             return -1.0, here
-        centre = _cell(here[:2], grid)
+        centre = cell_of(here[:2], grid)
         if to_path[centre] < 0 or to_goal[centre] < 0:
             return -2.0, here
         highest, last = max(highest, under, int(costs[centre])), here
@@ -376,7 +376,7 @@ def trajectory_score(wanted, pose, twist, alphas, simulation, outline, costs, gr
             speed[k] = np.clip(wanted[k], speed[k] - alphas[k] * dt, speed[k] + alphas[k] * dt)
         x, y, yaw = here
         here = x + speed[0] * np.cos(yaw) * dt, y + speed[0] * np.sin(yaw) * dt, yaw + speed[1] * dt
-    at_end = _cell(last[:2], grid)
+    at_end = cell_of(last[:2], grid)
     return scales[0] * to_path[at_end] + scales[1] * to_goal[at_end] + scales[2] * highest, last
 
 
@@ -413,7 +413,7 @@ def mppi_obstacles(poses, step, cells, grid, outline, possible, prices, near_goa
     costs, collides = np.zeros(len(poses)), np.zeros(len(poses), dtype=bool)
     for n, way in enumerate(poses.astype(float)):
         for pose in way[::step][:looked_at]:
-            i, j = _cell(pose[:2], grid)
+            i, j = cell_of(pose[:2], grid)
             off = not (0 <= i < cells.shape[0] and 0 <= j < cells.shape[1])
             cost = 255 if off else int(cells[i, j])
             under = outline_cells(outline, pose, grid)
@@ -445,13 +445,13 @@ def mppi_path_align(poses, path, free, furthest, step, weight):
     return costs
 
 
-def _outwards(pose, points):
+def outwards(pose, points):
     x, y, yaw = pose
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     return np.array([x, y]) + points @ turn
 
 
-def _cell(point, grid):
+def cell_of(point, grid):
     """Array index of the cell of a point; halves are rounded away from zero."""
     scaled = np.asarray(point) / grid[2]
     i, j = (np.copysign(np.floor(np.abs(scaled) + 0.5), scaled)).astype(int)
@@ -562,8 +562,8 @@ def _shortest_times(costs, starts):
 
 def remember(memory, points, ranges, beams, mount, pose, square, reach, slack, range_max):
     """Point by point, with every beam's bearing."""
-    placed = np.asarray(_outwards(pose, points)).reshape(-1, 2)
-    lidar = _outwards(pose, np.array([mount[:2]]))[0]
+    placed = np.asarray(outwards(pose, points)).reshape(-1, 2)
+    lidar = outwards(pose, np.array([mount[:2]]))[0]
     bearings = pose[2] + mount[2] + beams[0] + beams[1] * np.arange(len(ranges))
     squares = {}
     for new, point in [*((True, point) for point in placed), *((False, point) for point in memory)]:

@@ -25,7 +25,7 @@ class Server:
     """A server in a folder, which belongs to the user who runs it: root may not."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        self.folder = folder
         self._as = [] if os.getuid() else ["runuser", "-u", "postgres", "--"]
         if self._as:
             shutil.chown(folder, "postgres")
@@ -48,25 +48,25 @@ class Server:
     def start(self) -> None:
         """Start the server."""
         self._run(
-            "pg_ctl", "start", "--wait", "--pgdata", f"{self._folder}/data", "--log", f"{self._folder}/log"
+            "pg_ctl", "start", "--wait", "--pgdata", f"{self.folder}/data", "--log", f"{self.folder}/log"
         )
 
     def stop(self) -> None:
         """Stop the server and break all connections."""
-        self._run("pg_ctl", "stop", "--mode", "immediate", "--pgdata", f"{self._folder}/data")
+        self._run("pg_ctl", "stop", "--mode", "immediate", "--pgdata", f"{self.folder}/data")
 
     def url(self, database: str = "postgres", account: str = "me") -> str:
         """A storage URL of lme."""
-        return f"postgresql://{account}@/{database}?host={self._folder}"
+        return f"postgresql://{account}@/{database}?host={self.folder}"
 
     def create(self, database: str) -> str:
         """Create an empty database; its URL."""
-        self._run("createdb", "-h", str(self._folder), "-U", "me", database)
+        self._run("createdb", "-h", str(self.folder), "-U", "me", database)
         return self.url(database)
 
     def _run(self, program: str, *words: str) -> None:
         done = subprocess.run(
-            [*self._as, BINARIES / program, *words], cwd=self._folder, stdin=subprocess.DEVNULL,
+            [*self._as, BINARIES / program, *words], cwd=self.folder, stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=60,
         )  # fmt: skip
         assert done.returncode == 0, (program, words)

@@ -176,18 +176,16 @@ def test_no_group_bears_the_name_of_a_plain_key():
 
 
 @pytest.mark.parametrize("name", sorted(SIX))
-def test_an_ablation_sets_one_weight_to_zero(composer, name):
-    config = composer.compose([f"ablation=no_{name}"])
+def test_an_ablation_sets_one_weight_to_zero(chosen, name):
+    config = chosen("ablation", f"no_{name}")
     assert OmegaConf.to_container(config.ablation) == {name: 0.0}
-    intact = composer.compose([]).guide.parameters
+    intact = chosen("ablation", "none").guide.parameters
     assert dict(config.guide.parameters) == {**intact, name: 0.0}
 
 
-def test_no_maintenance_never_keeps_a_subgoal(composer):
-    assert OmegaConf.to_container(composer.compose(["ablation=no_maintenance"]).ablation) == {
-        "d1": float("inf")
-    }
-    assert OmegaConf.to_container(composer.compose(["ablation=none"]).ablation) == {}
+def test_no_maintenance_never_keeps_a_subgoal(chosen):
+    assert OmegaConf.to_container(chosen("ablation", "no_maintenance").ablation) == {"d1": float("inf")}
+    assert OmegaConf.to_container(chosen("ablation", "none").ablation) == {}
 
 
 def test_ablations_add_up(composer):
@@ -206,13 +204,11 @@ def test_there_are_the_papers_seven_ablations_and_those_of_lme_plus():
 
 
 @pytest.mark.parametrize("option", [*OF_PLUS, *OF_BOTH])
-def test_a_part_of_lme_plus_is_removed_by_one_value(composer, option):
-    changed = set()
+def test_a_part_of_lme_plus_is_removed_by_one_value(composer, chosen, option):
+    changed, complete = set(), chosen("system", "lme_plus")
+    ablated = composer.compose(["system=lme_plus", f"ablation={option}"])
     for resolve in (False, True):  # a latency is 0 here, however it is written; weights are one reference
-        whole, without = (
-            _pair(composer.compose(["system=lme_plus", f"ablation={name}"]), resolve)
-            for name in ("none", option)
-        )
+        whole, without = (_pair(config, resolve) for config in (complete, ablated))
         assert whole.keys() == without.keys()
         changed |= {key for key in whole if whole[key] != without[key]}
     assert len(changed) == 1

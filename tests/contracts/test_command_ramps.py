@@ -1,7 +1,5 @@
 """Whatever twist is measured, every planner's command is within the limits and within one ramp of the last command."""
 
-import copy
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,8 @@ from lme.config.presets import load_settings
 from lme.planners.safety.filter import SafetyFilter
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Twist
-from runners.config import build
-from tests.builders import CLUTTER, observation, task, without_errors
-from tests.contracts.test_pairs import PLANNERS, TUNED_FOR, configs, network  # noqa: F401 - a fixture
+from tests.builders import CLUTTER, observation, shipped, task, without_errors
+from tests.contracts.test_pairs import PLANNERS, TUNED_FOR, navigator_of, network  # noqa: F401 - a fixture
 from tests.tolerances import KERNEL
 
 STEPS = 25
@@ -21,9 +18,8 @@ ROUNDING = 1e-9  # of `Limits.clamped`
 def planned(name):
     """The robot, a planner, and the guide of the system that it belongs to."""
     robot = TUNED_FOR.get(name.rpartition("_")[2], "go2")
-    config = configs(robot, "lme_plus" if name.startswith("min_time") else "target", name)
-    machine = without_errors(copy.deepcopy(config.robot))
-    return machine, build.navigator(config, machine)
+    machine = without_errors(shipped(robot))
+    return machine, navigator_of(machine, "lme_plus" if name.startswith("min_time") else "target", name)
 
 
 def within_a_ramp(command, last, limits, dt):

@@ -1,6 +1,7 @@
 """What every reactive planner must do, whatever it computes."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,14 +10,18 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.planners.apf import Apf
+from lme.planners.dwa import Dwa
+from lme.planners.eband.planner import EBand
 from lme.planners.lics.planner import Lics
 from lme.planners.min_time.planner import MinTime
+from lme.planners.motion_tubes.planner import MotionTubes
 from lme.planners.mppi.planner import Mppi
 from lme.planners.orca import Orca
 from lme.planners.ros_dwa.planner import RosDwa
+from lme.planners.s3_fisvfh.planner import S3Fisvfh
 from lme.planners.teb.planner import Teb
 from lme.planners.vfh_plus import VfhPlus
-from lme.types import Outcome, Pose, Twist
+from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, shipped
 from tests.lme.planners.drives import drive, plan
@@ -24,11 +29,15 @@ from tests.tolerances import KERNEL
 
 PLANNERS = {
     "apf": Apf,
+    "dwa": Dwa,
+    "eband": EBand,
     "lics": Lics,
     "min_time": MinTime,
+    "motion_tubes": MotionTubes,
     "mppi": Mppi,
     "orca": Orca,
     "ros_dwa": RosDwa,
+    "s3_fisvfh": S3Fisvfh,
     "teb": Teb,
     "vfh_plus": VfhPlus,
 }
@@ -45,15 +54,27 @@ def planner(name, robot):
 @every_planner
 @every_robot
 def test_any_scan_gives_a_finite_command_within_limits(name, robot):
-    """From rest. The ranges may be no numbers."""
+    """From rest and from full speed. The ranges may be no numbers, or none, and the path a point or two of one."""
     robot = shipped(robot)
-    for value in (0.0, math.nan, math.inf, -1.0, 0.3, 5.0, 1e9):
-        made, ranges = planner(name, robot), np.full(robot.lidar.num_beams, value, dtype=np.float32)
-        for target in [(0.0, 0.0), (3.0, 1.0), (-2.0, 0.0)]:
-            command = plan(made, observation(target=target, ranges=ranges, robot=robot))
+    beams = robot.lidar.num_beams
+    mixed = np.resize(np.array([math.nan, 0.05, 1.0], dtype=np.float32), beams)
+    scans = (np.full(beams, value, np.float32) for value in (0.0, math.nan, math.inf, -1.0, 0.3, 5.0, 1e9))
+    fast = Twist(robot.v_max, -robot.omega_max)
+    for ranges in (mixed, np.empty(0, np.float32), *scans):
+        made = planner(name, robot)
+        for twist, target, path in (
+            (Twist(0.0, 0.0), (0.0, 0.0), None),
+            (fast, (3.0, 1.0), [(0.0, 0.0), (0.0, 0.0), (3.0, 1.0), (3.0, 1.0)]),
+            (Twist(0.0, 0.0), (-2.0, 0.0), [(0.0, 0.0)]),
+            (fast, (1e-12, -1e-12), None),
+        ):
+            view = observation(target, ranges, twist, robot)
+            command = made.plan(view, Guidance(view.target, None if path is None else np.array(path)))
             assert np.isfinite(command).all()
-            assert abs(command.v) <= robot.alpha_v * robot.dt + KERNEL
-            assert abs(command.omega) <= min(robot.omega_max, robot.alpha_omega * robot.dt) + KERNEL
+            assert abs(command.v) <= robot.v_max + KERNEL
+            assert abs(command.v - twist.v) <= robot.alpha_v * robot.dt + KERNEL
+            assert abs(command.omega) <= robot.omega_max + KERNEL
+            assert abs(command.omega - twist.omega) <= robot.alpha_omega * robot.dt + KERNEL
 
 
 # ORCA leaves the side open where the target lies behind.
@@ -102,8 +123,13 @@ def test_it_drives_straight_to_the_goal_and_stays_there(name, robot):
     assert abs(track[-1, 4]) < 1e-3
 
 
-@pytest.mark.parametrize("name", ["apf", "vfh_plus"])
-@pytest.mark.parametrize("pad", [0.05, 0.3, 1.5])
+@pytest.mark.parametrize(
+    ("name", "pad"),
+    [
+        *product(("apf", "dwa", "eband", "motion_tubes", "s3_fisvfh", "vfh_plus"), (0.3, 1.5)),
+        *product(("apf", "vfh_plus"), (0.05,)),
+    ],
+)
 @every_robot
 def test_a_sealed_box_ends_in_a_timeout(name, robot, pad):
     robot = shipped(robot)

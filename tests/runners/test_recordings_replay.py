@@ -128,8 +128,8 @@ def test_the_legend_is_between_the_map_and_the_heading(replay, plain, monkeypatc
     monkeypatch.setattr(figures, "save", lambda figure, *_: drawn.append(figure))
     replay(plain, f"goal=[{goal[0]},{goal[1]}]", drawn=True)
     drawn[0].canvas.draw()
-    axes = drawn[0].axes[0]
-    legend, heading = axes.get_legend().get_window_extent(), drawn[0]._suptitle.get_window_extent()
+    axes, (heading,) = drawn[0].axes[0], drawn[0].texts
+    legend, heading = axes.get_legend().get_window_extent(), heading.get_window_extent()
     assert axes.get_window_extent().y1 <= legend.y0
     assert legend.y1 < heading.y0
     assert not legend.overlaps(drawn[0].axes[1].get_tightbbox())

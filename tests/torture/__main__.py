@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.torture import disk, fuzz, kills, machine, observations
-from tests.torture.runs import KINDS
+from tests.torture import fuzz, observations, stops
 
 
 def main() -> int:
@@ -21,19 +20,23 @@ def main() -> int:
         "--mutator", choices=fuzz.MUTATORS, default=fuzz.BYTES, help=f"what is damaged ({what})"
     )
     readers.set_defaults(run=lambda given: fuzz.report(given.inputs, given.seed, given.only, given.mutator))
-    for kind, report, times, what in (
-        ("kills", kills.report, 100, "SIGKILL at random moments of eval, sweep, train and learn"),
-        ("disk", disk.report, 5, "a disk that is full at random moments of the same"),
+    for how, times, what in (
+        ("kills", 100, "SIGKILL at random moments of eval, sweep, train and learn"),
+        ("terms", 5, "SIGTERM to all processes of the same"),
+        ("disk", 5, "a disk that is full at random moments of the same"),
     ):
-        stopped = kinds.add_parser(kind, help=what)
-        stopped.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(KINDS)}; default: all")
+        stopped = kinds.add_parser(how, help=what)
+        stopped.add_argument(
+            "names", nargs="*", metavar="NAME", help=f"of {', '.join(stops.KINDS)}; default: all"
+        )
         stopped.add_argument("--times", type=int, default=times)
         stopped.add_argument("--seed", type=int, default=0)
         stopped.set_defaults(
-            run=lambda given, report=report: report(given.names or list(KINDS), given.times, given.seed)
+            run=lambda given, how=how: stops.report(
+                how, given.names or list(stops.KINDS), given.times, given.seed
+            )
         )
-    of_machine = kinds.add_parser("machine", help="clock, read-only folders, two processes, SIGTERM")
-    of_machine.set_defaults(run=lambda given: machine.report())
+    kinds.add_parser("clock", help="the clock is set back").set_defaults(run=lambda given: stops.clock())
     seen = kinds.add_parser("observations", help="numbers that no robot has, for every system")
     seen.add_argument("names", nargs="*", metavar="SYSTEM", help="default: all of conf/system/")
     seen.add_argument("--drives", type=int, default=200)

@@ -43,8 +43,8 @@ def test_covered_cells_agree_with_the_slow_twin_and_hold_the_whole_outline(seed)
     covered = covered_cells(outline, pose, GRID, SHAPE)
     np.testing.assert_array_equal(covered, oracles.covered_cells(outline, pose, GRID, SHAPE))
     inside = rng.dirichlet(np.ones(len(outline)), 50) @ outline * 0.8  # a cell inside the outline
-    for point in oracles._outwards(pose, inside):
-        assert covered[oracles._cell(point, GRID)]
+    for point in oracles.outwards(pose, inside):
+        assert covered[oracles.cell_of(point, GRID)]
 
 
 @settings(max_examples=50)

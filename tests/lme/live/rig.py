@@ -43,12 +43,12 @@ class Puppet:
 class Rig:
     """A driver, the clock, and a robot that stands at the origin of odom with walls 3 m away."""
 
-    def __init__(self, frames=None, robot=None, scan=None, measured_twists=True, **config):
+    def __init__(self, frames=None, robot=None, scan=None, measured_twists=True, navigator=None, **config):
         self.puppet, self.make = Puppet(), BagMaker()
         self.now, self.wall = BEGAN, 0
         self.robot = robot or builders.stage()
         self.driver = LiveDriver(
-            lambda robot: Navigator(self.puppet, self.puppet),
+            navigator or (lambda robot: Navigator(self.puppet, self.puppet)),
             self.robot,
             LiveConfig(**config),
             scan,

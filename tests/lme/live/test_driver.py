@@ -69,8 +69,7 @@ def test_a_decision_that_takes_too_long_does_not_count(rig):
 
 
 def test_a_navigator_that_cannot_be_built_is_reported():
-    rig = Rig()
-    rig.driver._make_navigator = lambda robot: builders.Simple(None, None)
+    rig = Rig(navigator=lambda robot: builders.Simple(None, None))
     rig.sense()
     assert stands(rig.tick(), "AttributeError")
 

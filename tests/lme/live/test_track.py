@@ -58,5 +58,5 @@ def test_a_long_drive_is_not_kept():
     made = Track()
     for k in range(20_000):
         made.add(k * SECOND // 100, Pose(k, 0, 0), Twist(0, 0))
-    assert len(made._stamps) <= 4096
+    assert made.at(0, SECOND) is None
     assert made.at(19_999 * SECOND // 100, STALE).pose.x == 19_999

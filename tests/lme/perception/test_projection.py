@@ -14,7 +14,6 @@ from tests.tolerances import KERNEL, RANGE
 
 SEEDS = st.integers(0, 2**32 - 1)
 FLOAT32, FLOAT64, INT16 = 7, 8, 3
-ALL_HEIGHTS = {"min_height": -math.inf, "max_height": math.inf}
 
 
 def obvious_scan(points, projection, transform):

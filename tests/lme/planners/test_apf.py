@@ -86,18 +86,24 @@ def planner(robot=None, **settings):
 
 
 def test_the_attraction_is_conic_far_off_and_parabolic_near():
-    made = planner()
-    nothing = np.empty((0, 2))
-    assert made._force(np.array([3.0, 4.0]), nothing) == pytest.approx((0.6, 0.8), abs=KERNEL)
-    assert made._force(np.array([0.3, 0.4]), nothing) == pytest.approx((0.3, 0.4), abs=KERNEL)
+    """The speed is the share of the force ahead, and here the robot reaches any in a period."""
+    robot = stage(alpha_v=50.0, alpha_omega=50.0)
+    for target, ahead, bearing in (
+        ((3.0, 4.0), 0.6, 0.9273),
+        ((0.3, 0.4), 0.3, 0.9273),
+        ((0.4, 0.3), 0.4, 0.6435),
+    ):
+        command = plan(planner(robot, turn_gain=1.0), observation(target=target, robot=robot))
+        assert command == pytest.approx((ahead * robot.v_max, bearing), abs=1e-4)
 
 
 def test_attraction_and_repulsion_balance_where_they_should():
     # 0.01 · (1/ρ − 2) / ρ² = 5 N: at ρ = 0.1154 m.
-    made = planner()
-    for rho, sign in [(0.11, -1), (0.12, 1)]:
-        along, _ = made._force(np.array([5.0, 0.0]), np.array([[R + rho, 0.0]]))
-        assert math.copysign(1, along) == sign
+    robot = stage()
+    for rho, drives_on in [(0.11, False), (0.12, True)]:
+        ranges = np.full(robot.lidar.num_beams, robot.lidar.range_max, dtype=np.float32)
+        ranges[robot.lidar.num_beams // 2] = R + rho
+        assert (plan(planner(), observation((5.0, 0.0), ranges, robot=robot)).v > 0.0) == drives_on
 
 
 def test_only_the_ratio_of_the_gains_matters():

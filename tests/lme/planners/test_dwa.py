@@ -52,18 +52,18 @@ def cluttered(seed, robot):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("seed", range(20))
-def test_mirrored_view_mirrored_command(name, seed):
+def test_mirrored_view_mirrored_command(name):
     robot = shipped(name)
-    rng = np.random.default_rng(seed + 100)
-    ranges, (x, y), (v, omega) = cluttered(seed, robot), rng.uniform(-4, 4, 2), rng.uniform([0, -1], 1)
-    twist = Twist(v * robot.v_max, omega * robot.omega_max)
-    mirrored = ranges[::-1]
-    if robot.lidar.full_circle:  # its first beam, straight behind, is its own mirror image
-        mirrored = np.roll(mirrored, 1)
-    one = plan((x, y), ranges, twist, robot, **EAGER)
-    other = plan((x, -y), mirrored, Twist(twist.v, -twist.omega), robot, **EAGER)
-    assert other == pytest.approx((one.v, -one.omega), abs=KERNEL)
+    for seed in range(20):
+        rng = np.random.default_rng(seed + 100)
+        ranges, (x, y), (v, omega) = cluttered(seed, robot), rng.uniform(-4, 4, 2), rng.uniform([0, -1], 1)
+        twist = Twist(v * robot.v_max, omega * robot.omega_max)
+        mirrored = ranges[::-1]
+        if robot.lidar.full_circle:  # its first beam, straight behind, is its own mirror image
+            mirrored = np.roll(mirrored, 1)
+        one = plan((x, y), ranges, twist, robot, **EAGER)
+        other = plan((x, -y), mirrored, Twist(twist.v, -twist.omega), robot, **EAGER)
+        assert other == pytest.approx((one.v, -one.omega), abs=KERNEL), seed
 
 
 @settings(max_examples=60)
@@ -76,15 +76,6 @@ def test_commands_keep_to_the_limits(seed, v, omega, x, y):
     assert abs(command.omega) <= robot.omega_max + KERNEL
     assert abs(command.v - twist.v) <= robot.alpha_v * robot.dt + KERNEL
     assert abs(command.omega - twist.omega) <= robot.alpha_omega * robot.dt + KERNEL
-
-
-@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.05, 0.3, 100.0])
-@pytest.mark.parametrize("target", [(4.0, 1.0), (-3.0, 0.0), (0.0, 0.0)])
-@pytest.mark.parametrize("twist", [STILL, Twist(0.5, 1.5)])
-def test_dwa_survives_strange_scans_and_targets(value, target, twist):
-    command = plan(target, np.full(540, value, np.float32), twist)
-    assert math.isfinite(command.v)
-    assert math.isfinite(command.omega)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -159,14 +150,6 @@ def test_a_dead_end_holds_it(config):
     for robot in (stage(), shipped("jackal")):
         episode = drive(dead_end, robot, goal=(6.0, 0.0), time_limit=40.0, **config)
         assert episode.outcome is Outcome.TIMEOUT
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("config", [{}, EAGER])
-def test_a_sealed_box_does_not_crash_the_planner(name, config):
-    robot = shipped(name)
-    episode = drive(room(4.0 * robot.footprint.r_max), robot, goal=(6.0, 0.3), **config)
-    assert episode.outcome is Outcome.TIMEOUT
 
 
 def test_dwa_turns_away_from_the_nearest_obstacle_where_no_arc_is_free():

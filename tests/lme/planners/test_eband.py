@@ -76,13 +76,6 @@ def test_small_bubbles_slow_the_robot_down():
     assert free.v == pytest.approx(0.75, abs=KERNEL)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_a_sealed_box_ends_in_a_timeout(name):
-    robot = shipped(name)
-    job = task(room(2.0), goal=(5.0, 0.3), time_limit=20.0)
-    assert drive(job, robot).outcome == Outcome.TIMEOUT
-
-
 def test_eband_follows_a_path_through_a_door_that_the_straight_line_misses():
     robot = shipped("jackal")
     wall = World(segments=np.array([[2.0, -4.0, 2.0, 0.6], [2.0, 1.4, 2.0, 4.0]]))
@@ -169,38 +162,6 @@ def test_a_mirrored_drive_mirrors(seed):
         again = other.plan(flipped, Guidance(flipped.target))
         assert again == pytest.approx((command.v, -command.omega), abs=1e-6)
         view = simulator.step(command)
-
-
-def test_eband_drives_an_episode_the_same_way_twice():
-    robot = shipped("jackal")
-    world = World(circles=np.array([[1.5, 0.3, 0.2], [2.5, -0.5, 0.3]]))
-    one, two = drive(task(world), robot), drive(task(world), robot)
-    np.testing.assert_array_equal(one.trajectory, two.trajectory)
-    shared = Navigator(Target(TargetConfig(), robot), planner(robot))
-    drive(task(room(3.0), goal=(5.0, 0.0), time_limit=3.0), robot, shared)
-    np.testing.assert_array_equal(
-        drive(task(world), robot, shared).trajectory, one.trajectory
-    )  # reset forgets
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("fill", ["max", 0.0, math.nan, math.inf, -math.inf, 0.3, "mixed"])
-@pytest.mark.parametrize("target", [(4.0, 1.0), (0.0, 0.0), (1e-9, -1e-9), (-2.0, 0.0)])
-def test_any_scan_and_target_give_a_finite_command(name, fill, target):
-    robot = shipped(name)
-    lidar = robot.lidar
-    ranges = np.full(lidar.num_beams, 1.0 if isinstance(fill, str) else fill, np.float32)
-    if fill == "max":
-        ranges[:] = lidar.range_max
-    if fill == "mixed":
-        ranges[::3], ranges[1::3] = np.nan, 0.05
-    made = planner(robot)
-    for odometry in (Pose(0.0, 0.0, 0.0), Pose(0.1, 0.0, 1.0), Pose(0.1, 0.1, -3.0)):
-        view = observation(target=target, ranges=ranges, robot=robot, odometry=odometry)
-        for path in (None, np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], target, target])):
-            command = made.plan(view, Guidance(view.target, path))
-            assert math.isfinite(command.v)
-            assert math.isfinite(command.omega)
 
 
 def test_eband_stands_still_at_the_target():

@@ -17,9 +17,9 @@ from lme.robots import Footprint
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import SHIPPED, observation, room, shipped, stage, task, without_errors
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.lme.planners.motion_tubes.scenes import COARSE, JACKAL, NO_EDGES, scattered
-from tests.tolerances import KERNEL, MIRROR
+from tests.tolerances import KERNEL
 
 
 class ByPath:
@@ -147,54 +147,6 @@ def test_motion_tubes_can_stop_after_every_command(seed, v, omega):
     for _ in range(3):  # into recovery, too
         command = planner.plan(view, Guidance(view.target))
         assert stops(command) or not stops(Twist(0.0, 0.0))
-
-
-def slalom():
-    return World(circles=np.array([[2.0, 0.25, 0.3], [4.0, -0.4, 0.3], [6.0, 0.1, 0.3], [3.0, 1.5, 0.2]]))
-
-
-def mirrored(world):
-    return World(circles=world.circles * (1.0, -1.0, 1.0), segments=world.segments * (1.0, -1.0, 1.0, -1.0))
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_a_mirrored_world_is_driven_mirrored(name):
-    robot = without_errors(shipped(name))
-    job = {"start": Pose(0.0, 0.2, 0.1), "goal": (8.0, 0.3)}
-    poses, _, end = drive(robot, task(slalom(), **job), 250)
-    other = {"start": Pose(0.0, -0.2, -0.1), "goal": (8.0, -0.3)}
-    reflected, _, _ = drive(robot, task(mirrored(slalom()), **other), 250)
-    assert not end.state.contact
-    assert len(poses) == len(reflected)
-    np.testing.assert_allclose(reflected, poses * (1.0, -1.0, -1.0), atol=MIRROR)
-
-
-def test_motion_tubes_drive_the_same_way_with_the_same_seed():
-    once, again = (drive(JACKAL, task(slalom(), goal=(8.0, 0.3)), 150)[0] for _ in range(2))
-    np.testing.assert_array_equal(once, again)
-
-
-@pytest.mark.parametrize("side", [1.0, 1.4, 2.5])
-@pytest.mark.parametrize("name", SHIPPED)
-def test_a_sealed_box_ends_in_no_collision(name, side):
-    _, _, simulator = drive(shipped(name), task(room(side), goal=(10.0, 0.3)), 250)
-    assert not simulator.state.contact
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_any_scan_gets_a_command(name):
-    robot = shipped(name)
-    count = robot.lidar.num_beams
-    scans = [np.full(count, value, np.float32) for value in (np.nan, np.inf, 0.0, robot.lidar.range_max, 0.3)]
-    planner = MotionTubes(load_settings("planner/motion_tubes", heading_step=COARSE), robot)
-    for ranges in [*scans, np.empty(0, np.float32)]:
-        for target in ((0.0, 0.0), (3.0, 1.0), (-2.0, 0.0)):
-            planner.reset(np.random.default_rng(0))
-            view = observation(target, ranges, Twist(0.2, 0.1), robot)
-            for guidance in (Guidance(view.target), Guidance(view.target, np.zeros((1, 2)))):
-                assert np.isfinite(planner.plan(view, guidance)).all()
-            path = np.array([[0.0, 0.0], [0.0, 0.0], target, target])
-            assert np.isfinite(planner.plan(view, Guidance(view.target, path))).all()
 
 
 def test_motion_tubes_follow_the_path_and_not_the_subgoal():

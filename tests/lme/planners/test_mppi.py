@@ -11,7 +11,6 @@ from lme.planners.mppi.planner import Mppi
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
-from runners.config import catalogue
 from tests.builders import observation, shipped, task
 from tests.lme.planners.drives import drive, plan
 from tests.tolerances import KERNEL
@@ -25,16 +24,6 @@ def planner(robot=JACKAL, seed=0, **changes):
     made = Mppi(load_settings("planner/mppi", **changes), robot)
     made.reset(np.random.default_rng(seed))
     return made
-
-
-def test_the_defaults_are_the_shipped_values():
-    values = catalogue.shipped().values("planner/mppi")
-    config = load_settings("planner/mppi")
-    for key, value in values.items():
-        if isinstance(value, dict):
-            assert {name: getattr(getattr(config, key), name) for name in value} == value
-        elif key != "_target_":
-            assert getattr(config, key) == value
 
 
 def test_it_drives_to_the_target_at_its_own_speed_and_stops():

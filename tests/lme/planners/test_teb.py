@@ -8,7 +8,6 @@ from lme.errors import InputError
 from lme.planners.teb.planner import Teb
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
-from runners.config import catalogue
 from tests.builders import observation, room, shipped
 from tests.lme.planners.drives import drive, plan
 from tests.tolerances import KERNEL
@@ -20,15 +19,6 @@ def planner(robot=JACKAL, **changes):
     made = Teb(load_settings("planner/teb", **changes), robot)
     made.reset(np.random.default_rng(0))
     return made
-
-
-def test_the_defaults_are_the_shipped_values():
-    values = catalogue.shipped().values("planner/teb")
-    assert values.pop("_target_") == "lme.planners.teb.Teb"
-    config = load_settings("planner/teb")
-    costmap = values.pop("costmap")
-    assert {key: getattr(config, key) for key in values} == values
-    assert {key: getattr(config.costmap, key) for key in costmap} == costmap
 
 
 def test_it_drives_at_its_own_speed():

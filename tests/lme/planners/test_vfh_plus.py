@@ -54,16 +54,15 @@ def test_vfh_plus_turns_towards_the_only_gap(bearing):
 
 def test_a_sector_between_the_thresholds_keeps_its_state():
     robot = stage()
-    made, fresh = planner(density_low=1.0, density_high=30.0), planner(density_low=1.0, density_high=30.0)
+    made, fresh = (planner(density_low=1.0, density_high=30.0) for _ in range(2))
     dense = observation(ranges=ranges_of(robot, lambda b: 0.5 if abs(b) < 0.5 else math.inf), robot=robot)
     thin = observation(ranges=ranges_of(robot, lambda b: 1.5 if abs(b) < 0.1 else math.inf), robot=robot)
+    free = observation(robot=robot)
     for view in (dense, thin):
-        plan(made, view)
-    plan(fresh, thin)
-    assert made._blocked.any()
-    assert not fresh._blocked.any()
-    plan(made, observation(robot=robot))
-    assert not made._blocked.any()
+        held = plan(made, view)
+    assert plan(fresh, thin) == plan(planner(), free) != held
+    plan(made, free)
+    assert plan(made, thin) == plan(fresh, thin)
 
 
 def test_obstacles_behind_the_subgoal_block_nothing():

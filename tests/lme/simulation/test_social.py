@@ -37,14 +37,19 @@ class Stands:
         return Twist(0.0, 0.0)
 
 
+FAST = FastSimulator, load_settings("sim/fast"), stage()
+PHYSICS = PhysicsSimulator, load_settings("sim/physics"), stage()
+SKID = SkidSimulator, load_settings("sim/skid"), shipped("jackal_gazebo")
+
+
 def someone(*path, **rules):
     return Mover(path=np.array(path, dtype=float), **{"radius": 0.25, "speed": 1.0, **rules})
 
 
-def drive(*movers, planner=None, simulator=None, **rules):
+def drive(*movers, planner=None, simulated=FAST, **rules):
     """Outcome and measures of a drive from (0, 0) to (4, 0)."""
-    simulator = simulator or FastSimulator(load_settings("sim/fast"), stage())
-    robot = simulator._robot
+    make, config, robot = simulated
+    simulator = make(config, robot)
     navigator = Navigator(
         Target(TargetConfig(), robot), planner or Simple(load_settings("planner/simple"), robot)
     )
@@ -80,31 +85,24 @@ def test_irregularity_is_the_angle_between_heading_and_goal():
     assert found.path_irregularity_rad == pytest.approx(0.5, abs=1e-9)
 
 
-SIMULATORS = [
-    lambda: FastSimulator(load_settings("sim/fast"), stage()),
-    lambda: PhysicsSimulator(load_settings("sim/physics"), stage()),
-    lambda: SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")),
-]
-
-
-@pytest.mark.parametrize("made", SIMULATORS)
-def test_a_robot_that_is_walked_into_is_not_to_blame(made):
-    episode, found = drive(someone((3.0, 0.0), (-3.0, 0.0)), planner=Stands(), simulator=made())
+@pytest.mark.parametrize("simulated", [FAST, PHYSICS, SKID])
+def test_a_robot_that_is_walked_into_is_not_to_blame(simulated):
+    episode, found = drive(someone((3.0, 0.0), (-3.0, 0.0)), planner=Stands(), simulated=simulated)
     assert episode.outcome is Outcome.COLLISION
     assert (found.robot_on_person_collision, found.person_on_robot_collision) == (0.0, 1.0)
     assert found.minimum_distance_to_people_m == pytest.approx(0.0, abs=0.02)
 
 
-@pytest.mark.parametrize("made", SIMULATORS)
-def test_a_robot_that_drives_into_someone_who_stands_is(made):
-    episode, found = drive(someone((2.0, 0.05)), simulator=made())
+@pytest.mark.parametrize("simulated", [FAST, PHYSICS, SKID])
+def test_a_robot_that_drives_into_someone_who_stands_is(simulated):
+    episode, found = drive(someone((2.0, 0.05)), simulated=simulated)
     assert episode.outcome is Outcome.COLLISION
     assert (found.robot_on_person_collision, found.person_on_robot_collision) == (1.0, 0.0)
 
 
 def test_a_wall_is_nobodys_fault():
-    simulator = FastSimulator(load_settings("sim/fast"), stage())
-    robot, company = simulator._robot, None
+    robot = stage()
+    simulator = FastSimulator(load_settings("sim/fast"), robot)
     company = Company(robot, simulator)
     world = World(segments=np.array([[2.0, -1.0, 2.0, 1.0]]), movers=(someone((0.0, 3.0)),))
     navigator = Navigator(Target(TargetConfig(), robot), Simple(load_settings("planner/simple"), robot))

@@ -45,16 +45,15 @@ def test_without_movers_there_are_no_pedestrians():
 
 
 @pytest.mark.parametrize(
-    "simulator",
+    ("simulator", "robot"),
     [
-        FastSimulator(load_settings("sim/fast"), stage()),
-        PhysicsSimulator(load_settings("sim/physics"), stage()),
-        SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")),
+        (FastSimulator(load_settings("sim/fast"), stage()), stage()),
+        (PhysicsSimulator(load_settings("sim/physics"), stage()), stage()),
+        (SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")), shipped("jackal_gazebo")),
     ],
-    ids=lambda simulator: type(simulator).__name__,
+    ids=["fast", "physics", "skid"],
 )
-def test_every_simulator_reports_positions_and_velocities_in_the_robot_frame(simulator):
-    robot = simulator._robot
+def test_every_simulator_reports_positions_and_velocities_in_the_robot_frame(simulator, robot):
     start, seconds = Pose(1.0, -1.0, math.pi / 2), 4 * robot.dt
     people = walker((1.0, 2.0), (1.0, 9.0), speed=0.5), walker((-1.0, -1.0), speed=2.0)
     found = seen(*people, start=start, steps=4, simulator=simulator)

@@ -186,4 +186,4 @@ def test_the_real_metadata_name_every_requirement():
         "slurm",
         "video",
     }
-    assert sys.executable in doctor._python().found
+    assert sys.executable in line("Python").found

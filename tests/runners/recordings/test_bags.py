@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("rosbags")
 
+from rosbags.highlevel import AnyReader
+
 from lme.errors import InputError
 from lme.types import Pose
 from runners.cli.commands.replay import main
@@ -59,10 +61,9 @@ def test_a_pipe_in_the_folder_of_a_recording_is_not_waited_for(tmp_path):
 
 def test_messages_are_read_one_at_a_time(path, monkeypatch):
     """A recording larger than memory is never held: only what is asked for is decoded."""
+    decoded, deserialize = [], AnyReader.deserialize
+    monkeypatch.setattr(AnyReader, "deserialize", lambda *a: decoded.append(a) or deserialize(*a))
     with Bag(path) as bag:
-        decoded = []
-        deserialize = bag._reader.deserialize
-        monkeypatch.setattr(bag._reader, "deserialize", lambda *a: decoded.append(a) or deserialize(*a))
         stream = bag.messages(["/scan"])
         next(stream)
         next(stream)
@@ -240,13 +241,15 @@ def test_messages_in_another_encoding(tmp_path, old, new, message):
 
 
 def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
-    with Bag(drive(".bag", steps=2).write(tmp_path)) as bag:
-        every = bag._reader.messages
-        monkeypatch.setattr(bag._reader, "messages", lambda connections, **times: every(**times))
-        with pytest.raises(
+    every = AnyReader.messages
+    monkeypatch.setattr(AnyReader, "messages", lambda reader, connections, **times: every(reader, **times))
+    with (
+        Bag(drive(".bag", steps=2).write(tmp_path)) as bag,
+        pytest.raises(
             InputError, match=r"damaged .its index and its messages name different topics"
-        ) as error:
-            list(bag.messages(["/scan"]))
+        ) as error,
+    ):
+        list(bag.messages(["/scan"]))
     one_line(error)
 
 
@@ -282,8 +285,6 @@ def test_a_recording_without_messages(tmp_path):
 
 
 def test_an_assertion_within_rosbags_is_a_line_for_the_user(path, monkeypatch):
-    from rosbags.highlevel import AnyReader
-
     def fails(self):
         raise AssertionError
 

@@ -1,6 +1,8 @@
 """`lme train` from the command line to the weight file, and what it refuses."""
 
+import contextlib
 import csv
+import io
 import json
 import os
 import signal
@@ -56,13 +58,11 @@ def trials(run_dir):
 
 
 def finished(folder, *words):
-    """The directory of a run in a process of its own, with two workers, and what it said."""
-    done = subprocess.run(
-        [sys.executable, "-m", "runners.cli.main", "train", *words, "executor.workers=2", "hydra.run.dir=run"],
-        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return folder / "run", done.stdout
+    """The directory of a run with two workers, and what it said."""
+    said = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(said):
+        assert main(["train", *words, "executor.workers=2", "hydra.run.dir=run"]) == 0
+    return folder / "run", said.getvalue()
 
 
 @pytest.fixture(scope="module")

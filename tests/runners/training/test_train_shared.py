@@ -143,7 +143,7 @@ def test_four_processes_of_which_two_are_killed(server):
     ],
 )
 def test_a_storage_that_refuses_is_one_line(server, url, said, capsys):
-    words = [*SMALL, "trials=1", f"storage='{url.format(folder=server._folder)}'"]
+    words = [*SMALL, "trials=1", f"storage='{url.format(folder=server.folder)}'"]
     assert main(["train", *words]) == 2
     shown = capsys.readouterr().err
     assert "storage is postgresql://" in shown

@@ -2,6 +2,7 @@
 
 import warnings
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -39,8 +40,9 @@ class Recorder:
 
 
 def made(file, robot, means=(0.5, -0.25), **settings):
-    planner = Dclp(load_settings("planner/dclp", weights=file, **settings), robot)
-    planner._network = network = Recorder(means)
+    network = Recorder(means)
+    with mock.patch("lme.planners.dclp.planner.SignedNetwork", return_value=network):
+        planner = Dclp(load_settings("planner/dclp", weights=file, **settings), robot)
     planner.reset(np.random.default_rng(0))
     return planner, network
 

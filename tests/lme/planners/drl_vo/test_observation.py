@@ -21,16 +21,17 @@ def scan(ranges, fov=THREE_QUARTERS, range_max=30.0):
     return LaserScan(ranges, -fov / 2, increment, 0.1, range_max)
 
 
-def metres(sweeps):
+def metres(sweeps, range_max=BARN["range_max"]):
     """The ranges of the sweeps (20, 80) [m]."""
-    return (sweeps.rows() + 1.0) / 2.0 * sweeps._range_max
+    return (sweeps.rows() + 1.0) / 2.0 * range_max
 
 
 def seen(*scans, rates=(20.0, 20.0), mount_yaw=0.0, **settings):
-    sweeps = Sweeps(**{**BARN, **settings}, rates=rates)
+    settings = {**BARN, **settings}
+    sweeps = Sweeps(**settings, rates=rates)
     for each in scans:
         sweeps.add(each, mount_yaw)
-    return metres(sweeps)
+    return metres(sweeps, settings["range_max"])
 
 
 def numbered(number):

@@ -1,6 +1,7 @@
 """DRL-VO with random weights: what the network is given, what is done with its answer, and what is refused."""
 
 import warnings
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -45,8 +46,9 @@ def config(name, file, **settings):
 
 
 def made(file, name="drl_vo_barn", means=(0.5, -0.25), robot=ROBOT, **settings):
-    planner = DrlVo(config(name, file, **settings), robot)
-    planner._network = network = Recorder(means)
+    network = Recorder(means)
+    with mock.patch("lme.planners.drl_vo.planner.DrlVoPolicy", return_value=network):
+        planner = DrlVo(config(name, file, **settings), robot)
     planner.reset(np.random.default_rng(0))
     return planner, network
 

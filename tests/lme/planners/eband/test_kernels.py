@@ -96,7 +96,7 @@ def scene(seed):
     """A wavy band of a few bubbles, and points about it."""
     rng = np.random.default_rng(seed)
     x = np.linspace(0.0, rng.uniform(0.5, 3.0), int(rng.integers(2, 8)))
-    centres = np.column_stack([x, rng.normal(0.0, 0.3, len(x))])
+    centres = np.column_stack([x, rng.normal(0.0, 0.3, len(x))]).copy()  # by rows, as the planner's are
     points = rng.uniform((-1.0, -1.5), (4.0, 1.5), (int(rng.integers(0, 30)), 2))
     xs, ys = points.T.copy()
     return centres, points, xs, ys

@@ -25,7 +25,7 @@ FAR = 10.0
 def found(points, twist, command, robot, under_way=(), late=0.0, lag=0.0, enough=FAR):
     sent = np.array(under_way, dtype=float).reshape(-1, 2)
     tried = np.array(command, dtype=float).reshape(-1, 2)
-    motion = (*StoppingMotion(robot.limits.bounds, robot.dt, late, lag),)
+    motion = (*StoppingMotion(robot.limits.bounds, robot.dt, float(late), float(lag)),)
     points, box = np.array(points, dtype=float).reshape(-1, 2), (*map(float, robot.footprint.box),)
     return stopping_clearances(points, (*map(float, twist),), sent, tried, motion, box, enough)
 

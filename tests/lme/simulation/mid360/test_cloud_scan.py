@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from lme.geometry.fan import direction
 from lme.grids.edge_grid import NO_EDGES
 from lme.simulation.mid360.cloud_scan import MOST_NOISE, beam_noise, beam_pattern, cloud_scan
+from lme.types import Pose
 from tests import oracles
 from tests.tolerances import RANGE
 
@@ -20,7 +21,7 @@ def scattered(rng):
     centres = np.column_stack([away * np.cos(bearings), away * np.sin(bearings)])
     circles = np.column_stack([centres, rng.uniform(0.05, 0.7, 6)])[: rng.integers(0, 7)]
     edges = rng.uniform(-6.0, 6.0, (rng.integers(0, 7), 4))
-    return (*rng.uniform(-0.2, 0.2, 2), rng.uniform(-4, 4)), circles, edges
+    return Pose(*rng.uniform(-0.2, 0.2, 2), rng.uniform(-4, 4)), circles, edges
 
 
 @settings(max_examples=60, deadline=None)
@@ -53,7 +54,7 @@ def test_the_scan_is_that_of_the_whole_cloud(seed):
 def test_the_ground_counts_if_its_height_does():
     def returns(lowest):
         scan = cloud_scan(
-            (0.0, 0.0, 0.0), (0, 5000, 0.1, 0.2), (1, 0.0), (0.4, -0.5, 0.1, 0.1, 40.0), (lowest, 0.5), (0.1, 20.0),
+            Pose(0.0, 0.0, 0.0), (0, 5000, 0.1, 0.2), (1, 0.0), (0.4, -0.5, 0.1, 0.1, 40.0), (lowest, 0.5), (0.1, 20.0),
             90, np.empty((0, 3)), np.empty((0, 4)), tuple(NO_EDGES),
         )  # fmt: skip
         return np.isfinite(scan).sum()

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.simulation.skid.kernels import AXES, GRAVITY, Chassis, WheelState, slide
+from lme.types import Twist
 from tests import oracles, tolerances
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -33,7 +34,7 @@ def drive(commands, axes="wheel", state=None, chassis=JACKAL, period=0.1, kernel
     """Rows x, y, yaw, vx (ahead), vy (left), ω of the base, one after each command."""
     state, rows = state or at_rest(), []
     for v, omega in commands:
-        arguments = ((float(v), float(omega)), LIMITS, (1.0, 1.0), AXES.index(axes), NO_ERROR, period, 1)
+        arguments = (Twist(float(v), float(omega)), LIMITS, (1.0, 1.0), AXES.index(axes), NO_ERROR, period, 1)
         x, y, yaw = kernel(state, chassis, *arguments)[-1]
         cos, sin = math.cos(yaw), math.sin(yaw)
         vx, vy, turning = state.body[3:]
@@ -56,7 +57,7 @@ def test_equals_one_contact_at_a_time(seed):
     errors, axes = rng.normal(0, 0.01, 2), int(rng.integers(3))
     for command in rng.uniform((-1, -4), (2, 4), (3, 2)):
         for kernel, state, way in zip((slide, oracles.slide), states, ways, strict=True):
-            arguments = (tuple(command), LIMITS, (1.0, 0.9), axes, errors, 0.02, 4)
+            arguments = (Twist(*command), LIMITS, (1.0, 0.9), axes, errors, 0.02, 4)
             way.append(kernel(state, chassis, *arguments))
     np.testing.assert_allclose(*ways, atol=tolerances.KERNEL)
     for one, twin in zip(*states, strict=True):
@@ -203,7 +204,7 @@ def test_more_sweeps_would_change_little(axes, monkeypatch):
 
 def test_odometry_is_the_wheels_speed_along_the_measured_yaw():
     state, error = at_rest(), np.array([0.1])
-    slide(state, JACKAL, (1.0, 0.0), LIMITS, (1.0, 1.0), 0, error, 1.0, 1)
+    slide(state, JACKAL, Twist(1.0, 0.0), LIMITS, (1.0, 1.0), 0, error, 1.0, 1)
     rolled = 1.0 - 1.0 / (2 * 20.0)  # the ramp to 1 m/s
     assert state.odometry == pytest.approx(rolled * np.array([math.cos(0.1), math.sin(0.1)]), abs=0.01)
     assert state.body[0] - JACKAL.com_x < rolled - 0.05  # the wheels have spun

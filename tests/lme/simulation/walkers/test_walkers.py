@@ -120,18 +120,18 @@ def test_a_scene_turned_by_a_right_angle_goes_the_same_way():
 
 
 @pytest.mark.parametrize(
-    "simulator",
+    ("simulator", "robot"),
     [
-        FastSimulator(load_settings("sim/fast"), stage()),
-        PhysicsSimulator(load_settings("sim/physics"), stage()),
-        SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")),
+        (FastSimulator(load_settings("sim/fast"), stage()), stage()),
+        (PhysicsSimulator(load_settings("sim/physics"), stage()), stage()),
+        (SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")), shipped("jackal_gazebo")),
     ],
-    ids=lambda simulator: type(simulator).__name__,
+    ids=["fast", "physics", "skid"],
 )
-def test_people_walk_around_the_robot_of_every_simulator(simulator):
+def test_people_walk_around_the_robot_of_every_simulator(simulator, robot):
     world = World(movers=(person((3.0, 0.1), (-3.0, 0.1)),))
     simulator.reset(task(world, goal=(9.0, 9.0)), np.random.default_rng(0))
-    for _ in range(round(8.0 / simulator._robot.dt)):
+    for _ in range(round(8.0 / robot.dt)):
         simulator.step(Twist(0.0, 0.0))
         assert not simulator.state.contact
     circles, velocities = simulator.people

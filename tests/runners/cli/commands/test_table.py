@@ -36,6 +36,15 @@ def test_a_run_without_its_steps_keeps_its_picture(tmp_path):
     assert (tmp_path / "trajectories.png").read_text() == "as it was"
 
 
+def test_a_run_that_cannot_be_written_still_shows_its_table(tmp_path, capsys):
+    with jobs_of() as job:
+        write_run(tmp_path, job=job())
+    (tmp_path / "table.md").mkdir()
+    with pytest.raises(InputError, match=r"cannot write to .*: the table above is all"):
+        table.main([str(tmp_path), "--format", "md"])
+    assert "LME (ours)" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("style", ["rich", "csv", "tex"])
 def test_every_format_of_an_unfinished_run_without_a_config(tmp_path, capsys, style, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")

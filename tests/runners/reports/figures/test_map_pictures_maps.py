@@ -24,7 +24,12 @@ def every_panel():
     ]
 
 
-@pytest.mark.parametrize("columns", [1, 3, COLUMNS])
+@pytest.fixture(scope="module")
+def page(every_panel):
+    return sheet(every_panel, COLUMNS)
+
+
+@pytest.mark.parametrize("columns", [1, COLUMNS])
 def test_no_text_panel_or_legend_overlaps_another_or_leaves_the_page(every_panel, columns):
     figure = sheet(every_panel, columns)
     figure.canvas.draw()
@@ -39,15 +44,14 @@ def test_no_text_panel_or_legend_overlaps_another_or_leaves_the_page(every_panel
     assert all(axes.get_aspect() == 1.0 for axes in figure.axes)
 
 
-def test_letters_are_large_enough_for_print(every_panel):
-    figure = sheet(every_panel, COLUMNS)
-    assert figure.get_figwidth() <= 7.0
-    texts = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
+def test_letters_are_large_enough_for_print(page):
+    assert page.get_figwidth() <= 7.0
+    texts = [*page.texts, *(text for axes in page.axes for text in axes.texts)]
     assert min(text.get_fontsize() for text in texts) >= 7.0
 
 
-def test_every_world_is_whole_on_its_panel(every_panel):
-    for panel, axes in zip(every_panel, sheet(every_panel, COLUMNS).axes, strict=True):
+def test_every_world_is_whole_on_its_panel(every_panel, page):
+    for panel, axes in zip(every_panel, page.axes, strict=True):
         box, (x0, x1), (y0, y1) = extent(panel.task), axes.get_xlim(), axes.get_ylim()
         assert x0 < box.x0 < box.x1 < x1
         assert y0 < box.y0 < box.y1 < y1

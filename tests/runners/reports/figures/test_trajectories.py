@@ -73,8 +73,10 @@ def several(count, worlds=(3,)):
 
 
 @pytest.mark.parametrize("layout", ["side_by_side", "overlaid"])
-@pytest.mark.parametrize(("count", "worlds"), [(1, [3]), (2, [3, 4]), (6, [3, 4]), (1, [1, 2, 3, 4, 5])])
-@pytest.mark.parametrize("width", [3.5, 7.2])
+@pytest.mark.parametrize(
+    ("count", "worlds", "width"),
+    [(1, [3], 7.2), (2, [3, 4], 3.5), (6, [3, 4], 3.5), (6, [3, 4], 7.2), (1, [1, 2, 3, 4, 5], 3.5)],
+)
 def test_no_text_panel_or_legend_overlaps_another(tmp_path, drawn, layout, count, worlds, width):
     draw(several(count, worlds), worlds, tmp_path, layout=layout, width=width)
     (figure,) = drawn

@@ -62,7 +62,8 @@ def test_the_note_stays_on_the_page(drawn):
     heat = drawn(study([0.5, 0.4, 0.3], [0.5, 0.0, 0.3], [0.5, 0.1, 0.3]))
     pair = drawn(study([0.5], [0.4]))
     for figure in (heat, pair):
-        assert figure._supxlabel.get_window_extent().x1 < figure.bbox.x1
+        (note,) = [text for text in figure.texts if text.get_text() == figure.get_supxlabel()]
+        assert note.get_window_extent().x1 < figure.bbox.x1
 
 
 def test_pictures_of_an_earlier_comparison_are_removed(tmp_path):

@@ -1,0 +1,56 @@
+"""Compile the kernels once for all workers of pytest-xdist.
+
+In a fresh checkout every worker would compile what its tests call, at the same time as the others and thus the same
+kernels. Here each drives some of the guides, planners and simulators, and waits for the rest.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+import lme
+from lme.config.presets import load_simulator
+from lme.navigation.episode import run_episode
+from tests.builders import CLUTTER, shipped, task
+
+DRIVES = {  # keywords of `load_system`; those that compile longest come first
+    "min_time": {"guide": "lme_plus", "planner": "min_time"},
+    "people": {"guide": "target", "people": "tracked"},
+    "teb": {"guide": "target", "planner": "teb"},
+    "mppi": {"guide": "global_path", "planner": "mppi"},
+    "orca": {"guide": "lme", "planner": "orca"},
+    "eband": {"guide": "target", "planner": "eband"},
+    "ros_dwa": {"guide": "tangent_bug", "planner": "ros_dwa"},
+    "stopping": {"guide": "target", "filter": "stopping"},
+    "skid": {"guide": "target"},
+    "lics": {"guide": "target", "planner": "lics"},
+    "motion_tubes": {"guide": "target", "planner": "motion_tubes"},
+    "dwa": {"guide": "target", "planner": "dwa"},
+    "s3_fisvfh": {"guide": "target", "planner": "s3_fisvfh"},
+    "apf": {"guide": "target", "planner": "apf"},
+    "vfh_plus": {"guide": "target", "planner": "vfh_plus"},
+}
+_LONGEST_S = 600.0  # to wait for another worker, which may have died
+
+
+def compile_together(folder: Path) -> None:
+    """Take the drives that no other process has taken, and wait until all are done. folder: the processes share it."""
+    for name, parts in DRIVES.items():
+        try:
+            (folder / f"{name}.taken").touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        _drive(name, parts)
+        (folder / f"{name}.done").touch()
+    deadline = time.monotonic() + _LONGEST_S
+    while time.monotonic() < deadline and any(not (folder / f"{name}.done").exists() for name in DRIVES):
+        time.sleep(0.1)
+
+
+def _drive(name: str, parts: dict[str, str]) -> None:
+    robot = shipped("jackal_gazebo" if name == "skid" else "jackal")
+    simulator_class, config = load_simulator("skid" if name == "skid" else "fast")
+    simulator = simulator_class(config, robot)
+    navigator = lme.load_system("simple", robot, **parts)
+    run_episode(task(CLUTTER, time_limit=1.0), navigator, simulator, np.random.default_rng(0))
