@@ -42,29 +42,25 @@ def test_writing_needs_every_array():
 
 
 @pytest.mark.parametrize(
-    ("name", "array", "says"),
+    ("name", "array"),
     [
-        (
-            BIAS,
-            np.zeros(3, np.float32),
-            "must be (4,) in a DRL-VO network of 2 channels, 5 features and 4 hidden",
-        ),
-        ("features_extractor.conv1.weight", np.zeros((3, 3, 3, 3), np.float32), "network of 3 channels"),
-        ("features_extractor.conv1.weight", np.zeros((), np.float32), "must have 1 to"),
-        ("features_extractor.conv1.weight", np.zeros((0, 3, 3, 3), np.float32), "must have 1 to"),
-        (BIAS, np.zeros(4), "is float64 (4,): must be float32"),
-        (BIAS, np.full(4, np.nan, np.float32), "not finite"),
+        (BIAS, np.zeros(3, np.float32)),
+        ("features_extractor.conv1.weight", np.zeros((3, 3, 3, 3), np.float32)),
+        ("features_extractor.conv1.weight", np.zeros((), np.float32)),
+        ("features_extractor.conv1.weight", np.zeros((0, 3, 3, 3), np.float32)),
+        (BIAS, np.zeros(4)),
+        (BIAS, np.full(4, np.nan, np.float32)),
     ],
 )
 def test_arrays_that_do_not_fit(tmp_path, name, array, says):
     np.savez(tmp_path / "w.npz", **{**random_drl_vo(), name: array})
-    assert says in refused(read_weights, tmp_path / "w.npz")
+    says(refused(read_weights, tmp_path / "w.npz"))
 
 
-def test_a_file_of_something_else_is_refused(tmp_path):
+def test_a_file_of_something_else_is_refused(tmp_path, says):
     assert "cannot be read" in refused(read_weights, tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("weights")
-    assert "is not a weight file of a DRL-VO network" in refused(read_weights, tmp_path / "text.npz")
+    says(refused(read_weights, tmp_path / "text.npz"))
     whole = drl_vo_file(tmp_path / "w.npz").read_bytes()
     (tmp_path / "w.npz").write_bytes(whole[: len(whole) // 2])
     refused(read_weights, tmp_path / "w.npz")
