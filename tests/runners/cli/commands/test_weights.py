@@ -61,12 +61,10 @@ def test_nothing_is_written_for_a_checkpoint_that_is_refused(tmp_path):
     assert not REGISTERED.exists()
 
 
-def test_a_network_that_does_not_exist(source):
+def test_a_network_that_does_not_exist(source, says):
     weights.main(["import", "dclp", str(source), "first"])
     with (
         jobs_of("eval", "planner=dclp") as job,
-        pytest.raises(
-            InputError, match=r"planner\.weights is 'frist': did you mean first\? must be one of first"
-        ),
+        says.raises(InputError, match="weights.*'frist'"),
     ):
         navigator(job("planner.weights=frist").config)
