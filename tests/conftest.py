@@ -1,7 +1,14 @@
-"""What holds for every test: marks `browser` and `ros`, `--last-skipped`, kernels that are compiled once."""
+"""What holds for every test: `says`, marks `browser` and `ros`, `--last-skipped`, kernels that are compiled once."""
+
+import contextlib
+import re
+import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from lme.errors import InputError
+from tests.places import ROOT
 
 # No test fails for being slow: the machine may be busy, and the first call compiles.
 settings.register_profile("no deadline", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -28,6 +35,54 @@ def compiled(request, tmp_path_factory):
         from tests.compiling import compile_together
 
         compile_together(tmp_path_factory.getbasetemp().parent)
+
+
+OPTIONS = {  # a new one changes no wording
+    ", ".join(names): f"<conf/{folder.relative_to(ROOT / 'conf')}>"
+    for folder in sorted((ROOT / "conf").rglob("*/"))
+    if len(names := sorted(file.stem for file in folder.glob("[!_]*.yaml"))) > 3
+}
+
+
+class Says:
+    """Compare messages with their wording in `__snapshots__`, where what varies by itself has a name or is rounded."""
+
+    def __init__(self, snapshot, folders):
+        self._snapshot = snapshot
+        self._names = {**folders, **OPTIONS}
+
+    def __call__(self, message):
+        __tracebackhide__ = True
+        text = str(message).rstrip("\n")
+        for old, new in self._names.items():
+            text = text.replace(str(old), new)
+        text = re.sub(r"BASE/([^/\d]+)\d+", r"BASE/\1", text)
+        text = re.sub(r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d-\w{8}", "RUN", text)
+        text = re.sub(r"0x[0-9a-f]{6,}", "0x...", text)
+        text = re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", text)
+        assert text == self._snapshot
+
+    @contextlib.contextmanager
+    def raises(self, kind, match=None):
+        """Expect an exception and its wording. `match` is for what must stay in it, such as a key and its value."""
+        with pytest.raises(kind, match=match) as error:
+            yield error
+        assert kind is not InputError or "\n" not in str(error.value)
+        self(error.value)
+
+    @contextlib.contextmanager
+    def warns(self, match=None):
+        """Expect warnings and their wording; one that comes again counts once."""
+        with pytest.warns(UserWarning, match=match) as caught:
+            yield caught
+        texts = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
+        self("\n".join(dict.fromkeys(texts)))
+
+
+@pytest.fixture
+def says(snapshot, tmp_path, tmp_path_factory):
+    base = tmp_path_factory.getbasetemp()
+    return Says(snapshot, {tmp_path: "TMP", base: "BASE", ROOT: "CHECKOUT", sys.prefix: "PYTHON"})
 
 
 def pytest_addoption(parser):

@@ -1,6 +1,7 @@
 """The layout of code and tests, as CONTRIBUTING.md describes it."""
 
 import ast
+import re
 from collections import defaultdict
 from graphlib import TopologicalSorter
 from itertools import takewhile
@@ -21,6 +22,7 @@ TESTS = sorted(
     for package in PACKAGES
     for path in (ROOT / "tests" / package).rglob("test_*.py")
 )
+SNAPSHOTS = sorted((ROOT / "tests").rglob("__snapshots__/*.ambr"))
 
 
 def subject_of(test):
@@ -84,6 +86,18 @@ def common_folder(paths):
 def test_a_test_file_is_named_for_what_it_tests():
     """That is a module, package or asset in the folder of the same name."""
     assert [str(test) for test in TESTS if not subject_of(test)] == []
+
+
+@pytest.mark.parametrize("snapshots", SNAPSHOTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_snapshot_belongs_to_a_test(snapshots):
+    """Where some tests are deselected, as the slow ones are, syrupy does not report the snapshots of deleted tests."""
+    module = snapshots.parents[1] / f"{snapshots.stem}.py"
+    names = set(re.findall(r"^# name: (?:Test\w+\.)?(test\w*)", snapshots.read_text("utf-8"), re.MULTILINE))
+    assert names <= {
+        node.name
+        for node in ast.walk(ast.parse(module.read_text("utf-8")))
+        if isinstance(node, ast.FunctionDef) and "says" in [argument.arg for argument in node.args.args]
+    }
 
 
 def test_a_name_without_a_module_is_found():

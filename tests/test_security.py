@@ -92,24 +92,24 @@ def test_reading_a_launch_imports_nothing_that_it_names(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("content", "said"),
     [
         ("parameters: !!python/object/apply:os.getcwd []", "not valid YAML"),
         ("parameters: {d1: os}", "must be a number"),
         (f"parameters: {{d1: 1{'0' * 400}}}", "too large"),
     ],
 )
-def test_a_weight_file_holds_numbers_only(tmp_path, content, says):
+def test_a_weight_file_holds_numbers_only(tmp_path, content, said):
     (tmp_path / "weights.yaml").write_text(content)
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=said):
         load_parameters(tmp_path / "weights.yaml")
 
 
-def test_an_append_log_holds_no_objects(tmp_path):
+def test_an_append_log_holds_no_objects(tmp_path, says):
     entry = {"record": {"world": 1, "run": 0}, "trajectory": {"x_m": ["|O", "AAAAAAAAAAA="]}}
     (tmp_path / "episodes.jsonl").write_text(json.dumps(entry) + "\n")
     with (
-        pytest.raises(InputError, match="line 1 is not an episode record"),
+        says.raises(InputError),
         read_log(tmp_path / "episodes.jsonl") as log,
     ):
         list(log.entries())

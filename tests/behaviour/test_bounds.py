@@ -45,8 +45,8 @@ def test_a_number_that_takes_memory_has_a_bound(name, option, most):
 
 
 @pytest.mark.parametrize("key", ["num_beams", "native_beams"])
-def test_a_lidar_has_at_most_a_hundred_thousand_beams(key):
+def test_a_lidar_has_at_most_a_hundred_thousand_beams(key, says):
     values = {"num_beams": 100, "fov": 3.0, "range_min": 0.1, "range_max": 10.0}
     assert getattr(Lidar(**{**values, key: 100_000}), key) == 100_000
-    with pytest.raises(InputError, match=rf"^{key} is 1e\+09: must be .*at most 100000 and"):
+    with says.raises(InputError):
         Lidar(**{**values, key: 10**9})

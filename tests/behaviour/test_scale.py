@@ -33,18 +33,18 @@ def test_an_ablation_has_the_last_word():
 
 
 @pytest.mark.parametrize(
-    ("scale", "message"),
+    "scale",
     [
-        ({"a_mont": 2.0}, "scale.a_mont: no such key; did you mean a_mount?"),
-        ({"a_mount": -1.0}, "scale.a_mount is -1: must be a number, at least 0 and finite"),
-        ({"d1": math.inf}, "scale.d1 is inf: must be a number, at least 0 and finite"),
-        ({"d2": math.nan}, "scale.d2 is nan: must be a number, at least 0 and finite"),
+        {"a_mont": 2.0},
+        {"a_mount": -1.0},
+        {"d1": math.inf},
+        {"d2": math.nan},
     ],
+    ids=str,
 )
-def test_a_wrong_factor_is_named(scale, message):
-    with pytest.raises(InputError) as error:
+def test_a_wrong_factor_is_named(scale, says):
+    with says.raises(InputError):
         parameters("published", {}, (), scale)
-    assert message in str(error.value)
 
 
 def test_factors_as_text_are_read_back():
@@ -67,25 +67,26 @@ def test_the_guide_has_the_product_and_other_commands_do_without():
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    "words",
     [
-        (["eval", "scale={a_clse:0.5}"], "scale.a_clse: no such key; did you mean a_close?"),
-        (["eval", "scale.a_clse=0.5"], "scale.a_clse: no such key; did you mean a_close?"),
-        (["eval", "-m", "scale={},{d3:0.5}"], "scale.d3: no such key"),
-        (["eval", "scale.d1=abc"], "scale.d1 is abc: must be a number"),
-        (["eval", "scale={},{d1:2}"], "several values; add -m"),
-        (["train", "scale={d1:2}"], "scale: no such key"),
-        (["replay", "scale.d1=2"], "scale: no such key"),
-        (["figure", "scale={d3:2}"], "scale.d3: no such key"),
-        (["figure", "guide=target", "scale={d1:2}"], "Target has no parameters to multiply; must be {}"),
-        (["eval", "-m", "system=lme,dwa", "scale={},{d1:2}"], "Target has no parameters to multiply"),
-        (["eval", "held_out.mine=2"], "held_out: no such key"),
+        ["eval", "scale={a_clse:0.5}"],
+        ["eval", "scale.a_clse=0.5"],
+        ["eval", "-m", "scale={},{d3:0.5}"],
+        ["eval", "scale.d1=abc"],
+        ["eval", "scale={},{d1:2}"],
+        ["train", "scale={d1:2}"],
+        ["replay", "scale.d1=2"],
+        ["figure", "scale={d3:2}"],
+        ["figure", "guide=target", "scale={d1:2}"],
+        ["eval", "-m", "system=lme,dwa", "scale={},{d1:2}"],
+        ["eval", "held_out.mine=2"],
     ],
+    ids=" ".join,
 )
-def test_a_wrong_scale_on_the_command_line_is_one_line(words, message, tmp_path, monkeypatch, capsys):
+def test_a_wrong_scale_on_the_command_line_is_one_line(words, tmp_path, monkeypatch, capsys, says):
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
-    assert message in capsys.readouterr().err
+    says(capsys.readouterr().err)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -28,23 +28,21 @@ def broken(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        (["collisions", "/nosuch"], "/nosuch"),
-        (["collisions", "broken"], "broken/episodes.parquet"),
-        (["buildings", "nosuch.yaml"], "MAP nosuch.yaml: no such file or folder"),
-        (["gazebo", "--log", "nosuch.txt"], "--log ../shared/nosuch.txt: no such file or folder"),
-        (["gazebo", "--shared", "nosuch"], "--shared nosuch: no such file or folder"),
-        (
-            ["people", "--part", "moving", "--moving", "nosuch.bag"],
-            "--moving nosuch.bag: no such file or folder",
-        ),
-        (["people.film", "--shared", "nosuch"], "nosuch/bags/legs/positive_3.bag"),
+        ["collisions", "/nosuch"],
+        ["collisions", "broken"],
+        ["buildings", "nosuch.yaml"],
+        ["gazebo", "--log", "nosuch.txt"],
+        ["gazebo", "--shared", "nosuch"],
+        ["people", "--part", "moving", "--moving", "nosuch.bag"],
+        ["people.film", "--shared", "nosuch"],
     ],
+    ids=" ".join,
 )
-def test_a_mistake_is_one_line(broken, words, said):
+def test_a_mistake_is_one_line(broken, words, says):
     done = ran(broken, f"benchmarks.{words[0]}", *words[1:])
-    assert said in done.stderr
+    says(done.stderr)
     assert (done.returncode, done.stderr.count("\n"), done.stdout) == (2, 1, "")
 
 

@@ -118,26 +118,25 @@ def test_values_go_where_they_belong_and_the_config_stays_as_it_was(config):
 
 
 @pytest.mark.parametrize(
-    ("space", "message"),
+    "space",
     [
-        ({}, "space is empty"),
-        ({"planner": {}}, "space is empty"),
-        ({"planner": 3}, "space.planner is 3: must be a range"),
-        ({"planner": {"gain": 3}}, "space.planner.gain is 3: must be a range"),
-        ({"planner": {"gain": {"low": 1}}}, "space.planner.gain.high has no value"),
-        ({"planner": {"gain": {"low": 1, "high": "x"}}}, "space.planner.gain.high is 'x': must be a number"),
-        ({"planner": {"gain": {"low": 1, "high": 2, "lg": 1}}}, "planner.gain.lg: no such key; did you mean log?"),
-        ({"planner": {"gain": {"low": 2, "high": 2}}}, "space.planner.gain.high is 2: must be greater than 2"),
-        ({"planner": {"gain": {"low": -1, "high": 2}}}, "space.planner.gain.low is -1: must be at least 0"),
-        ({"planner": {"gain": {"low": 0, "high": 2, "log": True}}}, "low is 0: must be greater than 0"),
-        ({"planner": {"gain": {"low": 1, "high": math.inf}}}, "high is inf: must be greater than 1 and finite"),
-        ({"planner": {"gian": {"low": 1, "high": 2}}}, "the config has no planner.gian; did you mean planner.gain?"),
-        ({"planner": {"name": {"low": 1, "high": 2}}}, "planner.name is 'x': only numbers can be searched"),
-        ({"planner": {"on": {"low": 0, "high": 1}}}, "planner.on is True: only numbers can be searched"),
+        {},
+        {"planner": {}},
+        {"planner": 3},
+        {"planner": {"gain": 3}},
+        {"planner": {"gain": {"low": 1}}},
+        {"planner": {"gain": {"low": 1, "high": "x"}}},
+        {"planner": {"gain": {"low": 1, "high": 2, "lg": 1}}},
+        {"planner": {"gain": {"low": 2, "high": 2}}},
+        {"planner": {"gain": {"low": -1, "high": 2}}},
+        {"planner": {"gain": {"low": 0, "high": 2, "log": True}}},
+        {"planner": {"gain": {"low": 1, "high": math.inf}}},
+        {"planner": {"gian": {"low": 1, "high": 2}}},
+        {"planner": {"name": {"low": 1, "high": 2}}},
+        {"planner": {"on": {"low": 0, "high": 1}}},
     ],
+    ids=str,
 )  # fmt: skip
-def test_a_space_that_is_not_right(config, space, message):
-    with pytest.raises(InputError) as caught:
+def test_a_space_that_is_not_right(config, space, says):
+    with says.raises(InputError):
         read_space(config(space))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)

@@ -66,15 +66,13 @@ def test_a_directory_has_what_the_command_writes(folder):
     assert one["fingerprint"] == other["fingerprint"]
 
 
-def test_a_run_is_resumed(folder):
+def test_a_run_is_resumed(folder, says):
     first = driven(WORLDS, into="kept", resume=True)  # nothing there yet
-    with pytest.raises(
-        lme.InputError, match="kept: already holds a run: give resume=True or choose another directory"
-    ):
+    with says.raises(lme.InputError):
         driven(WORLDS, into="kept")
     again = driven(WORLDS, into="kept", resume=True)
     pd.testing.assert_frame_equal(first, again)  # the measured times too: nothing was driven
-    with pytest.raises(lme.InputError, match=r"another config .*: resume it with resume=True and what it"):
+    with says.raises(lme.InputError):
         driven(WORLDS, into="kept", resume=True, seed=1)
 
 
@@ -88,48 +86,40 @@ def test_values_of_python(folder):
 
 
 @pytest.mark.parametrize(
-    ("words", "keys", "said"),
+    ("words", "keys"),
     [
-        (["sytem=lme"], {}, "did you mean system"),
-        ([5], {}, r'^5: must be text, key=value, such as "map=barn"$'),
-        ([], {"into": 5}, r"^into=5: must be a path or None$"),
-        ([], {"config_dir": ["x"]}, r"^config_dir=\['x'\]: must be a path or None$"),
-        (["system=lme,dwa"], {}, r"^system=lme,dwa: several values; call lme\.evaluate for each of them$"),
-        (
-            [],
-            {"map": ["barn", "env1"]},
-            r"map takes one option; call lme\.evaluate for each of sev",
-        ),
-        (
-            [],
-            {"robot": "mine"},
-            r"robot=mine, an option of your own, needs config_dir=DIR, with the file DIR/robot/mine\.yaml$",
-        ),
-        ([], {"into": "/dev/null/x"}, r"cannot be written \(.*\): choose another with into=DIR$"),
-        ([], {"workers": 2}, "^workers: executor=serial has none; omit it, or choose executor=process$"),
-        ([], {"workers": 2.5, "executor": "process"}, "executor.workers is 2.5: must be a whole number"),
-        ([], {"system": "dwa", "weights": "skid"}, "^weights=skid: nothing here drives with this weight set"),
-        (["experiment=traps"], {}, "a sweep of .* jobs: lme.evaluate drives one"),
-        ([], {"seed": object()}, "must be a string, a number"),
-        (["resume=true"], {}, "must be given as the keyword resume=True"),
-        (["hydra.run.dir=here"], {}, "must be given as the keyword into=DIR"),
-        ([], {"resume": True}, "nothing to resume without into=DIR"),
-        ([], {"record": "mcap"}, "record=mcap: needs into=DIR"),
-        ([], {"explain": "all"}, "explain=all: needs into=DIR"),
-        (["tracking=mlflow"], {}, "tracking=mlflow: needs into=DIR"),
-        ([], {"workers": 0, "executor": "process"}, "executor.workers is 0"),
-        ([], {"config_dir": "nowhere"}, "^config_dir=nowhere: no such directory$"),
+        (["sytem=lme"], {}),
+        ([5], {}),
+        ([], {"into": 5}),
+        ([], {"config_dir": ["x"]}),
+        (["system=lme,dwa"], {}),
+        ([], {"map": ["barn", "env1"]}),
+        ([], {"robot": "mine"}),
+        ([], {"into": "/dev/null/x"}),
+        ([], {"workers": 2}),
+        ([], {"workers": 2.5, "executor": "process"}),
+        ([], {"system": "dwa", "weights": "skid"}),
+        (["experiment=traps"], {}),
+        ([], {"seed": object()}),
+        (["resume=true"], {}),
+        (["hydra.run.dir=here"], {}),
+        ([], {"resume": True}),
+        ([], {"record": "mcap"}),
+        ([], {"explain": "all"}),
+        (["tracking=mlflow"], {}),
+        ([], {"workers": 0, "executor": "process"}),
+        ([], {"config_dir": "nowhere"}),
     ],
 )
-def test_mistakes(folder, words, keys, said):
-    with pytest.raises(lme.InputError, match=said):
+def test_mistakes(folder, words, keys, says):
+    with says.raises(lme.InputError):
         driven(WORLDS, *words, **keys)
     assert list(folder.iterdir()) == []
 
 
-def test_the_library_alone_says_what_to_install(monkeypatch):
+def test_the_library_alone_says_what_to_install(monkeypatch, says):
     monkeypatch.setattr(lme.evaluation, "find_spec", lambda name: None if name in ("hydra", "pandas") else 1)
-    with pytest.raises(ImportError, match=r"the library \(hydra, pandas\): run pip install"):
+    with says.raises(ImportError):
         lme.evaluate()
 
 

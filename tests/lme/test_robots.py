@@ -22,60 +22,62 @@ LIDAR = {"num_beams": 9, "fov": 2.0, "range_min": 0.1, "range_max": 5.0}
 
 @pytest.mark.parametrize("key", ["v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_a_limit_must_be_positive_and_finite(key, value):
-    with pytest.raises(InputError, match=rf"^{key} is {value:g}: must be greater than 0 and finite$"):
+def test_a_limit_must_be_positive_and_finite(key, value, says):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         stage(**{key: value})
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "bound"),
+    ("key", "value"),
     [
-        ("num_beams", 0, "greater than 1 and at most 100000"),
-        ("num_beams", 1, "greater than 1 and at most 100000"),
-        ("fov", 0.0, "greater than 0 and at most 6.28319"),
-        ("fov", -1.0, "greater than 0 and at most 6.28319"),
-        ("fov", 360.0, "greater than 0 and at most 6.28319"),
-        ("fov", math.nan, "greater than 0 and at most 6.28319"),
-        ("range_min", -0.1, "at least 0"),
-        ("range_min", math.nan, "at least 0"),
-        ("range_max", 0.1, "greater than 0.1"),
-        ("range_max", 0.05, "greater than 0.1"),
-        ("range_max", math.inf, "greater than 0.1"),
-        ("noise_std", -0.01, "at least 0"),
-        ("noise_std", math.inf, "at least 0"),
+        ("num_beams", 0),
+        ("num_beams", 1),
+        ("fov", 0.0),
+        ("fov", -1.0),
+        ("fov", 360.0),
+        ("fov", math.nan),
+        ("range_min", -0.1),
+        ("range_min", math.nan),
+        ("range_max", 0.1),
+        ("range_max", 0.05),
+        ("range_max", math.inf),
+        ("noise_std", -0.01),
+        ("noise_std", math.inf),
     ],
+    ids=str,
 )
-def test_an_impossible_lidar_is_refused(key, value, bound):
-    with pytest.raises(InputError, match=rf"^{key} is {value:g}: must be {bound} and finite$"):
+def test_an_impossible_lidar_is_refused(key, value, says):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         Lidar(**{**LIDAR, key: value})
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value"),
     [
-        ("height", 0.0, r"height is 0: must be greater than 0"),
-        ("max_height", 0.0, r"max_height is 0: must be greater than 0\.05"),
-        ("duration", -1.0, r"duration is -1: must be greater than 0"),
+        ("height", 0.0),
+        ("max_height", 0.0),
+        ("duration", -1.0),
     ],
+    ids=str,
 )
-def test_an_impossible_cloud_is_refused(key, value, said):
-    with pytest.raises(InputError, match=rf"^{said}"):
+def test_an_impossible_cloud_is_refused(key, value, says):
+    with says.raises(InputError):
         Cloud(**{"height": 0.4, "min_height": 0.05, "max_height": 0.5, key: value})
 
 
-def test_a_cloud_makes_a_full_circle_and_native_beams_are_at_least_two():
+def test_a_cloud_makes_a_full_circle_and_native_beams_are_at_least_two(says):
     cloud = Cloud(height=0.4, min_height=0.05, max_height=0.5)
-    with pytest.raises(InputError, match=r"^cloud is set with fov 2 rad"):
+    with says.raises(InputError):
         Lidar(**LIDAR, cloud=cloud)
-    with pytest.raises(InputError, match=r"^native_beams is 1: must be greater than 1"):
+    with says.raises(InputError, match="native_beams.*1"):
         Lidar(**LIDAR, native_beams=1)
 
 
 @pytest.mark.parametrize("key", ["radius", "length", "width"])
 @pytest.mark.parametrize("value", [0.0, -0.2, math.nan, math.inf])
-def test_a_footprint_must_have_an_extent(key, value):
+def test_a_footprint_must_have_an_extent(key, value, says):
     sides = {"radius": value} if key == "radius" else {"length": 0.4, "width": 0.3, key: value}
-    with pytest.raises(InputError, match=rf"^{key} is {value:g}: must be greater than 0"):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         Footprint(**sides)
 
 
@@ -89,10 +91,8 @@ def test_a_footprint_must_have_an_extent(key, value):
         {"radius": 0.2, "length": 0.4, "width": 0.3},
     ],
 )
-def test_a_footprint_is_either_a_disc_or_a_rectangle(sides):
-    with pytest.raises(
-        InputError, match=r"^radius is .*, length .* and width .*: give either a radius .* or a length"
-    ):
+def test_a_footprint_is_either_a_disc_or_a_rectangle(sides, says):
+    with says.raises(InputError):
         Footprint(**sides)
 
 
@@ -127,9 +127,9 @@ def test_a_collision_radius_below_the_inner_radius_is_an_error(radius):
 
 
 @pytest.mark.parametrize("radius", [0.155, 0.2, 0.26])
-def test_a_collision_radius_between_the_radii_has_a_note(radius):
+def test_a_collision_radius_between_the_radii_has_a_note(radius, says):
     robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
-    assert robot.radius_note.startswith(f"collision_radius {radius:g} m is less than")
+    says(robot.radius_note)
     assert "0.261 m" in robot.radius_note
     assert robot.r == radius
 

@@ -106,19 +106,18 @@ def test_a_users_file_for_a_shipped_class_may_leave_keys_out(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        ("defaults: [mine]\n", "mine.yaml: inherits itself"),
-        ("defaults: [wid]\n", "mine.yaml: its defaults name robot/wid.yaml, which there is not"),
-        ("defaults: long\n", "mine.yaml: must be a mapping, in which `defaults` is a list"),
-        ("[1, 2]\n", "mine.yaml: must be a mapping"),
+        "defaults: [mine]\n",
+        "defaults: [wid]\n",
+        "defaults: long\n",
+        "[1, 2]\n",
     ],
 )
-def test_a_file_that_cannot_be_composed_is_named(own, text, message):
+def test_a_file_that_cannot_be_composed_is_named(own, text, says):
     (own / "robot" / "mine.yaml").write_text(text)
-    with pytest.raises(InputError) as error:
+    with says.raises(InputError):
         compose(own / "robot" / "mine.yaml", "robot", (own,))
-    assert message in str(error.value)
 
 
 def test_interpolations_follow_the_whole_config():

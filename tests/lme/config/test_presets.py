@@ -29,7 +29,7 @@ def test_a_robot_is_what_hydra_makes_of_its_file(path):
     assert type(load_robot(path.stem).lidar.num_beams) is int
 
 
-def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its_radius(tmp_path):
+def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its_radius(tmp_path, says):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for path in ROBOTS:
@@ -38,7 +38,7 @@ def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its
     own.write_text(
         (ROOT / "conf" / "robot" / "go2.yaml").read_text().replace("radius: 0.3 ", "radius: 0.25 ")
     )
-    with pytest.warns(UserWarning, match=r"mine\.yaml: collision_radius 0\.25 m is less than"):
+    with says.warns():
         load_robot(own)
 
 
@@ -50,27 +50,25 @@ def test_a_key_omitted_from_a_robots_file_is_the_default(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new"),
     [
-        ("v_max: 0.5", "vmax: 0.5", "unknown key 'vmax': did you mean v_max"),
-        ("v_max: 0.5", "", "v_max is missing"),
-        ("v_max: 0.5", "v_max: fast", "v_max is 'fast': must be a finite number"),
-        ("v_max: 0.5", "v_max: null", "v_max is empty: must be a finite number"),
-        ("v_max: 0.5", "v_max: -1", "robot.v_max is -1: must be greater than 0"),
-        ("num_beams: 540", "num_beams: 5.5", "lidar: num_beams is 5.5: must be a whole number"),
-        ("num_beams: 540", "num_beams: true", "num_beams is True: must be a whole number"),
-        ("  range_max: 15.0", "  range: 15.0", "lidar: unknown key 'range'"),
-        ("footprint:", "footprint: round\nrest:", "rest"),
+        ("v_max: 0.5", "vmax: 0.5"),
+        ("v_max: 0.5", ""),
+        ("v_max: 0.5", "v_max: fast"),
+        ("v_max: 0.5", "v_max: null"),
+        ("v_max: 0.5", "v_max: -1"),
+        ("num_beams: 540", "num_beams: 5.5"),
+        ("num_beams: 540", "num_beams: true"),
+        ("  range_max: 15.0", "  range: 15.0"),
+        ("footprint:", "footprint: round\nrest:"),
     ],
 )
-def test_a_mistake_in_a_robots_file_is_one_line_that_names_it(tmp_path, old, new, said):
+def test_a_mistake_in_a_robots_file_is_one_line_that_names_it(tmp_path, old, new, says):
     path = tmp_path / "mine.yaml"
     assert old in STAGE
     path.write_text(STAGE.replace(old, new, 1))
-    with pytest.raises(InputError) as caught:
+    with says.raises(InputError):
         load_robot(path)
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_settings_are_those_of_the_option_but_for_the_changes():
@@ -110,10 +108,10 @@ def test_the_published_parameters(tmp_path):
     assert load_parameters(path) == published | {"d1": 2.0}
 
 
-def test_an_unknown_name_says_which_there_are():
-    with pytest.raises(InputError, match=r"robot is 'jakal': did you mean jackal.*go2, jackal.*or the path"):
+def test_an_unknown_name_says_which_there_are(says):
+    with says.raises(InputError, match="robot.*'jakal'"):
         load_robot("jakal")
-    with pytest.raises(InputError, match="weights is 'mine': must be one of lme_plus, published"):
+    with says.raises(InputError, match="weights.*'mine'"):
         load_parameters("mine")
 
 
@@ -140,11 +138,11 @@ def test_a_map_set_is_what_hydra_makes_of_its_file(path):
     assert made.task(number).optimal_time == expected.task(number).optimal_time
 
 
-def test_keys_of_fresh_worlds_are_refused_with_official_ones():
+def test_keys_of_fresh_worlds_are_refused_with_official_ones(says):
     assert load_map_set("barn", {"subset": "fresh", "count": 2, "fresh_seed": 5}).numbers == (1000, 1001)
     assert load_map_set("social", {"count": 2}, load_robot("stage")).numbers == (0, 1)
     for keys in ({"count": 100}, {"subset": "hard100", "fresh_seed": 5}):
-        with pytest.raises(InputError, match=r"^map\.\w+ is \d+ with map\.subset=\w+: must be left out, or"):
+        with says.raises(InputError):
             load_map_set("barn", keys)
 
 

@@ -65,23 +65,23 @@ def test_changes_are_those_of_the_command_line(words, keywords, job_of):
 
 
 @pytest.mark.parametrize(
-    ("name", "keywords", "message"),
+    ("name", "keywords"),
     [
-        ("lme_pluss", {}, "system is 'lme_pluss': did you mean lme_plus"),
-        ("lme", {"planner": "dwa_tune"}, "planner is 'dwa_tune': did you mean dwa_tuned"),
-        ("lme", {"weights": "publishd"}, "weights is 'publishd': did you mean published"),
-        ("lme", {"planner.kpp": 1.0}, "planner simple: unknown key 'kpp': did you mean kp"),
-        ("lme", {"planer.kp": 1.0}, "planer.kp is unknown"),
-        ("lme", {"guide.history_length": "eight"}, "guide lme: history_length is 'eight': must be a whole number"),
-        ("dwa", {"weights": "published"}, "this guide has no parameters"),
-        ("lme", {"ablation": "no_c_x"}, "ablation is 'no_c_x'"),
-        ("lme", {"goal_tolerance": -1.0}, "goal_tolerance is -1"),
+        ("lme_pluss", {}),
+        ("lme", {"planner": "dwa_tune"}),
+        ("lme", {"weights": "publishd"}),
+        ("lme", {"planner.kpp": 1.0}),
+        ("lme", {"planer.kp": 1.0}),
+        ("lme", {"guide.history_length": "eight"}),
+        ("dwa", {"weights": "published"}),
+        ("lme", {"ablation": "no_c_x"}),
+        ("lme", {"goal_tolerance": -1.0}),
     ],
+    ids=str,
 )  # fmt: skip
-def test_mistakes_are_named(name, keywords, message):
-    with pytest.raises(InputError) as error:
+def test_mistakes_are_named(name, keywords, says):
+    with says.raises(InputError):
         lme.load_system(name, ROBOT, **keywords)
-    assert message in str(error.value)
 
 
 def test_explanation_and_reason_are_there():

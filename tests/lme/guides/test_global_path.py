@@ -144,7 +144,7 @@ def test_without_a_way_the_path_is_the_straight_line_and_the_robot_waits():
 
 
 @pytest.mark.parametrize("half", [30.0, 100.0, 123.4])
-def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half):
+def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half, says):
     monkeypatch.setattr(costmap_module, "_MOST_CELLS", 40_000)
     world = boxes((2.0, -half, 2.0, half), (-half, half, half / 2, half))
 
@@ -159,7 +159,7 @@ def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half):
         guide(0.05)
     least = re.search(r"must have at most 40,000, so cells of at least (\S+) m", str(error.value))[1]
     guide(float(least))
-    with pytest.raises(InputError, match=r"^costmap\.cell_size is .* has [\d,]+ cells: must have at most"):
+    with says.raises(InputError):
         guide(0.95 * float(least))
 
 

@@ -182,12 +182,12 @@ def test_a_wrong_file_is_one_line(tmp_path):
     )
 
 
-def test_a_robot_that_the_network_was_not_trained_for_is_warned_of(tmp_path):
+def test_a_robot_that_the_network_was_not_trained_for_is_warned_of(tmp_path, says):
     weights = random_subgoal()
     weights[TRAINED][0] = [1.0, 2.0]
     path = tmp_path / "w.onnx"
     signed(SIGNATURE, path, write_weights, weights)
-    with pytest.warns(UserWarning, match="robot has v_max 0.5: this subgoal network was trained for 1 to 2"):
+    with says.warns():
         guide(path)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -195,14 +195,15 @@ def test_a_robot_that_the_network_was_not_trained_for_is_warned_of(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    "settings",
     [
-        ({"period": 0.0}, "guide.period is 0: must be greater than 0"),
-        ({"margin": -1.0}, "guide.margin is -1: must be at least 0"),
+        {"period": 0.0},
+        {"margin": -1.0},
     ],
+    ids=str,
 )
-def test_a_wrong_setting_is_one_line(settings, said):
-    with pytest.raises(InputError, match=said):
+def test_a_wrong_setting_is_one_line(settings, says):
+    with says.raises(InputError):
         load_settings("guide/learned_subgoal", **settings)
 
 

@@ -192,17 +192,17 @@ def test_a_wall_in_the_blind_arc_is_remembered():
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"margin": 0.0}, "guide.margin is 0: must be greater than 0"),
-        ({"keep": -1.0}, "guide.keep is -1: must be at least 0"),
-        ({"leave_gain": math.nan}, "guide.leave_gain is nan: must be"),
+        {"margin": 0.0},
+        {"keep": -1.0},
+        {"leave_gain": math.nan},
     ],
+    ids=str,
 )
-def test_a_mistake_names_the_key(keys, right):
-    with pytest.raises(InputError) as error:
+def test_a_mistake_names_the_key(keys, says):
+    with says.raises(InputError):
         load_settings("guide/tangent_bug", **keys)
-    assert right in str(error.value)
 
 
 def test_a_reset_guide_starts_from_scratch():

@@ -162,14 +162,14 @@ def test_the_same_seeds_give_the_same_episodes_and_no_array_is_shared():
             np.testing.assert_array_equal(part, old)
 
 
-def test_without_seeds_the_random_streams_continue_and_a_world_can_be_chosen():
+def test_without_seeds_the_random_streams_continue_and_a_world_can_be_chosen(says):
     fleet = Fleet(HARD, load_robot("jackal"), 2)
     first = fleet.reset([1, 2])
     assert (first.ranges != fleet.reset().ranges).any()
     np.testing.assert_array_equal(fleet.reset([1, 2]).ranges, first.ranges)
     fleet.reset(world=250)
     assert [task.number for task in fleet.tasks] == [250, 250]
-    with pytest.raises(InputError, match="world is 7: must be one of 200, 250, 299"):
+    with says.raises(InputError, match="world.*7"):
         fleet.reset(world=7)
 
 
@@ -189,7 +189,7 @@ def test_angles_are_wrapped_as_in_python(angle):
         assert wrapped(near) == wrap_angle(near)
 
 
-def test_what_the_compiled_step_does_not_cover_is_refused():
+def test_what_the_compiled_step_does_not_cover_is_refused(says):
     stage, jackal = load_robot("stage"), load_robot("jackal")
     for config, key in (
         (load_settings("sim/fast", latency=0.1), "config.latency is 0.1"),
@@ -207,36 +207,36 @@ def test_what_the_compiled_step_does_not_cover_is_refused():
     with pytest.raises(InputError, match=r"robot\.lidar\.native_beams is 540"):
         Fleet(ROOM, load_robot("turtlebot2"), 2)
     moving = Fleet(load_map_set("dynabarn"), jackal, 2)
-    with pytest.raises(InputError, match=r"map dynabarn_medium, world \d+ has moving obstacles"):
-        moving.reset()
-    with pytest.raises(InputError, match="num_envs is 0: must be at least 1"):
+    with says.raises(InputError):
+        moving.reset(seeds=[0, 1])
+    with says.raises(InputError, match="num_envs.*0"):
         Fleet(ROOM, stage, 0)
 
 
-def test_wrong_commands_and_seeds_are_refused():
+def test_wrong_commands_and_seeds_are_refused(says):
     fleet = Fleet(ROOM, load_robot("stage"), 2)
-    with pytest.raises(InputError, match="call reset before step"):
+    with says.raises(InputError):
         fleet.step(np.zeros((2, 2)))
-    with pytest.raises(InputError, match="seeds has 3 numbers: must have 2"):
+    with says.raises(InputError):
         fleet.reset([1, 2, 3])
     fleet.reset()
-    with pytest.raises(InputError, match=r"the command of robot 1 is \[0.0, nan\]: must be finite"):
+    with says.raises(InputError):
         fleet.step(np.array([[0.0, 0.0], [0.0, np.nan]]))
-    with pytest.raises(InputError, match=r"the commands have shape \(2, 3\): must be \(2, 2\)"):
+    with says.raises(InputError):
         fleet.step(np.zeros((2, 3)))
     assert (fleet.step(np.zeros((2, 2))).outcomes == RUNNING).all()
 
 
-def test_robots_that_are_drawn_have_the_same_lidar():
+def test_robots_that_are_drawn_have_the_same_lidar(says):
     def draw(rng):
         robot = load_robot("stage")
         robot.lidar.num_beams = 540 if rng.random() < 0.5 else 360
         return robot
 
-    with pytest.raises(InputError, match=r"lidar of a randomly drawn robot is Lidar\(num_beams"):
+    with says.raises(InputError):
         Fleet(ROOM, draw, 30).reset(range(30))
 
 
-def test_a_robot_that_cannot_start_is_refused():
-    with pytest.raises(InputError, match="world 200: robot jackal is in collision at the start"):
+def test_a_robot_that_cannot_start_is_refused(says):
+    with says.raises(InputError):
         Fleet(HARD, replace(load_robot("jackal"), footprint=Footprint(radius=3.0)), 1).reset(world=200)

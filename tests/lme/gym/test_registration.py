@@ -59,10 +59,10 @@ def test_many_robots_are_driven_without_gymnasium():
     assert run(WITHOUT + drive) == "(2, 540)"
 
 
-def test_without_gymnasium_the_environment_says_what_to_install():
+def test_without_gymnasium_the_environment_says_what_to_install(says):
     code = WITHOUT + (
         "import lme\n"
         "try:\n    from lme.gym import NavigationEnv\n"
         "except lme.InputError as error:\n    print(error)"
     )
-    assert run(code).startswith("lme.gym.NavigationEnv needs Gymnasium: pip install 'gymnasium")
+    says(run(code))

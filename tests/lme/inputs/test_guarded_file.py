@@ -60,10 +60,10 @@ def refused(read, path):
 def test_a_pipe_and_a_device_are_not_waited_for(tmp_path, name, read):
     path = tmp_path / name
     os.mkfifo(path)
-    assert "is a pipe, not a regular file" in refused(read, path)
+    assert "pipe" in refused(read, path)
     path.unlink()
     path.symlink_to("/dev/zero")
-    assert "is a device, not a regular file" in refused(read, path)
+    assert "device" in refused(read, path)
 
 
 @pytest.mark.parametrize(("name", "read"), [(name, read) for name, read in EVERY if read != is_picture])
@@ -82,13 +82,11 @@ def test_links_to_regular_files_are_followed(tmp_path):
         assert len(file.read()) == 12
 
 
-def test_a_home_folder_that_is_not_known_is_one_line(monkeypatch, tmp_path):
+def test_a_home_folder_that_is_not_known_is_one_line(monkeypatch, tmp_path, says):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert expanded("~/a/b") == tmp_path / "a" / "b"
     assert expanded("a/~b") == Path("a/~b")
-    assert refused(expanded, "~no-such-user/maps/a.yaml") == (
-        "~no-such-user/maps/a.yaml: the home folder ~no-such-user is not known: write the whole path"
-    )
+    says(refused(expanded, "~no-such-user/maps/a.yaml"))
 
 
 def test_no_other_module_looks_for_home_folders():
@@ -96,11 +94,11 @@ def test_no_other_module_looks_for_home_folders():
     assert [path.name for path in modules if "expanduser" in path.read_text("utf-8")] == ["guarded_file.py"]
 
 
-def test_the_limit_is_the_last_size_that_is_read(tmp_path):
+def test_the_limit_is_the_last_size_that_is_read(tmp_path, says):
     path = tmp_path / "a"
     path.write_bytes(b"12345")
     assert read_bytes(path, 5) == b"12345"
-    assert "has 5 bytes: must have at most 4" in refused(lambda file: read_bytes(file, 4), path)
+    says(refused(lambda file: read_bytes(file, 4), path))
 
 
 @pytest.mark.parametrize(

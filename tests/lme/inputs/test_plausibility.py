@@ -1,7 +1,6 @@
 """A value that no robot has is refused, an unusual one gets a warning, and each names value, unit and usual range."""
 
 import math
-import re
 import warnings
 from dataclasses import replace
 
@@ -27,56 +26,44 @@ def test_every_usual_range_lies_within_the_possible_one():
         assert usual.least <= usual.low < usual.high <= usual.most
 
 
-def test_the_value_its_unit_and_the_usual_range_are_named():
-    with pytest.warns(
-        UserWarning, match=r"^robot\.alpha_v is 0\.001 m/s²: it is usually from 0\.05 to 50 m/s²$"
-    ):
+def test_the_value_its_unit_and_the_usual_range_are_named(says):
+    with says.warns():
         check("robot.alpha_v", 0.001)
-    said = (
-        r"^robot\.control_rate is 0\.05 Hz: must be from 0\.1 to 1000 Hz, and is usually from 1 to 200 Hz; "
-    )
-    with pytest.raises(InputError, match=said):
+    with says.raises(InputError):
         check("robot.control_rate", 0.05)
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    "make",
     [
-        (lambda: stage(alpha_v=0.001), r"alpha_v is 0\.001 m/s²"),
-        (lambda: stage(omega_max=90.0), r"omega_max is 90 rad/s: .* is it in degrees"),
-        (lambda: stage(control_rate=0.5), r"control_rate is 0\.5 Hz"),
-        (lambda: stage(v_max=50.0), r"v_max is 50 m/s"),
-        (lambda: Footprint(radius=35.0), r"radius is 35 m: .* centimetres"),
-        (lambda: Lidar(**LIDAR, yaw=90.0), r"yaw is 90 rad: .* degrees"),
-        (lambda: Lidar(**LIDAR, noise_std=10.0), r"noise_std is 10 m"),
-        (
-            lambda: Lidar(**{**LIDAR, "range_max": 5600.0}),
-            r"range_max is 5600 m: .* millimetres",
-        ),
-        (
-            lambda: stage(lidar=Lidar(**LIDAR, x=3.0)),
-            r"lidar is mounted 3 m from .* ends at 0\.2 m: .* 0\.4 m",
-        ),
-        (lambda: Cloud(45.0, 0.05, 0.5), r"height is 45 m"),
-        (lambda: load_settings("sim/fast", latency=50.0), r"sim\.latency is 50 s: .* milliseconds"),
-        (lambda: load_settings("sim/physics", grip=5.0), r"sim\.grip is 5: it is usually from 0\.05 to 2"),
-        (lambda: load_settings("sim/skid", scan_noise=20.0), r"sim\.scan_noise is 20 m"),
-        (lambda: ScanConfig(mount=[0.1, 0.0, 0.3, 0.0, 0.0, 180.0]), r"mount\.yaw is 180 rad"),
-        (lambda: Mover(np.zeros((2, 2)), radius=0.3, speed=130.0), r"speed is 130 m/s"),
-        (lambda: check_task(task(start=Pose(0.0, 0.0, 90.0)), stage()), r"start\.yaw is 90 rad: .* degrees"),
-        (lambda: load_settings("map/traps", time_limit=1e12), r"map\.time_limit is 1e\+12 s"),
+        lambda: stage(alpha_v=0.001),
+        lambda: stage(omega_max=90.0),
+        lambda: stage(control_rate=0.5),
+        lambda: stage(v_max=50.0),
+        lambda: Footprint(radius=35.0),
+        lambda: Lidar(**LIDAR, yaw=90.0),
+        lambda: Lidar(**LIDAR, noise_std=10.0),
+        lambda: Lidar(**{**LIDAR, "range_max": 5600.0}),
+        lambda: stage(lidar=Lidar(**LIDAR, x=3.0)),
+        lambda: Cloud(45.0, 0.05, 0.5),
+        lambda: load_settings("sim/fast", latency=50.0),
+        lambda: load_settings("sim/physics", grip=5.0),
+        lambda: load_settings("sim/skid", scan_noise=20.0),
+        lambda: ScanConfig(mount=[0.1, 0.0, 0.3, 0.0, 0.0, 180.0]),
+        lambda: Mover(np.zeros((2, 2)), radius=0.3, speed=130.0),
+        lambda: check_task(task(start=Pose(0.0, 0.0, 90.0)), stage()),
+        lambda: load_settings("map/traps", time_limit=1e12),
     ],
 )
-def test_an_unusual_value_gets_a_warning(make, said):
-    with pytest.warns(UserWarning, match=said):
+def test_an_unusual_value_gets_a_warning(make, says):
+    with says.warns():
         make()
 
 
 @pytest.mark.parametrize("key", ["v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"])
 @pytest.mark.parametrize("value", [1e-300, 1e-9, 1e300])
-def test_no_robot_has_such_a_limit(key, value):
-    shown = re.escape(f"{value:g}")
-    with pytest.raises(InputError, match=rf"^{key} is {shown} \S+: must be from"):
+def test_no_robot_has_such_a_limit(key, value, says):
+    with says.raises(InputError):
         stage(**{key: value})
 
 
@@ -92,8 +79,8 @@ def test_no_robot_has_such_a_limit(key, value):
         lambda: load_settings("sim/fast", slip=1e300),
     ],
 )
-def test_no_robot_and_no_simulator_is_so(make):
-    with pytest.raises(InputError, match=r"must be .*, and is usually"):
+def test_no_robot_and_no_simulator_is_so(make, says):
+    with says.raises(InputError):
         make()
 
 

@@ -87,31 +87,28 @@ def test_a_subgoal_of_other_numbers_becomes_floats(subgoal):
 
 
 @pytest.mark.parametrize(
-    ("guidance", "said"),
+    "guidance",
     [
-        (None, "None: must be an lme.Guidance"),
-        ((HERE, None), "must be an lme.Guidance"),
-        (Guidance(np.array([math.nan, 1.0])), "a subgoal of which 1 of 2 numbers are not finite"),
-        (Guidance(np.zeros(3)), r"a subgoal of shape \(3,\): .* of shape \(2,\)"),
-        (Guidance(np.zeros((1, 2))), r"a subgoal of shape \(1, 2\)"),
-        (Guidance(["1", "2"]), "a subgoal .* real numbers"),
-        (Guidance(np.array([1j, 0.0])), "a subgoal .* real numbers"),
-        (Guidance(None), "a subgoal None"),
-        (Guidance([[1.0], [1.0, 2.0]]), "a subgoal .* real numbers"),
-        (
-            Guidance(HERE, np.array([[0.0, 0.0], [math.inf, math.nan]])),
-            "the path of which 2 of 4 numbers are not finite",
-        ),
-        (Guidance(HERE, np.zeros((3, 3))), r"the path of shape \(3, 3\): .* of shape \(N, 2\)"),
-        (Guidance(HERE, np.empty((0, 2))), "a path without points"),
-        (Guidance(HERE, points=np.array([[math.nan, 0.0]])), "the points of which 1 of 2"),
-        (Guidance(HERE, way=np.zeros(2)), r"the way of shape \(2,\)"),
-        (Guidance(HERE, None, "no"), "switched='no': must be True or False"),
-        (Guidance(HERE, None, False, math.nan), "blocked=nan: must be True or False"),
+        None,
+        (HERE, None),
+        Guidance(np.array([math.nan, 1.0])),
+        Guidance(np.zeros(3)),
+        Guidance(np.zeros((1, 2))),
+        Guidance(["1", "2"]),
+        Guidance(np.array([1j, 0.0])),
+        Guidance(None),
+        Guidance([[1.0], [1.0, 2.0]]),
+        Guidance(HERE, np.array([[0.0, 0.0], [math.inf, math.nan]])),
+        Guidance(HERE, np.zeros((3, 3))),
+        Guidance(HERE, np.empty((0, 2))),
+        Guidance(HERE, points=np.array([[math.nan, 0.0]])),
+        Guidance(HERE, way=np.zeros(2)),
+        Guidance(HERE, None, "no"),
+        Guidance(HERE, None, False, math.nan),
     ],
 )
-def test_any_other_guidance_is_refused_with_the_guides_name(guidance, said):
-    with pytest.raises(ReturnedError, match=rf"^{__name__}\.Own\.guide returned .*{said}"):
+def test_any_other_guidance_is_refused_with_the_guides_name(guidance, says):
+    with says.raises(ReturnedError):
         checked_guidance(guidance, Own())
 
 
@@ -121,50 +118,50 @@ def test_a_number_for_each_candidate_is_what_a_criterion_gives(values):
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    "values",
     [
-        (np.array([math.nan, 1.0, math.inf]), "of which 2 of 3 numbers are not finite"),
-        (1.0, r"of shape \(\)"),
-        (np.zeros(2), r"of shape \(2,\): .* of shape \(3,\)"),
-        (np.zeros((3, 1)), r"of shape \(3, 1\)"),
-        (np.zeros(3, complex), "complex128|j"),
-        (["1", "2", "3"], "real numbers"),
-        (np.array([1, 2, None]), "real numbers"),
-        (None, "None"),
+        np.array([math.nan, 1.0, math.inf]),
+        1.0,
+        np.zeros(2),
+        np.zeros((3, 1)),
+        np.zeros(3, complex),
+        ["1", "2", "3"],
+        np.array([1, 2, None]),
+        None,
     ],
 )
-def test_any_other_values_are_refused_with_the_criterions_name(values, said):
-    with pytest.raises(ReturnedError, match=rf"^{__name__}\.own_criterion returned values .*({said})"):
+def test_any_other_values_are_refused_with_the_criterions_name(values, says):
+    with says.raises(ReturnedError):
         checked_values(values, 3, own_criterion)
 
 
-def test_people_are_four_finite_numbers_each():
+def test_people_are_four_finite_numbers_each(says):
     seen = observation()
     assert checked_people(seen, Own()) is seen
-    with pytest.raises(ReturnedError, match=r"Own\.seen returned pedestrians of shape \(1, 2\)"):
+    with says.raises(ReturnedError):
         checked_people(seen._replace(pedestrians=np.zeros((1, 2))), Own())
     with pytest.raises(ReturnedError, match=r"Own\.seen returned None"):
         checked_people(None, Own())
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    "changes",
     [
-        ({"target": np.array([math.nan, 0.0])}, "a target of which 1 of 2"),
-        ({"twist": Twist(0.0, math.inf)}, "a twist of which 1 of 2"),
-        ({"odometry": None}, "an odometry None"),
-        ({"scan": np.zeros(9)}, "must be an lme.LaserScan"),
-        ({"scan": observation().scan._replace(ranges=np.array(["1.0"]))}, "ranges"),
-        ({"scan": observation().scan._replace(angle_min=math.nan)}, "angles"),
+        {"target": np.array([math.nan, 0.0])},
+        {"twist": Twist(0.0, math.inf)},
+        {"odometry": None},
+        {"scan": np.zeros(9)},
+        {"scan": observation().scan._replace(ranges=np.array(["1.0"]))},
+        {"scan": observation().scan._replace(angle_min=math.nan)},
     ],
 )
-def test_an_observation_that_no_navigator_can_use_is_refused(changes, said):
+def test_an_observation_that_no_navigator_can_use_is_refused(changes, says):
     seen = observation()
     assert checked_observation(seen, State(), Own()) is seen
-    with pytest.raises(ReturnedError, match=rf"^{__name__}\.Own returned .*{said}"):
+    with says.raises(ReturnedError):
         checked_observation(seen._replace(**changes), State(), Own())
 
 
-def test_a_state_that_is_nowhere_is_refused():
-    with pytest.raises(ReturnedError, match=r"Own returned a state of which 1 of 4 numbers are not finite"):
+def test_a_state_that_is_nowhere_is_refused(says):
+    with says.raises(ReturnedError):
         checked_observation(observation(), State(time=math.nan), Own())

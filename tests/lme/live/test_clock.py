@@ -18,10 +18,10 @@ def test_time_that_passes_is_not_a_jump():
 
 
 @pytest.mark.parametrize("by", [1.1, -0.2, 1e6, -99.0])
-def test_a_jump_of_the_clock_is_reported_once(by):
+def test_a_jump_of_the_clock_is_reported_once(by, says):
     said = read(0.0, by, by + 0.2)
     assert said[0] == said[2] == ""
-    assert said[1] == f"the clock jumped {'forwards' if by > 0 else 'backwards'} by {abs(by):.3g} s"
+    says(said[1])
 
 
 def test_threads_that_swap_two_readings_do_not_hide_a_standstill():

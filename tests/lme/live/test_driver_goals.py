@@ -60,10 +60,9 @@ def test_a_new_goal_takes_the_place_of_the_old_one(rig):
 
 
 @pytest.mark.parametrize("goal", [(math.nan, 0.0), (1.0,), (1.0, math.inf)])
-def test_a_goal_must_be_a_position(rig, goal):
-    with pytest.raises(InputError, match="must be two finite numbers") as error:
+def test_a_goal_must_be_a_position(rig, goal, says):
+    with says.raises(InputError):
         rig.driver.set_goal(goal, "odom", rig.now)
-    assert "\n" not in str(error.value)
 
 
 def test_a_goal_on_the_map_moves_with_localisation(rig):

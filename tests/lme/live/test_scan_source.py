@@ -56,12 +56,12 @@ def test_a_mount_by_tf_above_the_floor_is_taken_as_it_is(in_base, robot):
 
 
 @pytest.mark.parametrize("in_base", [0.0, 0.15, -0.1], ids=["the base is the lidar", "base_link", "below it"])
-def test_a_base_frame_above_the_floor_is_seen_by_the_height_of_the_robots_lidar(in_base):
+def test_a_base_frame_above_the_floor_is_seen_by_the_height_of_the_robots_lidar(in_base, says):
     nearest, said, source = read(wall(ABOVE_FLOOR), at(in_base), GO2)
     assert nearest == pytest.approx(2.0, abs=0.01)
     (text,) = said
     assert f"{ABOVE_FLOOR - in_base:.2f} m above the floor" in text
-    assert "scan.mount=[x, y, z, roll, pitch, yaw]" in text
+    says(text)
     assert source.mounted_by == "tf"
 
 
@@ -91,38 +91,34 @@ def test_scan_mount_is_taken_as_it_is():
     assert said == []
 
 
-def test_a_cloud_whose_height_nobody_knows_is_refused():
-    with pytest.raises(
-        InputError, match=r"'livox' .* robot=turtlebot2 has no lidar.cloud.height: set scan.mount"
-    ):
+def test_a_cloud_whose_height_nobody_knows_is_refused(says):
+    with says.raises(InputError):
         read(wall(0.3), None, TURTLEBOT)
 
 
-def test_a_robot_without_a_cloud_whose_base_is_the_lidar_is_warned_of():
+def test_a_robot_without_a_cloud_whose_base_is_the_lidar_is_warned_of(says):
     _, said, _ = read(wall(0.1, "body"), at(0.0), TURTLEBOT)
-    assert "body, 0.00 m above the base frame" in said[0]
+    says(said[0])
     _, said, _ = read(wall(0.0, "base_link"), at(0.0), TURTLEBOT)
     assert said == []
 
 
-def test_the_heights_are_those_of_the_robots_cloud_unless_given():
+def test_the_heights_are_those_of_the_robots_cloud_unless_given(says):
     tall = replace(GO2, lidar=replace(GO2.lidar, cloud=Cloud(ABOVE_FLOOR, 0.35, 0.6)))
     nearest, said, _ = read(wall(ABOVE_FLOOR), at(ABOVE_FLOOR), tall)
     assert nearest == math.inf
     assert "between 0.35 and 0.6 m high" in said[0]
     given = CloudConfig(min_height=0.05, max_height=0.5)
     assert read(wall(ABOVE_FLOOR), at(ABOVE_FLOOR), tall, cloud=given)[0] == pytest.approx(2.0, abs=0.01)
-    with pytest.raises(InputError, match=r"cloud.max_height is 0.2: must be greater than 0.35"):
+    with says.raises(InputError, match="max_height.*0.2"):
         read(wall(ABOVE_FLOOR), at(ABOVE_FLOOR), tall, cloud=CloudConfig(max_height=0.2))
 
 
-def test_points_in_range_but_not_between_the_heights_are_warned_of_once():
+def test_points_in_range_but_not_between_the_heights_are_warned_of_once(says):
     nearest, said, source = read(wall(-1.0), at(ABOVE_FLOOR), GO2)
     assert nearest == math.inf
     (text,) = said
-    assert (
-        "none of the 300 points within 20 m is between 0.05 and 0.5 m high: they are 1.55 to 1.75 m" in text
-    )
+    says(text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         source.read(wall(-1.0))
@@ -135,15 +131,15 @@ def scan(frame="laser"):
 
 
 @pytest.mark.parametrize("tilt", [{"roll": math.pi / 2}, {"roll": -1.4}, {"pitch": math.pi / 2}])
-def test_a_planar_lidar_on_its_side_is_refused(tilt):
-    with pytest.raises(InputError, match=r"tf tilts the lidar by \d+°, but a LaserScan must be level"):
+def test_a_planar_lidar_on_its_side_is_refused(tilt, says):
+    with says.raises(InputError):
         read(scan(), at(0.2, **tilt), TURTLEBOT)
 
 
 @pytest.mark.parametrize("tilt", [{"pitch": 0.35}, {"roll": 0.35}, {"roll": math.pi - 0.35}])
-def test_a_tilted_planar_lidar_is_warned_of(tilt):
+def test_a_tilted_planar_lidar_is_warned_of(tilt, says):
     _, (text,), _ = read(scan(), at(0.2, **tilt), TURTLEBOT)
-    assert "tf tilts the lidar by 20°" in text
+    says(text)
 
 
 @pytest.mark.parametrize("tilt", [{}, {"pitch": 0.1}, {"roll": math.pi}, {"pitch": math.pi}])
@@ -151,11 +147,11 @@ def test_a_level_or_upside_down_lidar_is_not(tilt):
     assert read(scan(), at(0.2, yaw=1.0, **tilt), TURTLEBOT)[1] == []
 
 
-def test_every_kind_of_fault_is_warned_of_once():
+def test_every_kind_of_fault_is_warned_of_once(says):
     wrong = scan()
     wrong.range_max = 12000.0
     _, (text,), source = read(wrong, at(0.2), TURTLEBOT)
     assert "range_max is 12000 m" in text
     assert read(wrong, at(0.2), TURTLEBOT, range_max=10.0)[1] == []
     assert source.blinding_fault(scan()) is None
-    assert "the frame rear, not from laser" in source.blinding_fault(scan("rear"))
+    says(source.blinding_fault(scan("rear")))

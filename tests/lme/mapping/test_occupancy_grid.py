@@ -143,13 +143,11 @@ def test_the_grid_grows_and_the_order_of_scans_does_not_matter():
     assert one.free_area > 4 * 20.0
 
 
-def test_poses_that_jump_far_are_an_error_of_one_line():
+def test_poses_that_jump_far_are_an_error_of_one_line(says):
     grid = OccupancyGrid(0.05, 10.0)
     scan_ = LaserScan(np.full(3, 4.0, np.float32), 0.0, INCREMENT, 0.0, 30.0)
     grid.add(scan_, Pose(0.0, 0.0, 0.0))
-    with pytest.raises(
-        InputError, match=r"resolution is 0.05 m for a drive over 100\d* by .* m: must give at most"
-    ):
+    with says.raises(InputError):
         grid.add(scan_, Pose(1e6, 1e6, 0.0))
 
 

@@ -68,12 +68,12 @@ def test_a_criterion_that_gives_nan_is_named_with_the_number_of_its_values():
         navigator.act(observation())
 
 
-def test_people_are_checked(monkeypatch):
+def test_people_are_checked(monkeypatch, says):
     monkeypatch.setattr(Nobody, "seen", lambda self, seen, time: seen._replace(pedestrians=None))
     navigator = Navigator(
         Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage()), people=Nobody()
     )
-    with pytest.raises(InputError, match=r"^step 1: lme\S+Nobody\.seen returned pedestrians None"):
+    with says.raises(InputError):
         navigator.act(observation())
 
 
@@ -117,8 +117,8 @@ def test_in_a_closed_loop_commands_ramp_from_the_measured_twist_within_the_limit
     assert navigator.act(observation(twist=Twist(0.0, 0.0))) == pytest.approx((0.4, -0.4))
 
 
-def test_an_unknown_feedback_is_an_error():
-    with pytest.raises(InputError, match=r"^feedback is 'open': must be one of OPEN_LOOP, CLOSED_LOOP$"):
+def test_an_unknown_feedback_is_an_error(says):
+    with says.raises(InputError, match="feedback.*'open'"):
         bold(feedback="open")
 
 

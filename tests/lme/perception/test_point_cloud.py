@@ -115,26 +115,23 @@ def test_a_message_of_rosbags_is_read_and_projected():
 
 
 @pytest.mark.parametrize(
-    ("changes", "message_"),
+    "changes",
     [
-        ({"fields": XYZ[:2]}, r"no field 'z': must have x, y and z; its fields are x, y"),
-        ({"fields": ()}, r"no field 'x': .* its fields are none"),
-        (
-            {"fields": (field("x", 0, INT16), *XYZ[1:])},
-            r"field 'x' is 1 × datatype 3 \(INT16\): must be .*FLOAT32",
-        ),
-        ({"fields": (*XYZ[:2], field("z", 8, 99))}, r"field 'z' is 1 × datatype 99 \(unknown\): must be"),
-        ({"fields": (field("x", 0, FLOAT32, 3), *XYZ[1:])}, r"field 'x' is 3 × datatype 7"),
-        ({"fields": (*XYZ[:2], field("z", 14))}, r"field 'z' has offset 14 and 4 bytes: .* point_step 16"),
-        ({"data": bytes(63)}, r"data has 63 bytes: must be at least 64 for 2 × 2 points of 16 bytes"),
-        ({"row_step": 31}, r"row_step is 31: must be at least width × point_step = 2 × 16 = 32"),
-        ({"row_step": 40}, r"data has 64 bytes: must be at least 72"),
+        {"fields": XYZ[:2]},
+        {"fields": ()},
+        {"fields": (field("x", 0, INT16), *XYZ[1:])},
+        {"fields": (*XYZ[:2], field("z", 8, 99))},
+        {"fields": (field("x", 0, FLOAT32, 3), *XYZ[1:])},
+        {"fields": (*XYZ[:2], field("z", 14))},
+        {"data": bytes(63)},
+        {"row_step": 31},
+        {"row_step": 40},
     ],
 )
-def test_a_message_that_does_not_hold_together_is_refused(changes, message_):
+def test_a_message_that_does_not_hold_together_is_refused(changes, says):
     cloud = message(np.zeros((2, 2, 3)))
     vars(cloud).update(changes)
-    with pytest.raises(InputError, match=r"PointCloud2 .*" + message_):
+    with says.raises(InputError):
         cloud_points(cloud)
 
 

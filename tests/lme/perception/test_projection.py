@@ -202,31 +202,31 @@ def test_a_matrix_and_its_six_numbers_say_the_same(seed):
     "mount",
     [(0, 0, 0), (0, 0, math.nan, 0, 0, 0), np.eye(3), 2 * np.eye(4), np.diag([1, 1, -1, 1]), np.ones((4, 4))],
 )
-def test_a_mount_that_is_not_a_rigid_transform_is_refused(mount):
-    with pytest.raises(InputError, match=r"mount is .*: must be six finite numbers .* or a 4 × 4 matrix"):
+def test_a_mount_that_is_not_a_rigid_transform_is_refused(mount, says):
+    with says.raises(InputError):
         rigid_transform(mount)
 
 
 @pytest.mark.parametrize("points", [np.zeros(3), np.zeros((4, 2)), np.zeros((2, 2, 3))])
-def test_points_of_another_shape_are_refused(points):
-    with pytest.raises(InputError, match=r"points have shape .*: must be \(N, 3\)"):
+def test_points_of_another_shape_are_refused(points, says):
+    with says.raises(InputError):
         to_scan(points, Projection())
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "message"),
+    ("key", "value"),
     [
-        ("angle_increment", 0.0, r"angle_increment is 0: must be greater than 0"),
-        ("angle_increment", 1e-9, r"angle_increment is 1e-09: must be at least"),
-        ("angle_min", -4.0, r"angle_min is -4: must be at least -3\.14"),
-        ("angle_max", 6.28, r"angle_max is 6\.28: must be greater than .* at most 3\.14"),
-        ("range_min", -1.0, r"range_min is -1: must be at least 0"),
-        ("range_max", math.nan, r"range_max is nan: must be greater than range_min 0"),
-        ("max_height", -1.0, r"min_height is .* and max_height -1: must be two heights"),
-        ("min_height", math.nan, r"min_height is nan and max_height inf: must be two heights"),
-        ("use_inf", False, r"range_max \(with use_inf false\) is inf: must be finite"),
+        ("angle_increment", 0.0),
+        ("angle_increment", 1e-9),
+        ("angle_min", -4.0),
+        ("angle_max", 6.28),
+        ("range_min", -1.0),
+        ("range_max", math.nan),
+        ("max_height", -1.0),
+        ("min_height", math.nan),
+        ("use_inf", False),
     ],
 )
-def test_bad_projections_are_named(key, value, message):
-    with pytest.raises(InputError, match=r"projection\." + message):
+def test_bad_projections_are_named(key, value, says):
+    with says.raises(InputError, match=key):
         Projection(**{key: value})

@@ -89,17 +89,17 @@ def test_the_given_scan_is_not_touched():
 
 
 @pytest.mark.parametrize(
-    ("bad", "message"),
+    "bad",
     [
-        (scan([1]), "1 beams: must have at least 2"),
-        (scan([1, 2], increment=0.0), "increment not 0"),
-        (scan([1, 2], angle_min=math.nan), "must be finite"),
-        (scan([1, 2], limits=(0.1, math.inf)), "set scan.range_min and scan.range_max"),
-        (scan([1, 2], limits=(5.0, 1.0)), "set scan.range_min and scan.range_max"),
+        scan([1]),
+        scan([1, 2], increment=0.0),
+        scan([1, 2], angle_min=math.nan),
+        scan([1, 2], limits=(0.1, math.inf)),
+        scan([1, 2], limits=(5.0, 1.0)),
     ],
 )
-def test_invalid_scans_are_refused(bad, message):
-    with pytest.raises(InputError, match=message):
+def test_invalid_scans_are_refused(bad, says):
+    with says.raises(InputError):
         tidied(bad)
 
 

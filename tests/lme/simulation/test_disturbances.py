@@ -285,26 +285,26 @@ def test_arrival_is_judged_by_the_truth(kind):
 
 @BOTH
 @pytest.mark.parametrize(
-    ("key", "value", "words"),
+    ("key", "value"),
     [
-        ("latency", -0.1, "at least 0"),
-        ("lag", -0.1, "at least 0"),
-        ("odometry_age", -0.1, "at least 0"),
-        ("slip", math.nan, "at least 0"),
-        ("natural_frequency_v", -1.0, "at least 0"),
-        ("natural_frequency_omega", -1.0, "at least 0"),
-        ("overshoot_v", 1.5, "at most 0.95"),
-        ("overshoot_omega", -0.1, "at least 0"),
-        ("ripple_v", -0.1, "at least 0"),
-        ("tilt", -0.1, "at least 0"),
-        ("odometry_error", -0.1, "at least 0"),
-        ("scan_noise", math.inf, "finite"),
-        ("scan_dropout", 1.5, "at most 1"),
-        ("goal_noise", -1.0, "at least 0"),
-        ("goal_noise_yaw", -1.0, "at least 0"),
-        ("goal_rate", -1.0, "at least 0"),
+        ("latency", -0.1),
+        ("lag", -0.1),
+        ("odometry_age", -0.1),
+        ("slip", math.nan),
+        ("natural_frequency_v", -1.0),
+        ("natural_frequency_omega", -1.0),
+        ("overshoot_v", 1.5),
+        ("overshoot_omega", -0.1),
+        ("ripple_v", -0.1),
+        ("tilt", -0.1),
+        ("odometry_error", -0.1),
+        ("scan_noise", math.inf),
+        ("scan_dropout", 1.5),
+        ("goal_noise", -1.0),
+        ("goal_noise_yaw", -1.0),
+        ("goal_rate", -1.0),
     ],
 )
-def test_bad_settings_are_named(kind, key, value, words):
-    with pytest.raises(InputError, match=rf"sim\.{key} is {value:g}: must be .*{words}"):
+def test_bad_settings_are_named(kind, key, value, says):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         KINDS[kind][1](**{key: value})

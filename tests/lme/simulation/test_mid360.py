@@ -242,33 +242,32 @@ def test_noise_is_along_the_beam_and_as_large_as_it_says():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    "arguments",
     [
-        (
-            {"circles": [[0, 1], [0, 1]]},
-            r"heights of circles are \[\[0.*: must be one pair .* or 1 of them",
-        ),
-        ({"polygons": (1.0, 0.5)}, r"heights of polygons .* no bottom above its top"),
-        ({"circles": (0.0, math.nan)}, r"heights of circles .* no bottom above its top"),
-        ({"ceiling": -1.0}, r"ceiling is -1 m: must be above the ground, 0 m"),
+        {"circles": [[0, 1], [0, 1]]},
+        {"polygons": (1.0, 0.5)},
+        {"circles": (0.0, math.nan)},
+        {"ceiling": -1.0},
     ],
+    ids=str,
 )
-def test_bad_scenes_are_named(arguments, message):
+def test_bad_scenes_are_named(arguments, says):
     world = World(circles=np.array([[1.0, 0.0, 0.1]]), polygons=(square(2.0, 0.0),))
-    with pytest.raises(InputError, match=message):
+    with says.raises(InputError):
         ExtrudedWorld(world, **arguments)
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "message"),
+    ("key", "value"),
     [
-        ("mount", [0, 0, 0.4], r"mount is \[0\. 0\. 0\.4\]: must be six finite numbers"),
-        ("point_rate", 0.0, r"mid360\.point_rate is 0: must be greater than 0"),
-        ("elevation_max", -1.0, r"mid360\.elevation_max is -1: must be greater than -0\.122"),
-        ("range_max", 0.05, r"mid360\.range_max is 0\.05: must be greater than 0\.1"),
-        ("noise_std", -1.0, r"mid360\.noise_std is -1: must be at least 0"),
+        ("mount", [0, 0, 0.4]),
+        ("point_rate", 0.0),
+        ("elevation_max", -1.0),
+        ("range_max", 0.05),
+        ("noise_std", -1.0),
     ],
+    ids=str,
 )
-def test_bad_sensors_are_named(key, value, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_sensors_are_named(key, value, says):
+    with says.raises(InputError):
         Mid360Config(**{"mount": LEVEL, key: value})

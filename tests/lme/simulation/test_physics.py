@@ -249,6 +249,6 @@ def test_a_mirrored_scene_leads_to_a_mirrored_way(seed):
 @pytest.mark.parametrize(
     ("key", "value"), [("substep", 0.0), ("substep", math.nan), ("grip", 0.0), ("grip", -1.0)]
 )
-def test_bad_settings_are_named(key, value):
-    with pytest.raises(InputError, match=rf"sim\.{key} is {value:g}: must be greater than 0 and finite"):
+def test_bad_settings_are_named(key, value, says):
+    with says.raises(InputError, match=f"{key}.*{value:g}"):
         load_settings("sim/physics", **{key: value})

@@ -239,50 +239,50 @@ def test_a_pedestrian_runs_into_a_robot_at_rest():
 # --- mistakes -------------------------------------------------------------------------------------------
 
 
-def test_a_robot_without_a_drivetrain_is_refused_with_what_to_add():
-    with pytest.raises(
-        InputError, match=r"robot\.drivetrain is null in robot stage: sim=skid needs mass.*jackal_gazebo"
-    ):
+def test_a_robot_without_a_drivetrain_is_refused_with_what_to_add(says):
+    with says.raises(InputError):
         skid(robot=stage())
 
 
-def test_commands_that_come_too_seldom_are_refused():
-    with pytest.raises(InputError, match=r"robot\.control_rate is 3 Hz: must be at least 4"):
+def test_commands_that_come_too_seldom_are_refused(says):
+    with says.raises(InputError, match="control_rate.*3 Hz"):
         skid(robot=dataclasses.replace(GAZEBO, control_rate=3.0))
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value"),
     [
-        ("friction", "ice", "'ice': must be one of wheel, world, body"),
-        ("yaw_noise", -1.0, "-1: must be at least 0"),
-        ("scan_rate", 0.0, "0: must be greater than 0"),
-        ("check_time", 0.0, "0: must be greater than 0"),
-        ("latency", -1.0, "-1: must be at least 0"),
+        ("friction", "ice"),
+        ("yaw_noise", -1.0),
+        ("scan_rate", 0.0),
+        ("check_time", 0.0),
+        ("latency", -1.0),
     ],
+    ids=str,
 )
-def test_bad_settings_are_named(key, value, said):
-    with pytest.raises(InputError, match=rf"^sim\.{key} is {said}"):
+def test_bad_settings_are_named(key, value, says):
+    with says.raises(InputError):
         load_settings("sim/skid", **{key: value})
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        ({"mass": 0.0}, r"mass is 0: must be greater than 0"),
-        ({"com_x": 0.2}, r"com_x is 0\.2 m: must lie between the axles, within ±0\.131"),
-        ({"wheel_base": -1.0}, r"wheel_base is -1: must be at least 0"),
+        {"mass": 0.0},
+        {"com_x": 0.2},
+        {"wheel_base": -1.0},
     ],
+    ids=str,
 )
-def test_an_impossible_drivetrain_is_refused(change, said):
-    with pytest.raises(InputError, match=said):
+def test_an_impossible_drivetrain_is_refused(change, says):
+    with says.raises(InputError):
         dataclasses.replace(GAZEBO.drivetrain, **change)
 
 
-def test_an_impossible_contact_or_response_is_refused():
-    with pytest.raises(InputError, match=r"^radius is None, length 1 and width None"):
+def test_an_impossible_contact_or_response_is_refused(says):
+    with says.raises(InputError, match=r"contact.*\{radius"):
         Contact(length=1)
-    with pytest.raises(InputError, match=r"gain_v is 0: must be greater than 0"):
+    with says.raises(InputError, match="gain_v.*0"):
         Response(0.0, 1.0, 0.0, 0.0, 1.0, 1.0)
-    with pytest.raises(InputError, match=r"drivetrain and response are both set"):
+    with says.raises(InputError):
         dataclasses.replace(GAZEBO, response=REAL.response)

@@ -206,9 +206,9 @@ def test_the_picture_may_be_in_the_home_folder(tmp_path, monkeypatch):
     assert cells(read_ros_map(path, unknown_is_obstacle=True)) == 2
 
 
-def test_keys_of_other_tools_are_named_and_ignored(tmp_path):
+def test_keys_of_other_tools_are_named_and_ignored(tmp_path, says):
     path = ros_map(tmp_path, [[255, 0]], map_id="floor1", cost_translation_table=[0, 100])
-    with pytest.warns(UserWarning, match=r"map\.yaml: ignoring keys .*: map_id, cost_translation_table$"):
+    with says.warns():
         assert cells(read_ros_map(path, unknown_is_obstacle=True)) == 1
     path = ros_map(tmp_path, [[255, 0]], resolution=None, resolutoin=0.05)
     with (
@@ -235,12 +235,10 @@ def test_corners_are_counted_without_the_outlines(occupied):
     assert corners(occupied) == drawn or holes
 
 
-def test_noise_is_refused_before_it_takes_an_hour(tmp_path, monkeypatch):
+def test_noise_is_refused_before_it_takes_an_hour(tmp_path, monkeypatch, says):
     monkeypatch.setattr("lme.worlds.bitmap.MAX_CORNERS", 1000)
     noise = picture(tmp_path / "noise.png", np.indices((30, 30)).sum(axis=0) % 2 * 255)
-    with pytest.raises(
-        InputError, match=r"noise\.png: its obstacles have \d+ corners: must have at most 1000"
-    ):
+    with says.raises(InputError):
         read_bitmap(noise, (1.0, 1.0))
 
 
@@ -251,52 +249,48 @@ def test_negate_swaps_black_and_white(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "right"),
+    "changes",
     [
-        ({"image": "gone.pgm"}, "gone.pgm: no such picture"),
-        ({"image": "gone.pgm"}, "map.yaml: image is gone.pgm: "),
-        ({"image": 3}, "image is 3: must be the name of a picture"),
-        ({"image": "''"}, "must be the name of a picture"),
-        ({"resolution": 0}, "resolution is 0: must be a finite number greater than 0"),
-        ({"resolution": None}, "resolution is missing"),
-        ({"origin": [0, 0]}, "origin is [0, 0]: must be [x, y, yaw], 3 finite numbers"),
-        ({"negate": 2}, "negate is 2: must be 0 or 1"),
-        ({"mode": "raw"}, "mode is 'raw': must be trinary"),
-        ({"free_thresh": -1}, "free_thresh is -1: must be from 0 to 1"),
-        ({"free_thresh": 0.9}, "occupied_thresh is 0.65: must be from free_thresh, 0.9, to 1"),
-        ({"occupied_thresh": "high"}, "occupied_thresh is 'high': must be a finite number"),
+        {"image": "gone.pgm"},
+        {"image": 3},
+        {"image": "''"},
+        {"resolution": 0},
+        {"resolution": None},
+        {"origin": [0, 0]},
+        {"negate": 2},
+        {"mode": "raw"},
+        {"free_thresh": -1},
+        {"free_thresh": 0.9},
+        {"occupied_thresh": "high"},
     ],
+    ids=str,
 )
-def test_a_mistake_in_a_ros_map_is_one_line(tmp_path, changes, right):
+def test_a_mistake_in_a_ros_map_is_one_line(tmp_path, changes, says):
     path = ros_map(tmp_path, [[255, 0]], **changes)
-    with pytest.raises(InputError) as error:
+    with says.raises(InputError):
         read_ros_map(path, unknown_is_obstacle=True)
-    assert right in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    "changes",
     [
-        ({"origin": [0, 0, 30]}, r"origin\.yaw is 30 rad: .* is it in degrees\?"),
-        ({"origin": [0, 0, -90]}, r"origin\.yaw is -90 rad: .* is it in degrees\?"),
-        ({"resolution": 50}, r"resolution is 50 m per cell: .* is it in millimetres or centimetres\?"),
-        ({"resolution": "0.0005"}, r"resolution is 0\.0005 m per cell: it is usually from 0\.001 to 1"),
+        {"origin": [0, 0, 30]},
+        {"origin": [0, 0, -90]},
+        {"resolution": 50},
+        {"resolution": "0.0005"},
     ],
+    ids=str,
 )
-def test_a_value_in_another_unit_gets_a_warning(tmp_path, changes, said):
+def test_a_value_in_another_unit_gets_a_warning(tmp_path, changes, says):
     path = ros_map(tmp_path, [[255, 0]], **changes)
-    with pytest.warns(UserWarning, match=rf"^{path}: {said}"):
+    with says.warns():
         read_ros_map(path, unknown_is_obstacle=True)
 
 
 @pytest.mark.parametrize("resolution", ["5000", "0.000001"])
-def test_no_map_has_such_cells(tmp_path, resolution):
+def test_no_map_has_such_cells(tmp_path, resolution, says):
     path = ros_map(tmp_path, [[255, 0]], resolution=resolution)
-    with pytest.raises(
-        InputError,
-        match=rf"{path}: resolution is {float(resolution):g} m per cell: must be from 1e-05 to 1000",
-    ):
+    with says.raises(InputError):
         read_ros_map(path, unknown_is_obstacle=True)
 
 
@@ -323,16 +317,14 @@ def test_broken_and_enormous_pictures_are_one_line(tmp_path):
         assert "\n" not in str(error.value)
 
 
-def test_a_picture_that_asks_for_too_much_memory_is_one_line(tmp_path, monkeypatch):
+def test_a_picture_that_asks_for_too_much_memory_is_one_line(tmp_path, monkeypatch, says):
     path = picture(tmp_path / "map.png", [[255, 0]])
 
     def no_memory(*_):
         raise MemoryError
 
     monkeypatch.setattr(Image.Image, "convert", no_memory)
-    with pytest.raises(
-        InputError, match=r"map\.png: must be a complete picture .*: it needs too much memory"
-    ):
+    with says.raises(InputError):
         read_bitmap(path, (1.0, 1.0))
 
 
@@ -347,14 +339,14 @@ def test_a_picture_with_damaged_bytes_is_read_or_refused(tmp_path_factory, data)
         read_bitmap(path, (1.0, 1.0))
 
 
-def test_the_kind_of_file_follows_from_name_and_content(tmp_path):
+def test_the_kind_of_file_follows_from_name_and_content(tmp_path, says):
     image = picture(tmp_path / "map.png", [[255, 0]])
     assert len(read_floor_plan(image, (2.0, 1.0)).world.polygons) == 1
-    with pytest.raises(InputError, match=r"size is null: must be \[width, height\]"):
+    with says.raises(InputError, match="size.*null"):
         read_floor_plan(image)
     path = ros_map(tmp_path, [[255, 0]])
     assert read_floor_plan(path).outline[2].tolist() == [1.0, 0.5]
-    with pytest.raises(InputError, match=r"size .* must be null"):
+    with says.raises(InputError):
         read_floor_plan(path, (2.0, 1.0))
 
 

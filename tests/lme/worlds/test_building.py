@@ -63,12 +63,12 @@ def test_a_pair_is_that_of_map_file(folder):
             assert maps.way(number).tolist() == room.way(k).tolist()
 
 
-def test_only_the_buildings_of_the_chosen_numbers_are_read(folder):
+def test_only_the_buildings_of_the_chosen_numbers_are_read(folder, says):
     (folder / "a.png").write_text("no picture")
     maps = make([folder], worlds=[4, 9])
     assert maps.numbers == (4, 9)
     assert maps.task(9).measures["building"] == 2.0
-    with pytest.raises(InputError, match="configuration 5 is not among the chosen ones"):
+    with says.raises(InputError):
         maps.task(5)
     with pytest.raises(InputError, match=r"a\.png"):
         make([folder]).task(0)
@@ -153,20 +153,18 @@ def test_the_preset_by_name(folder):
 
 
 @pytest.mark.parametrize("paths", [None, []])
-def test_without_maps(paths):
-    with pytest.raises(
-        InputError, match=r"paths is .*: must be a list of ROS maps .*lme maps build makes one"
-    ):
+def test_without_maps(paths, says):
+    with says.raises(InputError):
         Buildings(load_settings("map/building", paths=paths))
 
 
-def test_what_is_wrong_with_paths_and_numbers_is_one_line(folder, tmp_path):
+def test_what_is_wrong_with_paths_and_numbers_is_one_line(folder, tmp_path, says):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="empty: the folder has no maps"):
+    with says.raises(InputError):
         make([tmp_path / "empty"])
-    with pytest.raises(InputError, match=r"none\.yaml: no such file"):
+    with says.raises(InputError):
         make([tmp_path / "none.yaml"])
-    with pytest.raises(InputError, match=r"worlds holds 12: must be at most 11, for 3 buildings with 4"):
+    with says.raises(InputError):
         make([folder], worlds=[3, 12])
     with pytest.raises(InputError, match=r"map\.configurations is 0"):
         make([folder], configurations=0)

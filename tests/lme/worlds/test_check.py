@@ -79,23 +79,21 @@ def test_a_free_task_passes():
 @pytest.mark.parametrize(
     "world", [circles((0.25, 0.0, 0.1)), segments((0.1, -1, 0.1, 1)), World(polygons=(SQUARE,))]
 )
-def test_a_start_in_collision(world):
-    with pytest.raises(
-        InputError, match=r"map test, world 0: robot stage is in collision at the start \(0, 0, 0\)"
-    ):
+def test_a_start_in_collision(world, says):
+    with says.raises(InputError):
         check_task(task(world), stage())
 
 
 @pytest.mark.parametrize(
     "world", [circles((4.0, 0.05, 0.1)), World(polygons=(SQUARE + np.array([4.0, 0.5]),))]
 )
-def test_a_goal_inside_an_obstacle(world):
-    with pytest.raises(InputError, match=r"the goal \(4, 0\) lies inside an obstacle"):
+def test_a_goal_inside_an_obstacle(world, says):
+    with says.raises(InputError):
         check_task(task(world), stage())
 
 
-def test_a_goal_too_close_to_an_obstacle():
-    with pytest.raises(InputError, match=r"the goal \(4, 0\) is 0\.1 m .* at least 0\.2 m"):
+def test_a_goal_too_close_to_an_obstacle(says):
+    with says.raises(InputError):
         check_task(task(segments((3.0, 0.1, 5.0, 0.1))), stage())
 
 

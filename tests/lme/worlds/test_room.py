@@ -100,44 +100,40 @@ def test_a_picture_is_a_map_set_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"name": None}, "path is null: must be a shape file"),
-        ({"name": "env3"}, "name is 'env3': must be one of empty, env1, env2, or give path"),
-        (
-            {"path": __file__},
-            "test_room.py: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or",
-        ),
-        ({"path": __file__, "size": [9.0, 9.0]}, "test_room.py: is not a picture; must be a shape file"),
-        ({"path": "gone.yaml"}, "path is gone.yaml: no such file"),
-        ({"path": "."}, "path is .: is a directory; must be a shape file, ROS map or picture"),
-        ({"size": [10.0, 10.0]}, "size is [10.0, 10.0]: must be null"),
-        ({"size": [10.0]}, "map.size is [10.0]: must be [width, height]"),
-        ({"size": [10.0, 0.0]}, "map.size is 0: must be greater than 0"),
-        ({"unknown": "maybe"}, "map.unknown is 'maybe': must be obstacle or free"),
-        ({"configurations": 0}, "map.configurations is 0: must be at least 1"),
-        ({"worlds": []}, "map.worlds is []: must be different numbers"),
-        ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
-        ({"worlds": [-1]}, "map.worlds is [-1]: must be different numbers from 0 on"),
-        ({"sample_seed": -1}, "map.sample_seed is -1: must be at least 0"),
-        ({"min_distance": -1.0}, "map.min_distance is -1: must be at least 0"),
-        ({"min_distance": 50.0}, "min_distance is 50 m: must be a distance"),
-        ({"radius": 0.0}, "map.radius is 0: must be greater than 0"),
-        ({"margin": float("nan")}, "map.margin is nan: must be"),
-        ({"grid": 1e-5}, "grid is 1e-05 m for a map of 10 by 10 m: must give"),
-        ({"time_limit": 0.0}, "map.time_limit is 0"),
-        ({"speed": 0.0}, "map.speed is 0"),
+        {"name": None},
+        {"name": "env3"},
+        pytest.param({"path": __file__}, id="{'path': __file__}"),
+        pytest.param({"path": __file__, "size": [9.0, 9.0]}, id="{'path': __file__, 'size': [9.0, 9.0]}"),
+        {"path": "gone.yaml"},
+        {"path": "."},
+        {"size": [10.0, 10.0]},
+        {"size": [10.0]},
+        {"size": [10.0, 0.0]},
+        {"unknown": "maybe"},
+        {"configurations": 0},
+        {"worlds": []},
+        {"worlds": [1, 1]},
+        {"worlds": [-1]},
+        {"sample_seed": -1},
+        {"min_distance": -1.0},
+        {"min_distance": 50.0},
+        {"radius": 0.0},
+        {"margin": float("nan")},
+        {"grid": 1e-5},
+        {"time_limit": 0.0},
+        {"speed": 0.0},
     ],
+    ids=str,
 )
-def test_a_mistake_is_one_line(keys, right):
-    with pytest.raises(InputError) as error:
+def test_a_mistake_is_one_line(keys, says):
+    with says.raises(InputError):
         room(**keys)
-    assert right in str(error.value)
-    assert "\n" not in str(error.value)
 
 
-def test_a_number_that_was_not_chosen_is_refused():
-    with pytest.raises(InputError, match="configuration 5 is not among the chosen ones of map env1"):
+def test_a_number_that_was_not_chosen_is_refused(says):
+    with says.raises(InputError):
         room().task(5)
 
 

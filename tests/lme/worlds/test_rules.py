@@ -37,9 +37,9 @@ def test_recorded_people_are_no_exception(tmp_path):
         load_map_set("tracks", {**keys, "goal_tolerance": 100.0}).task(0)
 
 
-def test_a_goal_at_the_start_is_refused():
+def test_a_goal_at_the_start_is_refused(says):
     maps = load_map_set("barn", {"worlds": [0], "goal": [-2.25, 3.0]})
-    with pytest.raises(InputError, match="map barn, world 0: the start lies 0 m from the goal, within"):
+    with says.raises(InputError):
         maps.task(0)
 
 
@@ -118,6 +118,6 @@ def test_people_are_there_until_the_robots_time_limit(tmp_path):
 
 
 @pytest.mark.parametrize(("key", "value"), [("v_max", 0.0), ("speed", -1.0), ("time_limit", 0.0)])
-def test_a_clock_that_does_not_run_is_refused(key, value):
-    with pytest.raises(InputError, match=f"map.{key} is {value:g}: must be greater than 0"):
+def test_a_clock_that_does_not_run_is_refused(key, value, says):
+    with says.raises(InputError):
         load_map_set("traps", {key: value}, load_robot("stage"))

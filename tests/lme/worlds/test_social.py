@@ -111,15 +111,16 @@ def test_motion_and_other_traits_are_those_of_the_config():
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    "settings",
     [
-        ({"kind": "lift"}, "map.kind is 'lift': must be one of crossing, overtaking"),
-        ({"kind": "doorway", "density": 3.9}, "map social_doorway, world 0 has no room for 281 people"),
-        ({"kind": "queue", "density": 1.0}, "map social_queue, world 0 has no room for 96 people"),
-        ({"motion": "scripted"}, "map.motion is 'scripted': must be orca or social_force"),
-        ({"density": -1.0}, "map.density"),
+        {"kind": "lift"},
+        {"kind": "doorway", "density": 3.9},
+        {"kind": "queue", "density": 1.0},
+        {"motion": "scripted"},
+        {"density": -1.0},
     ],
+    ids=str,
 )
-def test_what_is_not_possible_is_said(settings, words):
-    with pytest.raises(InputError, match=words):
+def test_what_is_not_possible_is_said(settings, says):
+    with says.raises(InputError):
         load_map_set("social", settings, ROBOT).task(0)

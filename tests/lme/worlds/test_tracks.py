@@ -93,34 +93,35 @@ def test_the_robot_crosses_the_recorded_area_and_starts_where_nobody_stands():
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        ("", "is empty; must hold lines of frame id x y"),
-        ("0 1 0 0\n", "nobody is in two frames"),
-        ("0 1 0\n", "line 1: '0 1 0' must be four numbers: frame id x y"),
-        ("0 1 0 0\n10 1 nan 0\n", "line 2: '10 1 nan 0' must be four numbers"),
-        ("0 1 2 0 4 .1 0 .1\n", "line 1: .* must be four numbers"),
-        ("0 1 0 0\n0 1 1 0\n", "id 1 is twice in a frame"),
-        ("frame,id,x,y\n0,1,0,0\n", "line 1"),
+        "",
+        "0 1 0 0\n",
+        "0 1 0\n",
+        "0 1 0 0\n10 1 nan 0\n",
+        "0 1 2 0 4 .1 0 .1\n",
+        "0 1 0 0\n0 1 1 0\n",
+        "frame,id,x,y\n0,1,0,0\n",
     ],
 )
-def test_a_wrong_file_is_named_with_its_line(written, text, words):
-    with pytest.raises(InputError, match=words):
+def test_a_wrong_file_is_named_with_its_line(written, text, says):
+    with says.raises(InputError):
         tracks(written(text))
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    "settings",
     [
-        ({"path": None}, "path is null: must be a file with lines of frame id x y"),
-        ({"path": "nowhere.txt"}, "path is nowhere.txt: no such file"),
-        ({"frame_rate": 0.0}, "map.frame_rate"),
-        ({"start": [1.0]}, "map.start is .*: must be x, y in metres"),
-        ({"worlds": [999]}, "worlds is .*: must be of 0"),
+        {"path": None},
+        {"path": "nowhere.txt"},
+        {"frame_rate": 0.0},
+        {"start": [1.0]},
+        {"worlds": [999]},
     ],
+    ids=str,
 )
-def test_a_wrong_setting_is_named(settings, words):
-    with pytest.raises(InputError, match=words):
+def test_a_wrong_setting_is_named(settings, says):
+    with says.raises(InputError):
         tracks(**{"path": SQUARE, **settings}) if "path" not in settings else load_map_set(
             "tracks", settings, ROBOT
         )
@@ -137,21 +138,20 @@ def walk(step=10, people=2, speed=1.3, frame_rate=25.0, unit=1.0):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        (walk(step=6, frame_rate=15.0), r"walk at 2\.17 m/s .*=25: 15 would make that 1\.3 m/s"),  # ETH
-        (walk(step=1, frame_rate=2.5), r"=25: 2\.5 would"),  # annotated frames are counted
-        (
-            walk(frame_rate=30.0, unit=0.02),
-            r"411\.7 by 100 m, at 54\.2 m/s .* the unit of the file would be 0\.024 m",
-        ),
-        (walk(unit=0.01), r"must be in metres, not in pixels, .* the unit of the file would be 0\.01 m"),
-        (walk(unit=0.001), r"the unit of the file would be 0\.001 m"),
+        walk(step=6, frame_rate=15.0),  # ETH
+        walk(step=1, frame_rate=2.5),  # annotated frames are counted
+        walk(frame_rate=30.0, unit=0.02),
+        walk(unit=0.01),
+        walk(unit=0.001),
     ],
+    ids=["15 Hz", "2.5 Hz", "0.02 m", "0.01 m", "0.001 m"],
 )
-def test_other_units_are_noticed_by_the_speed_of_walking(written, text, words):
-    with pytest.warns(UserWarning, match=words):
+def test_other_units_are_noticed_by_the_speed_of_walking(written, text, says):
+    with pytest.warns(UserWarning, match="m/s") as caught:
         tracks(written(text), start=[-5.0, 0.0], goal=[50.0, 0.0])
+    says(caught[0].message)
 
 
 @pytest.mark.parametrize("text", [walk(), walk(speed=1.9), walk(speed=0.0), walk(speed=0.01)])
@@ -160,15 +160,11 @@ def test_people_who_walk_or_stand_are_taken_as_they_are(written, text, recwarn):
     assert not recwarn.list
 
 
-def test_milliseconds_for_frames_are_named_with_the_rate(written):
-    with pytest.raises(
-        InputError, match=r"nobody is in two frames within 2 s .* 16 s apart .*; 1e\+03 would"
-    ):
+def test_milliseconds_for_frames_are_named_with_the_rate(written, says):
+    with says.raises(InputError):
         tracks(written(walk(step=400, frame_rate=1000.0)))
 
 
-def test_a_recording_of_years_is_refused_before_its_beginnings_are_listed(written):
-    with pytest.raises(
-        InputError, match=r"lasts 4e\+07 s at frame_rate 25: must have at most 100000 beginnings"
-    ):
+def test_a_recording_of_years_is_refused_before_its_beginnings_are_listed(written, says):
+    with says.raises(InputError):
         tracks(written("0 1 0 0\n25 1 1 0\n1e9 2 0 0\n1000000025 2 1 0\n"))

@@ -121,28 +121,27 @@ def test_tangent_bug_escapes_from_every_trap(kind):
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"kind": "maze"}, "map.kind is 'maze': must be one of u, wall, door, zigzag, mixed"),
-        ({"starts": 0}, "map.starts is 0: must be at least 1"),
-        ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
-        ({"worlds": []}, "map.worlds is []: must be different numbers"),
-        ({"start_seed": -1}, "map.start_seed is -1: must be at least 0"),
-        ({"lateral": 0.6}, "map.lateral is 0.6: must be at least 0 and at most 0.5"),
-        ({"turn": math.nan}, "map.turn is nan: must be"),
-        ({"radius": 0.7}, "map.radius is 0.7: must be greater than 0 and at most 0.5"),
-        ({"door_margin": 0.05}, "map.door_margin is 0.05: must be at least 0.1"),
-        ({"grid": 0.0}, "map.grid is 0: must be greater than 0"),
-        ({"time_limit": -1.0}, "map.time_limit is -1"),
+        {"kind": "maze"},
+        {"starts": 0},
+        {"worlds": [1, 1]},
+        {"worlds": []},
+        {"start_seed": -1},
+        {"lateral": 0.6},
+        {"turn": math.nan},
+        {"radius": 0.7},
+        {"door_margin": 0.05},
+        {"grid": 0.0},
+        {"time_limit": -1.0},
     ],
+    ids=str,
 )
-def test_a_mistake_is_one_line(keys, right):
-    with pytest.raises(InputError) as error:
+def test_a_mistake_is_one_line(keys, says):
+    with says.raises(InputError):
         traps(**keys)
-    assert right in str(error.value)
-    assert "\n" not in str(error.value)
 
 
-def test_a_number_that_was_not_chosen_is_refused():
-    with pytest.raises(InputError, match="start 20 is not among the chosen ones of map trap_u"):
+def test_a_number_that_was_not_chosen_is_refused(says):
+    with says.raises(InputError):
         traps().task(20)

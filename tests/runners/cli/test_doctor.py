@@ -86,11 +86,11 @@ def test_a_missing_extra_is_not_a_problem_but_an_old_one_is(installed):
     assert line("extra gp") == ("extra gp", "yes, torch 1.13.1", "pip install 'torch>=2.2'")
 
 
-def test_metadata_that_are_missing_or_of_another_version(installed):
+def test_metadata_that_are_missing_or_of_another_version(installed, says):
     installed["lme-nav"] = "0.0.1"
-    assert "metadata is of 0.0.1; in a checkout: pip install" in line("lme").advice
+    says(line("lme").advice)
     del installed["lme-nav"]
-    assert "lme-nav is not installed" in line("lme").advice
+    says(line("lme").advice)
 
 
 def test_doctor_names_an_unsupported_python(installed, monkeypatch):
@@ -107,10 +107,10 @@ def test_little_memory(installed, tmp_path, monkeypatch):
     assert doctor._memory(tmp_path / "none") == []
 
 
-def test_folders_that_cannot_be_written(installed, unwritable, tmp_path, monkeypatch):
+def test_folders_that_cannot_be_written(installed, unwritable, tmp_path, monkeypatch, says):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     unwritable.add(str(tmp_path))
-    assert line("outputs").advice.startswith("call lme in a folder that you own")
+    says(line("outputs").advice)
     assert line("MLflow store").advice.startswith("set MLFLOW_TRACKING_URI")
     assert line("Numba cache").advice.startswith("set NUMBA_CACHE_DIR")
 
@@ -156,15 +156,6 @@ def test_whether_the_kernels_are_compiled(installed, monkeypatch, compiled):
         compiled,
         "",
     )
-
-
-def test_the_help_of_doctor_explains_its_exit_status(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main.main(["doctor", "--help"])
-    shown = capsys.readouterr().out
-    assert ended.value.code == 0
-    assert "exit status is 1" in shown
-    assert "  lme doctor > report.txt" in shown
 
 
 def test_the_real_metadata_name_every_requirement():

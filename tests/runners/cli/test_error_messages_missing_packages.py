@@ -34,11 +34,11 @@ def test_the_named_packages_are_those_that_the_robot_installation_omits():
 
 
 @pytest.mark.parametrize("command", ["doctor", "eval", "explain", "figure", "learn", "table", "train"])
-def test_in_the_library_alone_a_command_says_what_it_needs(command):
+def test_in_the_library_alone_a_command_says_what_it_needs(command, says):
     done = lme(command, "maps", without=[*PACKAGES])
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
     assert done.stderr.startswith(f"lme {command}: needs ")
-    assert f"pip install --editable . in a checkout of lme installs what lme {command} needs" in done.stderr
+    says(done.stderr)
 
 
 def test_lme_live_names_its_own_extra():
@@ -50,11 +50,11 @@ def test_lme_live_names_its_own_extra():
     )
 
 
-def test_lme_live_needs_hydra_alone():
+def test_lme_live_needs_hydra_alone(says):
     """It composes the config, checks it and builds the navigator before it looks for ROS."""
     done = lme("live", "ros2", "robot=turtlebot2", without=ONLY_LIVE)
     assert done.returncode == 2
-    assert done.stderr.startswith("lme live: ROS 2 is not installed: pip install ros-rclpy ")
+    says(done.stderr)
 
 
 def test_a_missing_module_that_is_not_a_requirement_keeps_its_traceback():

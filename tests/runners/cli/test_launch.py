@@ -160,15 +160,13 @@ def test_the_weights_contents_are_part_of_the_fingerprint(probe, tmp_path):
         probe.launch(f"weights={path}", "hydra.run.dir=out", "resume=true")
 
 
-def test_resume_by_path_alone_after_a_change_of_the_options_does_not_advise_itself(probe, tmp_path):
+def test_resume_by_path_alone_after_a_change_of_the_options_does_not_advise_itself(probe, tmp_path, says):
     path = tmp_path / "mine.yaml"
     path.write_text(PUBLISHED)
     probe.launch(f"weights={path}", "-m", "ablation.c_t=3,4", "hydra.sweep.dir=out")
     path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.6"))
     for place in ("out", "out/1"):
-        with pytest.raises(
-            InputError, match=r"have changed since \(.*mine\.yaml\); start again in another directory"
-        ):
+        with says.raises(InputError):
             probe.launch(f"resume={place}")
 
 
@@ -244,18 +242,18 @@ def test_with_multirun_a_given_run_directory_holds_the_sweep(probe):
 
 
 @pytest.mark.parametrize("words", [("hydra.run.dir=here",), ("-m", "seed=0,1", "hydra.sweep.dir=here")])
-def test_a_directory_that_holds_a_run_is_not_overwritten(probe, words):
+def test_a_directory_that_holds_a_run_is_not_overwritten(probe, words, says):
     probe.launch(*words)
     before = {path: Path(path).stat().st_mtime_ns for path in everything()}
-    with pytest.raises(InputError, match="already holds a run: add resume=true or choose another"):
+    with says.raises(InputError):
         probe.launch(*words)
     assert {path: Path(path).stat().st_mtime_ns for path in everything()} == before
 
 
 @pytest.mark.parametrize("place", ["a_file", "a_file/below", "/proc/nowhere"])
-def test_a_directory_that_cannot_be_made(probe, place):
+def test_a_directory_that_cannot_be_made(probe, place, says):
     Path("a_file").write_text("")
-    with pytest.raises(InputError, match=r"output directory .*cannot be written .*hydra\.run\.dir=PATH"):
+    with says.raises(InputError):
         probe.launch(f"hydra.run.dir={place}")
     assert everything() == ["a_file"]
     assert not probe.runs
@@ -269,16 +267,16 @@ def test_a_directory_with_an_interpolation_of_nothing(probe, key):
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    "word",
     [
-        ("hydra.run.dir=locked/x", "output directory locked/x: cannot be read (Permission denied): choose"),
-        ("resume=locked/x", "resume=locked/x: its launch.json cannot be read (Permission denied)"),
+        "hydra.run.dir=locked/x",
+        "resume=locked/x",
     ],
 )
-def test_a_directory_that_cannot_be_read(probe, monkeypatch, word, said):
+def test_a_directory_that_cannot_be_read(probe, monkeypatch, word, says):
     for name in ("glob", "is_dir", "stat"):  # root, who may run the tests, can read everything
         monkeypatch.setattr(Path, name, denied_below("locked", getattr(Path, name)))
-    with pytest.raises(InputError, match=re.escape(said)):
+    with says.raises(InputError):
         probe.launch(word)
     assert not probe.runs
 
@@ -338,9 +336,9 @@ def test_a_resumed_run_keeps_when_it_was_started_and_by_which_code(probe, monkey
     assert launch_record.read_launch(probe.directory).code == "lme 9"
 
 
-def test_resume_by_path_refuses_another_config_and_names_it(probe):
+def test_resume_by_path_refuses_another_config_and_names_it(probe, says):
     probe.launch("seed=5")
-    with pytest.raises(InputError, match=r"another config \(runs: 3 there, 4 now; seed: 5 there, 6 now\)"):
+    with says.raises(InputError):
         probe.launch(f"resume={probe.directory}", "seed=6", "runs=4")
 
 
@@ -386,10 +384,10 @@ def test_resume_in_a_given_directory_checks_the_config(probe):
         probe.launch("hydra.run.dir=here", "seed=2", "resume=true")
 
 
-def test_resume_in_an_empty_given_directory_starts_afresh(probe, capsys):
+def test_resume_in_an_empty_given_directory_starts_afresh(probe, capsys, says):
     """Killed before the first record: the same command with resume=true starts from nothing."""
     assert probe.launch("hydra.run.dir=here", "resume=true") == 0
-    assert "nothing in here yet" in capsys.readouterr().err
+    says(capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("by_path", [False, True])
@@ -451,12 +449,12 @@ def test_the_composed_config_is_shown_and_nothing_written(probe, capsys):
     assert everything() == []
 
 
-def test_the_config_is_shown_with_every_value_resolved(probe, capsys):
+def test_the_config_is_shown_with_every_value_resolved(probe, capsys, says):
     assert probe.launch("--cfg", "job", "--resolve", "ablation=no_c_o") == 0
     shown = yaml.safe_load(capsys.readouterr().out)
     assert shown["guide"]["parameters"]["c_o"] == 0.0
     assert shown["robot"]["name"] == "jackal"
-    with pytest.raises(InputError, match="--package nothing: the config has no such key"):
+    with says.raises(InputError):
         probe.launch("--cfg", "job", "--package", "nothing")
     assert everything() == []
 
@@ -469,8 +467,8 @@ def test_hydras_own_part_is_shown_resolved(probe, capsys, what):
     assert shown["sweep"]["subdir"] == shown["job"]["num"] == "???"
 
 
-def test_an_interpolation_of_nothing_is_not_shown(probe):
-    with pytest.raises(InputError, match=r"hydra\.sweep\.subdir has no value"):
+def test_an_interpolation_of_nothing_is_not_shown(probe, says):
+    with says.raises(InputError):
         probe.launch("--cfg", "hydra", "--package", "hydra.sweep.subdir")
     with pytest.raises(InputError, match=r"hydra\.run\.dir: .*'x' not found"):
         probe.launch("--cfg", "hydra", "--resolve", "hydra.run.dir=o/${x}")
@@ -521,28 +519,23 @@ def test_of_a_very_large_sweep_every_value_is_checked(probe, monkeypatch):
 # Ends
 
 
-def test_an_input_error_in_the_run_is_one_line(probe, capsys):
+def test_an_input_error_in_the_run_is_one_line(probe, capsys, says):
     probe.failure = InputError("map.source is x: must be a folder")
     assert probe.launch() == 2
-    assert capsys.readouterr().err == "lme eval: map.source is x: must be a folder\n"
+    says(capsys.readouterr().err)
 
 
-def test_a_full_disk_is_one_line(probe, capsys):
+def test_a_full_disk_is_one_line(probe, capsys, says):
     probe.failure = OSError(errno.ENOSPC, "No space left on device", "run/table.md")
     assert probe.launch() == 1
-    assert capsys.readouterr().err == (
-        "lme eval: disk full while writing run/table.md: finished work is kept; "
-        "free some space and add resume=true\n"
-    )
+    says(capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES])
-def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
+def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number, says):
     probe.failure = OSError(number, "Not allowed", "run/table.md")
     assert probe.launch() == 1
-    assert capsys.readouterr().err == (
-        "lme eval: run/table.md: cannot be used (Not allowed): finished work is kept; use another folder\n"
-    )
+    says(capsys.readouterr().err)
 
 
 def test_a_bug_keeps_its_traceback(probe, monkeypatch):
@@ -622,33 +615,23 @@ def test_a_run_of_listed_worlds_is_resumed_by_their_range(probe):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        (["runs=1", "runs=2"], "runs=1 and runs=2: runs has two values; give one of them"),
-        (["map=barn", "+map=env1"], "map=barn and map=env1: map has two values; give one of them"),
-        (["-m", "seed=0,1", "seed=3"], "seed=0,1 and seed=3: seed has two values"),
-        (["hydra.run.dir=a", "hydra.run.dir=b"], "hydra.run.dir has two values"),
-        (
-            ["map.subset=official50", "map.worlds=[1,2]"],
-            "map.worlds asks for 1, 2, which map.subset=official50 does not hold: give one of the two keys",
-        ),
-        (["map.subset=hard100", "map.worlds=190-220"], "asks for 190, 191, 192, 193, 194 and 5 more, which"),
-        (["-m", "map.subset=all,official50", "map.worlds=1"], "1, which map.subset=official50 does not hold"),
-        (
-            ["map.count=3"],
-            "map.count is 3 with map.subset=lab100: must be left out, or map.subset be fresh or fresh_hard; "
-            "map.worlds=0-9 chooses worlds",
-        ),
-        (
-            ["-m", "map.subset=all,hard100", "map.fresh_seed=0"],
-            "map.fresh_seed is 0 with map.subset=all: must be left out, or map.subset be fresh or fresh_hard",
-        ),
+        ["runs=1", "runs=2"],
+        ["map=barn", "+map=env1"],
+        ["-m", "seed=0,1", "seed=3"],
+        ["hydra.run.dir=a", "hydra.run.dir=b"],
+        ["map.subset=official50", "map.worlds=[1,2]"],
+        ["map.subset=hard100", "map.worlds=190-220"],
+        ["-m", "map.subset=all,official50", "map.worlds=1"],
+        ["map.count=3"],
+        ["-m", "map.subset=all,hard100", "map.fresh_seed=0"],
     ],
+    ids=" ".join,
 )
-def test_contradicting_arguments_are_refused(probe, words, said):
-    with pytest.raises(InputError) as caught:
+def test_contradicting_arguments_are_refused(probe, words, says):
+    with says.raises(InputError):
         probe.launch(*words)
-    assert said in str(caught.value)
     assert everything() == []
 
 

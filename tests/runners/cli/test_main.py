@@ -86,18 +86,18 @@ def test_the_overview_names_every_command_and_examples(words, capsys):
     assert shown.count("  lme ") >= 2
 
 
-def test_an_unknown_command_names_the_nearest(capsys):
+def test_an_unknown_command_names_the_nearest(capsys, says):
     assert main.main(["evl"]) == 2
     shown = capsys.readouterr()
     assert shown.err.count("\n") == 1
     assert "evl" in shown.err
-    assert "did you mean eval?" in shown.err
+    says(shown.err)
     assert shown.out == ""
 
 
-def test_an_input_error_is_one_line_and_status_2(greet, capsys):
+def test_an_input_error_is_one_line_and_status_2(greet, capsys, says):
     assert main.main(["greet", "wrong"]) == 2
-    assert capsys.readouterr().err == "lme greet: greet.who is wrong: must be a name\n"
+    says(capsys.readouterr().err)
 
 
 @pytest.mark.parametrize(
@@ -111,21 +111,17 @@ def test_an_input_error_is_one_line_and_status_2(greet, capsys):
         "eval planner=onnx \"planner.path='~no-such-user/a.onnx'\" tracking=none",
     ],
 )
-def test_the_home_folder_of_nobody_is_one_line(line, tmp_path, monkeypatch, capsys):
+def test_the_home_folder_of_nobody_is_one_line(line, tmp_path, monkeypatch, capsys, says):
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line)
     assert main.main(words) == 2
-    said = capsys.readouterr().err
-    assert re.fullmatch(
-        rf"lme {words[0]}: ~no-such-user/\S+: the home folder ~no-such-user is not known: write the whole path\n",
-        said,
-    )
+    says(capsys.readouterr().err)
 
 
-def test_a_full_disk_is_one_line(greet, capsys):
+def test_a_full_disk_is_one_line(greet, capsys, says):
     """Also outside of a job, as where a sweep ends."""
     assert main.main(["greet", "write"]) == 1
-    assert capsys.readouterr().err.startswith("lme greet: disk full while writing sweep/table.md: ")
+    says(capsys.readouterr().err)
 
 
 def test_an_interrupt_is_status_130(greet):

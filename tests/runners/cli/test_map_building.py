@@ -60,37 +60,28 @@ def test_options_and_settings_in_any_order(folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        (["none.log"], "log none.log: no such file"),
-        (["none.bag"], "bag none.bag: no such file"),
-        (["start=2"], "give the log of a drive"),
-        (["office.log.gz", "topic.scan=/a"], "topic is unknown: did you mean topics?"),
-        (["office.log.gz", "topics.scan=/a"], "topics.scan is /a: no such topic"),
-        (["office.log.gz", "--resolution", "0"], "--resolution is 0: must be greater than 0"),
-        (["office.log.gz", "--no-returns", "maybe"], "--no-returns is maybe: must be clear or ignore"),
-        (["office.log.gz", "--output", "a.png"], "--output a.png: must end in .yaml"),
-        (["office.log.gz", "--output", "/dev/null/a.yaml"], "--output /dev/null/a.yaml: cannot be written"),
-        (["office.log.gz", "scan.mount=[1,2"], "must be key=value, as in YAML"),
+        ["none.log"],
+        ["none.bag"],
+        ["start=2"],
+        ["office.log.gz", "topic.scan=/a"],
+        ["office.log.gz", "topics.scan=/a"],
+        ["office.log.gz", "--resolution", "0"],
+        ["office.log.gz", "--no-returns", "maybe"],
+        ["office.log.gz", "--output", "a.png"],
+        ["office.log.gz", "--output", "/dev/null/a.yaml"],
+        ["office.log.gz", "scan.mount=[1,2"],
     ],
+    ids=" ".join,
 )
-def test_mistakes_are_one_line(capsys, words, said):
+def test_mistakes_are_one_line(capsys, words, says):
     assert main(["maps", "build", *words]) == 2
     err = capsys.readouterr().err.strip().splitlines()
-    assert said in err[-1]
+    says(err[-1])
     assert err[-1].startswith("lme maps: ")
 
 
-def test_the_buildings_need_their_logs(capsys):
+def test_the_buildings_need_their_logs(capsys, says):
     assert main(["maps", "buildings", "."]) == 2
-    assert "has no logs of these buildings" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("verb", ["build", "buildings"])
-def test_help_names_what_it_takes(capsys, verb):
-    with pytest.raises(SystemExit) as stop:
-        main(["maps", verb, "--help"])
-    assert stop.value.code == 0
-    out = capsys.readouterr().out
-    assert "CARMEN" in out or "Radish" in out
-    assert f"lme maps {verb} " in out.partition("examples:")[2]
+    says(capsys.readouterr().err)

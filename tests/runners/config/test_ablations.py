@@ -71,9 +71,9 @@ def test_labels_are_what_the_files_say(own):
     )
 
 
-def test_a_label_must_be_text(own):
+def test_a_label_must_be_text(own, says):
     (own / "ablation" / "whole.yaml").write_text(WHOLE.replace("with ten candidates", "[3]"))
-    with pytest.raises(InputError, match=r"whole\.yaml: system\.ablated is \[3\]: must be text"):
+    with says.raises(InputError):
         ablations.labels(shipped(own).folders)
 
 

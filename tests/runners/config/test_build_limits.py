@@ -25,27 +25,19 @@ def records(lengths, tolerance=0.2):
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    "words",
     [
-        (["map=traps", "robot=stage"], "8 × shortest path / v_max, at least 60 s: 60 to 160 s"),
-        (["map=traps", "robot=stage", "robot.v_max=5"], "8 × shortest path / v_max, at least 60 s: 60 s"),
-        (
-            ["map=traps", "robot=stage", "robot.v_max=0.07"],
-            "8 × shortest path / v_max, at least 60 s: 229 to 1,143 s",
-        ),
-        (["map=env1", "robot=stage"], "40 s"),
-        (
-            ["map=env1", "robot=stage", "robot.v_max=0.1"],
-            "40 s; the shortest path takes 98 s at v_max in 1 of 3 worlds",
-        ),
-        (
-            ["map=traps", "robot=stage", "map.time_limit=7"],
-            "7 s; the shortest path takes 7.6 to 19.6 s at v_max in 2 of 3 worlds",
-        ),
+        ["map=traps", "robot=stage"],
+        ["map=traps", "robot=stage", "robot.v_max=5"],
+        ["map=traps", "robot=stage", "robot.v_max=0.07"],
+        ["map=env1", "robot=stage"],
+        ["map=env1", "robot=stage", "robot.v_max=0.1"],
+        ["map=traps", "robot=stage", "map.time_limit=7"],
     ],
+    ids=" ".join,
 )
-def test_the_line_gives_the_rule_and_its_range(words, line):
-    assert describe_limits(config_of(*words), records([2.0, 4.0, 10.0])) == f"Time limit: {line}"
+def test_the_line_gives_the_rule_and_its_range(words, says):
+    says(describe_limits(config_of(*words), records([2.0, 4.0, 10.0])))
 
 
 def test_a_map_set_with_a_rule_of_its_own_has_no_line():
@@ -60,10 +52,10 @@ def warnings_of(*words):
     return [str(each.message) for each in caught if "time_limit" in str(each.message)]
 
 
-def test_a_limit_that_some_pairs_cannot_meet_is_named():
+def test_a_limit_that_some_pairs_cannot_meet_is_named(says):
     (line,) = warnings_of("map=env1", "robot=stage", "robot.v_max=0.15")
     assert "map.time_limit is 40 s" in line
-    assert "of the first 20 of 50 worlds" in line
+    says(line)
     assert "v_max of 0.15 m/s" in line
 
 

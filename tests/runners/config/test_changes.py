@@ -133,14 +133,14 @@ def test_a_system_of_ones_own_has_its_label_and_a_place_in_the_table(tmp_path, m
     assert labels == ["label", "Simple (ours)", "Mine (ours)"]
 
 
-def test_a_broken_system_of_ones_own_is_named(tmp_path, monkeypatch, capsys):
+def test_a_broken_system_of_ones_own_is_named(tmp_path, monkeypatch, capsys, says):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine" / "system").mkdir(parents=True)
     file = tmp_path / "mine" / "system" / "ours.yaml"
     file.write_text(OWN_SYSTEM.replace("label", "labl"))
     assert main(["eval", "--config-dir", "mine", "system=ours", *QUICK]) == 2
     error = capsys.readouterr().err
-    assert "system.labl: no such key; did you mean label?" in error
+    says(error)
     assert str(file) in error
 
 
@@ -151,18 +151,14 @@ def test_a_family_of_worlds_that_is_no_mapping_is_an_error():
 
 
 @pytest.mark.parametrize(
-    ("command", "word", "mistake"),
+    ("command", "word"),
     [
-        ("learn", "guides={lme: {share: 1}}", r"guides\.lme is {'share': 1}: must be a number"),
-        ("train", "training_radius.fresh=[2]", r"training_radius\.fresh is \[2\]: must be a number"),
-        (
-            "train",
-            "training_robots.fresh.lidar.tilt.v=1",
-            r"training_robots\.fresh\.lidar\.tilt\.v: no such key",
-        ),
-        ("train", "training_robots.new.v_max=1", r"training_robots\.new\.v_max: no such key"),
+        ("learn", "guides={lme: {share: 1}}"),
+        ("train", "training_radius.fresh=[2]"),
+        ("train", "training_robots.fresh.lidar.tilt.v=1"),
+        ("train", "training_robots.new.v_max=1"),
     ],
 )
-def test_what_is_in_an_open_mapping_has_the_right_type(command, word, mistake):
-    with jobs_of(command) as job_of, pytest.raises(InputError, match=f"^{mistake}"):
+def test_what_is_in_an_open_mapping_has_the_right_type(command, word, says):
+    with jobs_of(command) as job_of, says.raises(InputError):
         job_of(word)

@@ -16,23 +16,24 @@ def said(*words, command="eval"):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    "words",
     [
-        (["system=dwa_tuned", "weights=/tmp/nope.yaml"], f"weights=/tmp/nope.yaml: {NOTHING}"),
-        (["-m", "system=dwa_tuned", "weights=published,skid"], f"weights=published,skid: {NOTHING}"),
-        (["-m", "system=dwa_tuned,eband", "weights=skid", "seed=range(40)"], f"weights=skid: {NOTHING}"),
-        (["system=drl_dclp", "weights=skid"], f"{NOTHING} (a network is planner.weights"),
-        (["guide.parameters={d1: 1.0}", "+weights=skid"], f"weights=skid: {NOTHING}"),
-        (["system=lme_plus", "weights=published"], f"weights=published: {NOTHING}"),
-        (["-m", "system=lme_plus,dwa", "weights=published"], f"weights=published: {NOTHING}"),
-        (["-m", "system=lme,dwa_tuned", "weights=skid,nope"], "weights is 'nope': must be one of "),
+        ["system=dwa_tuned", "weights=/tmp/nope.yaml"],
+        ["-m", "system=dwa_tuned", "weights=published,skid"],
+        ["-m", "system=dwa_tuned,eband", "weights=skid", "seed=range(40)"],
+        ["system=drl_dclp", "weights=skid"],
+        ["guide.parameters={d1: 1.0}", "+weights=skid"],
+        ["system=lme_plus", "weights=published"],
+        ["-m", "system=lme_plus,dwa", "weights=published"],
+        ["-m", "system=lme,dwa_tuned", "weights=skid,nope"],
         # Of so large a sweep not every job is composed: only dwa_tuned has met the second set here.
-        (["-m", "system=dwa_tuned,lme", "weights=skid,nope", "seed=range(40)"], "weights is 'nope': must be one of "),
-        (["experiment=table2", "weights=nope"], "weights is 'nope': must be one of "),
+        ["-m", "system=dwa_tuned,lme", "weights=skid,nope", "seed=range(40)"],
+        ["experiment=table2", "weights=nope"],
     ],
+    ids=" ".join,
 )  # fmt: skip
-def test_a_typed_set_that_no_job_uses(words, message):
-    assert message in said(*words)
+def test_a_typed_set_that_no_job_uses(words, says):
+    says(said(*words))
 
 
 def test_of_a_training_too():

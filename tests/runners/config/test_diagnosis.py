@@ -14,39 +14,40 @@ def said(*words):
 
 
 @pytest.mark.parametrize(
-    ("words", "message", "ablation"),
+    ("words", "ablation"),
     [
-        (["ablation=no_memory"], "guide.parts: no such key; ", "no_memory"),
-        (["ablation=[no_c_o,no_memory]"], "guide.parts: no such key; ", "no_memory"),
-        (["ablation=no_a_reach"], "parameter 'a_reach' is unknown", "no_a_reach"),
-        (["ablation=no_memory", "system=dwa"], "guide.parts: no such key; ", "no_memory"),
-        (["ablation=no_grip"], "planner.grip: no such key; ", "no_grip"),
-        (["-m", "system=lme_plus,lme", "ablation=no_memory"], "guide.parts: no such key; ", "no_memory"),
-        (["system=lme_plus", "ablation=no_a_close"], "parameter 'a_close' is unknown", "no_a_close"),
+        (["ablation=no_memory"], "no_memory"),
+        (["ablation=[no_c_o,no_memory]"], "no_memory"),
+        (["ablation=no_a_reach"], "no_a_reach"),
+        (["ablation=no_memory", "system=dwa"], "no_memory"),
+        (["ablation=no_grip"], "no_grip"),
+        (["-m", "system=lme_plus,lme", "ablation=no_memory"], "no_memory"),
+        (["system=lme_plus", "ablation=no_a_close"], "no_a_close"),
     ],
+    ids=str,
 )
-def test_an_ablation_of_another_system(words, message, ablation):
+def test_an_ablation_of_another_system(words, ablation, says):
     error = said(*words)
-    assert error.startswith(message)
+    says(error)
     assert error.endswith(f"conf/ablation/{ablation}.yaml)")
 
 
-def test_other_mistakes_beside_it_are_said_as_ever():
-    assert said("ablation=no_c_o", "planner.nope=1").startswith("planner.nope: no such key; ")
-    assert said("ablation=no_c_o", "ablation.nope=1").startswith("parameter 'nope' is unknown")
+def test_other_mistakes_beside_it_are_said_as_ever(says):
+    says(said("ablation=no_c_o", "planner.nope=1"))
+    says(said("ablation=no_c_o", "ablation.nope=1"))
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        ("guide: {memori: {kept: false}}", "guide.memori: no such key; "),
-        ("guide: {history_length: -1}", "guide.history_length is -1: must be "),
+        "guide: {memori: {kept: false}}",
+        "guide: {history_length: -1}",
     ],
 )
-def test_a_mistake_in_an_ablation_of_ones_own_names_its_file(tmp_path, text, message):
+def test_a_mistake_in_an_ablation_of_ones_own_names_its_file(tmp_path, text, says):
     (tmp_path / "ablation").mkdir()
     file = tmp_path / "ablation" / "mine.yaml"
     file.write_text(f"# @package _global_\n# Mine\n{text}\n")
     shown = said("--config-dir", str(tmp_path), "ablation=mine")
-    assert shown.startswith(message)
+    says(shown)
     assert shown.endswith(f"(in {file})")

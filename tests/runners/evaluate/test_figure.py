@@ -115,36 +115,37 @@ def test_a_sweep_leaves_out_what_another_guide_guides(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "parts"),
+    "words",
     [
-        (["trajectorys"], ["figure=trajectorys: no such option", "did you mean trajectories?"]),
-        (["run=nowhere"], ["nowhere is not a directory"]),
-        (["maps", "map=env1"], ["map=env1: figure=maps drives nothing; the maps are those of figure.maps"]),
-        (["run=nowhere", "map=env1"], ["map=env1: the episodes of run= were driven with its own config"]),
-        (["world=a"], ["world has 'a': must be numbers and ranges from 0 on"]),
-        (["world=300"], ["300", "0 to 299"]),
-        (["run=nowhere", "stpe=3"], ["stpe"]),
-        (["features", "step=-1"], ["figure.step is -1"]),
-        (["-m", "world=3,4"], ["world=3,4: one figure is drawn of all jobs", "world=[3,4]"]),
-        (["-m", "run=a,b"], ["run=a,b: one figure is drawn of all jobs"]),
-        (["features", "-m", "step=3,4"], ["figure.step=3,4: one figure is drawn of all jobs"]),
-        (["formats=jpg"], ["formats is ['jpg']: must be some of png, pdf, svg"]),
-        (["formats=[jpg]"], ["formats is ['jpg']: must be some of png, pdf, svg"]),
-        (["formats=[]"], ["formats is []"]),
-        (["experiment=table2"], ["experiment=table2: no such option"]),
+        ["trajectorys"],
+        ["run=nowhere"],
+        ["maps", "map=env1"],
+        ["run=nowhere", "map=env1"],
+        ["world=a"],
+        ["world=300"],
+        ["run=nowhere", "stpe=3"],
+        ["features", "step=-1"],
+        ["-m", "world=3,4"],
+        ["-m", "run=a,b"],
+        ["features", "-m", "step=3,4"],
+        ["formats=jpg"],
+        ["formats=[jpg]"],
+        ["formats=[]"],
+        ["experiment=table2"],
     ],
+    ids=" ".join,
 )
-def test_mistakes_are_reported_in_one_line(words, parts, tmp_path, monkeypatch, capsys):
+def test_mistakes_are_reported_in_one_line(words, tmp_path, monkeypatch, capsys, says):
     monkeypatch.chdir(tmp_path)
     assert main(["figure", *words]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert all(part in error for part in parts)
+    says(error)
     assert not Path("outputs").exists()
 
 
-def test_a_world_that_was_not_driven_is_named(sweep):
-    with pytest.raises(InputError, match=r"world is 7: .* has only 206"):
+def test_a_world_that_was_not_driven_is_named(sweep, says):
+    with says.raises(InputError, match="world.*7"):
         chosen_world(read_runs([sweep])[0], [7])
 
 
@@ -168,12 +169,12 @@ def test_a_figure_that_cannot_be_drawn_leaves_no_directory(sweep, tmp_path, monk
     assert not Path("out").exists()
 
 
-def test_records_without_a_config_cannot_be_drawn(sweep, tmp_path, monkeypatch, capsys):
+def test_records_without_a_config_cannot_be_drawn(sweep, tmp_path, monkeypatch, capsys, says):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(sweep / "1", "bare")
     Path("bare/launch.json").unlink()
     assert main(["figure", "trajectories", "run=bare"]) == 2
-    assert "run is bare: there is no launch.json with its config" in capsys.readouterr().err
+    says(capsys.readouterr().err)
 
 
 def test_help_lists_the_keys_of_the_kind(capsys):

@@ -211,13 +211,13 @@ def test_what_cannot_be_sent_is_taken_back(desk, monkeypatch):
     assert of("situation", replies(desk, "goal", step=0, goal=[2.0, 2.0]))
 
 
-def test_a_drawing_has_limits(desk):
+def test_a_drawing_has_limits(desk, says):
     line = [[x / 100, 1.0] for x in range(900)]
     found = [
         replies(desk, "put", step=0, name=f"d{i}", kind="walls", entry={"points": line}) for i in range(6)
     ]
     assert [bool(of("error", each)) for each in found] == [False] * 5 + [True]
-    assert "5400 points: must be at most 5000" in of("error", found[-1])[0]["text"]
+    says(of("error", found[-1])[0]["text"])
 
 
 @pytest.mark.slow
@@ -237,9 +237,9 @@ def test_numbers_that_the_page_has_no_slider_for_are_tried_first(desk, key, valu
     assert all(problem in error["text"] for error in errors)
 
 
-def test_a_message_that_is_too_long_is_not_read(desk):
+def test_a_message_that_is_too_long_is_not_read(desk, says):
     (error,) = [read(reply) for reply in desk.answer(" " * (LONGEST_MESSAGE + 1))]
-    assert "must be at most" in error["text"]
+    says(error["text"])
 
 
 def test_words_change_what_drives(desk):

@@ -55,15 +55,15 @@ def test_its_words_make_the_same_system_again(run_dir):
 
 
 @pytest.mark.parametrize(
-    ("word", "step", "problem"),
+    ("word", "step"),
     [
-        ("282/0", None, "world 282 was not driven"),
-        ("1/0", 9999, "--step 9999: must be at most"),
-        ("x", None, "not an episode"),
+        ("282/0", None),
+        ("1/0", 9999),
+        ("x", None),
     ],
 )
-def test_what_is_not_there_is_one_line(run_dir, word, step, problem):
-    with pytest.raises(InputError, match=problem):
+def test_what_is_not_there_is_one_line(run_dir, word, step, says):
+    with says.raises(InputError):
         open_episode(run_dir, word, step)
 
 
@@ -86,8 +86,8 @@ def test_an_episode_whose_steps_were_deleted_opens(run_dir, tmp_path):
         open_episode(other, "1/1", 0)
 
 
-def test_a_folder_that_does_not_exist_is_no_directory(tmp_path):
-    with pytest.raises(InputError, match="gone is not a directory: give a run directory"):
+def test_a_folder_that_does_not_exist_is_no_directory(tmp_path, says):
+    with says.raises(InputError):
         open_episode(tmp_path / "gone", "3", None)
 
 

@@ -176,13 +176,13 @@ def test_a_goal_that_moves_on_prolongs_a_drive_that_has_ended(session_of):
     assert session.last > last
 
 
-def test_a_robot_that_is_put_elsewhere_begins_anew_there(session_of):
+def test_a_robot_that_is_put_elsewhere_begins_anew_there(session_of, says):
     session = drive(session_of(), 10)
     session.move_start(10, Pose(2.0, 2.0, 1.0))
     assert [len(lane.frames) for lane in session.lanes] == [1]
     assert session.lanes[0].frames[0].state.pose == (2.0, 2.0, 1.0)
     same = session.script
-    with pytest.raises(InputError, match="in collision at the start"):
+    with says.raises(InputError):
         session.move_start(0, Pose(0.0, 2.0, 1.0))
     assert session.script is same
     assert drive(session).lanes[0].outcome is Outcome.SUCCESS
@@ -260,13 +260,14 @@ def test_what_cannot_be_copied_is_driven_again(session_of, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "problem"),
+    "words",
     [
-        (["map=barn,empty"], "map is swept"),
-        (["robot=jackal,stage", "map=empty"], "same control_rate"),
-        (["system=lme,lme_plus,dwa,dwa_tuned,simple"], "5 systems: must be at most 4"),
+        ["map=barn,empty"],
+        ["robot=jackal,stage", "map=empty"],
+        ["system=lme,lme_plus,dwa,dwa_tuned,simple"],
     ],
+    ids=" ".join,
 )
-def test_what_cannot_drive_side_by_side_is_refused(words, problem):
-    with pytest.raises(InputError, match=problem):
+def test_what_cannot_drive_side_by_side_is_refused(words, says):
+    with says.raises(InputError):
         setup_of(Source(tuple(words)))

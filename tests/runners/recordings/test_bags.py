@@ -51,11 +51,11 @@ def test_the_folder_of_a_ros2_recording_will_do(tmp_path):
         assert len(list(bag.messages(["/scan"]))) == 3
 
 
-def test_a_pipe_in_the_folder_of_a_recording_is_not_waited_for(tmp_path):
+def test_a_pipe_in_the_folder_of_a_recording_is_not_waited_for(tmp_path, says):
     folder = drive(".mcap", steps=3).write(tmp_path).parent
     (folder / "metadata.yaml").touch()
     os.mkfifo(folder / "more.mcap")
-    with pytest.raises(InputError, match=r"more\.mcap: is a pipe, not a regular file"):
+    with says.raises(InputError):
         Bag(folder)
 
 
@@ -93,24 +93,22 @@ def test_damaged_bytes_within(path, tmp_path):
 
 
 @pytest.mark.parametrize("topic", ["/tf_static", "/odom", "/scan"])
-def test_a_topic_of_two_types_is_refused(tmp_path, topic, capsys):
+def test_a_topic_of_two_types_is_refused(tmp_path, topic, capsys, says):
     maker = drive(steps=12)
     maker.add(
         topic, "geometry_msgs/msg/PoseStamped", BEGAN, maker.pose_stamped(BEGAN, "odom", Pose(0.0, 0.0, 0.0))
     )
     assert main([str(maker.write(tmp_path)), "tracking=none", f"hydra.run.dir={tmp_path / 'run'}"]) == 2
-    assert f"{topic} has several types: geometry_msgs/msg/PoseStamped, " in capsys.readouterr().err
+    says(capsys.readouterr().err)
 
 
-def test_commands_of_two_types_are_left_out_unless_they_are_asked_for(tmp_path, capsys):
+def test_commands_of_two_types_are_left_out_unless_they_are_asked_for(tmp_path, capsys, says):
     maker = drive(steps=12)
     twist = maker.make("geometry_msgs/msg/TwistStamped", maker.header(BEGAN, ""), maker.twist(0.1, 0.0))
     maker.add("/cmd_vel", "geometry_msgs/msg/TwistStamped", BEGAN, twist)
     path = maker.write(tmp_path)
     with Bag(path) as bag:
-        with pytest.warns(
-            UserWarning, match=r"drive.mcap: the commands on /cmd_vel are left out.*TwistStamped"
-        ):
+        with says.warns():
             topics = choose(bag, BagTopicsConfig(), None)
         assert topics.command is None
         list(bag.messages(topics.names))
@@ -123,7 +121,7 @@ def test_commands_of_two_types_are_left_out_unless_they_are_asked_for(tmp_path, 
     assert "/cmd_vel has several types" in capsys.readouterr().err
 
 
-def test_a_type_or_a_topic_without_messages_does_not_count(tmp_path):
+def test_a_type_or_a_topic_without_messages_does_not_count(tmp_path, says):
     """As where a node announced a topic and never wrote to it."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -135,7 +133,7 @@ def test_a_type_or_a_topic_without_messages_does_not_count(tmp_path):
     assert read(tmp_path / "announced") == 24
     with Bag(tmp_path / "announced") as bag:
         assert choose(bag, BagTopicsConfig(), None).scan.name == "/scan"
-        with pytest.raises(InputError, match=r"topics\.scan is /front: the recording has no messages on it"):
+        with says.raises(InputError, match="scan.*/front"):
             choose(bag, BagTopicsConfig(scan="/front"), None)
 
 
@@ -195,22 +193,22 @@ def test_metadata_that_names_a_missing_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new", "message"),
+    ("name", "old", "new"),
     [
-        ("a.bag.active", b"", b"", "`rosbag reindex`"),
-        ("a.db3.zstd", b"", b"", "`zstd -d`"),
-        ("a.bag", b"#ROSBAG V2.0", b"#ROSBAG V1.2", "before 2.0: convert it with `rosbag filter"),
-        ("a.bag", b"#ROSBAG V2.0", b"#ROSRECORD V1.1", "before 2.0"),
-        ("a.bag", b"compression=none", b"compression=best", "not supported): convert it with `rosbag decompress`"),
+        ("a.bag.active", b"", b""),
+        ("a.db3.zstd", b"", b""),
+        ("a.bag", b"#ROSBAG V2.0", b"#ROSBAG V1.2"),
+        ("a.bag", b"#ROSBAG V2.0", b"#ROSRECORD V1.1"),
+        ("a.bag", b"compression=none", b"compression=best"),
     ],
 )  # fmt: skip
-def test_files_of_ros_1_that_need_a_tool_first(tmp_path, name, old, new, message):
+def test_files_of_ros_1_that_need_a_tool_first(tmp_path, name, old, new, says):
     path = tmp_path / name
     path.write_bytes(drive(".bag", steps=2).write(tmp_path).read_bytes().replace(old, new, 1 if old else 0))
-    assert message in refused(path)
+    says(refused(path))
 
 
-def test_an_encrypted_bag_names_the_tool(tmp_path):
+def test_an_encrypted_bag_names_the_tool(tmp_path, says):
     """The header of the file says what encrypts the rest; padding takes up its length."""
     path = drive(".bag", steps=2).write(tmp_path)
     content = path.read_bytes()
@@ -224,20 +222,20 @@ def test_an_encrypted_bag_names_the_tool(tmp_path):
     ]
     header = lengths[0] + content[begin + 4 : end] + field + lengths[1]
     path.write_bytes(content[:begin] + header + content[end + 4 + len(field) :])
-    assert "'rosbag/AesCbcEncryptor' is not supported): convert it with `rosbag decrypt`" in refused(path)
+    says(refused(path))
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new"),
     [
-        (b"\x03\x00\x00\x00cdr", b"\x03\x00\x00\x00xml", "is encoded as xml: must be cdr"),
-        (b"\x07\x00\x00\x00ros2msg", b"\x07\x00\x00\x00ros1msg", "its messages are defined in 'ros1msg'"),
+        (b"\x03\x00\x00\x00cdr", b"\x03\x00\x00\x00xml"),
+        (b"\x07\x00\x00\x00ros2msg", b"\x07\x00\x00\x00ros1msg"),
     ],
 )
-def test_messages_in_another_encoding(tmp_path, old, new, message):
+def test_messages_in_another_encoding(tmp_path, old, new, says):
     path = drive(steps=2).write(tmp_path)
     path.write_bytes(path.read_bytes().replace(old, new))
-    assert message in refused(path)
+    says(refused(path))
 
 
 def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
@@ -255,13 +253,13 @@ def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize(
-    ("content", "message"),
-    [(b"", "is empty"), (b"no recording at all" * 9, "is not a .*file, or is damaged")],
+    "content",
+    [b"", b"no recording at all" * 9],
 )
-def test_invalid_recordings_are_refused(tmp_path, suffix, content, message):
+def test_invalid_recordings_are_refused(tmp_path, suffix, content, says):
     path = tmp_path / f"drive{suffix}"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=message) as error:
+    with says.raises(InputError) as error:
         Bag(path)
     one_line(error)
 
@@ -284,12 +282,12 @@ def test_a_recording_without_messages(tmp_path):
         Bag(BagMaker(".bag").write(tmp_path))
 
 
-def test_an_assertion_within_rosbags_is_a_line_for_the_user(path, monkeypatch):
+def test_an_assertion_within_rosbags_is_a_line_for_the_user(path, monkeypatch, says):
     def fails(self):
         raise AssertionError
 
     monkeypatch.setattr(AnyReader, "open", fails)
-    with pytest.raises(InputError, match="structure does not follow the format") as error:
+    with says.raises(InputError) as error:
         Bag(path)
     one_line(error)
 
@@ -315,13 +313,11 @@ def test_a_second_scanner_needs_no_choice_next_to_one_called_scan(tmp_path):
     assert chosen(maker, tmp_path / "other", scan="rear_scan").scan.name == "/rear_scan"
 
 
-def test_two_scanners_of_unknown_names_require_a_choice(tmp_path):
+def test_two_scanners_of_unknown_names_require_a_choice(tmp_path, says):
     maker = drive(steps=2, scans="none")
     for name in ("/front", "/rear"):
         maker.add(name, "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
-    with pytest.raises(
-        InputError, match=r"topics.scan is null: there are several .*: choose one of /front, /rear"
-    ):
+    with says.raises(InputError, match="scan.*null"):
         chosen(maker, tmp_path)
 
 
@@ -337,29 +333,24 @@ def test_the_only_imu_is_read_for_the_sake_of_clouds(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("names", "message"),
+    "names",
     [
-        (
-            {"scan": "/odom"},
-            "topics.scan is /odom, of type nav_msgs/Odometry: must be of type sensor_msgs/LaserScan",
-        ),
-        ({"scan": "/skan"}, "topics.scan is /skan: no such topic; did you mean /scan?"),
-        ({"command": "/scan"}, "must be of type geometry_msgs/Twist"),
-        (
-            {"imu": "/scan"},
-            "topics.imu is /scan, of type sensor_msgs/LaserScan: must be of type sensor_msgs/Imu",
-        ),
-        ({"goal": "/odom"}, "goal is /odom, of type nav_msgs/Odometry"),
+        {"scan": "/odom"},
+        {"scan": "/skan"},
+        {"command": "/scan"},
+        {"imu": "/scan"},
+        {"goal": "/odom"},
     ],
+    ids=str,
 )
-def test_a_topic_that_does_not_fit(tmp_path, names, message):
+def test_a_topic_that_does_not_fit(tmp_path, names, says):
     with pytest.raises(InputError) as error:
         chosen(drive(steps=2), tmp_path, **names)
-    assert message in one_line(error)
+    says(one_line(error))
 
 
-def test_a_recording_without_scans_or_poses(tmp_path):
-    with pytest.raises(InputError, match=r"no scans: no topic of type .*; it has /cmd_vel"):
+def test_a_recording_without_scans_or_poses(tmp_path, says):
+    with says.raises(InputError):
         chosen(drive(steps=2, scans="none"), tmp_path / "a")
     maker = BagMaker()
     maker.add("/scan", "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
@@ -390,7 +381,7 @@ def test_the_list_says_what_a_topic_can_be(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("column", ["name", "type"])
-def test_a_topic_without_a_name_or_a_type_is_refused(tmp_path, column):
+def test_a_topic_without_a_name_or_a_type_is_refused(tmp_path, column, says):
     path = drive(".db3", steps=3).write(tmp_path)
     with contextlib.closing(sqlite3.connect(path)) as database:
         database.execute("CREATE TABLE damaged AS SELECT * FROM topics")
@@ -398,12 +389,12 @@ def test_a_topic_without_a_name_or_a_type_is_refused(tmp_path, column):
         database.execute("DROP TABLE topics")
         database.execute("ALTER TABLE damaged RENAME TO topics")
         database.commit()
-    with pytest.raises(InputError, match="a topic has no name or no type") as error, Bag(path):
+    with says.raises(InputError) as error, Bag(path):
         pass
     one_line(error)
 
 
-def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
+def test_a_message_that_is_defined_otherwise_is_refused(tmp_path, says):
     """A bit of a definition has flipped: every message would be read with another field."""
     path = drive(".mcap", steps=3).write(tmp_path)
     content = path.read_bytes()
@@ -411,7 +402,7 @@ def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
     assert path.read_bytes() != content
     with pytest.raises(InputError) as error, Bag(path):
         pass
-    assert "geometry_msgs/msg/Pose differently from ROS, or is damaged" in one_line(error)
+    says(one_line(error))
 
 
 def test_a_message_whose_time_is_not_a_number_is_damage(tmp_path):
@@ -423,6 +414,6 @@ def test_a_message_whose_time_is_not_a_number_is_damage(tmp_path):
     assert "damaged" in one_line(error) or "not readable" in one_line(error)
 
 
-def test_a_name_that_no_file_can_have_is_refused():
-    with pytest.raises(InputError, match=r"^bag x+: cannot be read \(File name too long\)$"):
+def test_a_name_that_no_file_can_have_is_refused(says):
+    with says.raises(InputError):
         Bag(Path("x" * 300))

@@ -73,12 +73,10 @@ def test_a_number_of_beams_says_the_field_of_view(tmp_path, beams, fov, degrees)
     assert ahead == pytest.approx(0.5 * increment if beams % 20 == 0 else 0.0, abs=1e-6)
 
 
-def test_an_unknown_number_of_beams_needs_the_increment(tmp_path):
+def test_an_unknown_number_of_beams_needs_the_increment(tmp_path, says):
     lines = flaser_lines(way()[:2], 500)
     path = write(tmp_path / "a.log", lines)
-    with pytest.raises(
-        InputError, match=r"line 4: FLASER has 500 beams, .*PARAM laser_front_laser_resolution"
-    ) as error:
+    with says.raises(InputError) as error:
         CarmenLog(path)
     assert str(path) in str(error.value)
     log = CarmenLog(write(path, ["PARAM laser_front_laser_resolution 0.5 nohost 0", *lines]))
@@ -149,36 +147,36 @@ def test_a_log_that_was_cut_off_is_read_up_to_there(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("lines", "message"),
+    "lines",
     [
-        ([""], "the file is empty"),
-        (["ODOM 0 0 0 0 0 0 1 host 1"], "no scans: a CARMEN log has lines FLASER or ROBOTLASER1"),
-        (["FLASER 181 1.0 2.0"], "line 1: FLASER: must hold a scan, a pose and a time"),
-        ([flaser_lines()[3].replace(" 1.", " x."), "PARAM a b"], "line 1: FLASER: must hold"),
-        ([flaser_lines()[3].replace("FLASER 181", "FLASER 1"), "PARAM a b"], "line 1: FLASER: must hold"),
-        ([robotlaser_lines()[0].replace(" 30.0 0.01", " x 0.01"), "a"], "line 1: ROBOTLASER1: must hold"),
+        [""],
+        ["ODOM 0 0 0 0 0 0 1 host 1"],
+        ["FLASER 181 1.0 2.0"],
+        [flaser_lines()[3].replace(" 1.", " x."), "PARAM a b"],
+        [flaser_lines()[3].replace("FLASER 181", "FLASER 1"), "PARAM a b"],
+        [robotlaser_lines()[0].replace(" 30.0 0.01", " x 0.01"), "a"],
     ],
 )
-def test_what_is_wrong_with_a_log_is_one_line(tmp_path, lines, message):
+def test_what_is_wrong_with_a_log_is_one_line(tmp_path, lines, says):
     path = write(tmp_path / "a.log", lines)
-    with pytest.raises(InputError, match=message) as error:
+    with says.raises(InputError) as error:
         CarmenLog(path)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_files_that_cannot_be_read(tmp_path):
+def test_files_that_cannot_be_read(tmp_path, says):
     with pytest.raises(InputError, match="no such file"):
         CarmenLog(tmp_path / "a.log")
     (tmp_path / "b.log").mkdir()
     with pytest.raises(InputError, match="is a directory"):
         CarmenLog(tmp_path / "b.log")
     (tmp_path / "c.log.gz").write_text("FLASER")
-    with pytest.raises(InputError, match="not a complete gzip file"):
+    with says.raises(InputError):
         CarmenLog(tmp_path / "c.log.gz")
     whole = gzip.compress("\n".join(flaser_lines()).encode())
     (tmp_path / "d.log.gz").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="not a complete gzip file"):
+    with says.raises(InputError):
         CarmenLog(tmp_path / "d.log.gz")
 
 

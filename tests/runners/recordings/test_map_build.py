@@ -78,11 +78,11 @@ def test_the_other_formats_give_the_same_map(tmp_path, suffix):
     assert (one.map.cells == other.map.cells).all()
 
 
-def test_a_log_of_scans_that_measure_nothing_is_warned_of_and_counted(tmp_path):
+def test_a_log_of_scans_that_measure_nothing_is_warned_of_and_counted(tmp_path, says):
     path = drive(".mcap", steps=20, spoil=lambda ranges: ranges * np.nan).write(tmp_path)
-    with pytest.warns(UserWarning, match="no beam of a scan measures anything: all 360 are NaN"):
+    with says.warns():
         built = build_map([path], BuildConfig(), shown=False)
-    assert str(built.tally) == "7200 of 7200 beams without return, 20 scans without a point"
+    says(built.tally)
 
 
 def test_a_point_cloud_gives_a_map_too(tmp_path):
@@ -199,29 +199,30 @@ def test_a_map_is_not_replaced_by_mistake(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    "settings",
     [
-        ({"topic": {}}, "topic is unknown: did you mean topics?"),
-        ({"topics": {"scans": "/a"}}, "topics.scans"),
-        ({"start": "soon"}, "start is 'soon': must be a number of seconds"),
-        ({"start": -1.0}, "start is -1: must be at least 0"),
-        ({"start": 5.0, "end": 3.0}, "end is 3: must be greater than 5"),
-        ({"clock": "mine"}, "clock is mine: must be one of"),
-        ({"scan": {"mount": [1.0]}}, "scan.mount"),
+        {"topic": {}},
+        {"topics": {"scans": "/a"}},
+        {"start": "soon"},
+        {"start": -1.0},
+        {"start": 5.0, "end": 3.0},
+        {"clock": "mine"},
+        {"scan": {"mount": [1.0]}},
     ],
+    ids=str,
 )
-def test_a_wrong_setting_is_one_line(settings, message):
-    with pytest.raises(InputError, match=message):
+def test_a_wrong_setting_is_one_line(settings, says):
+    with says.raises(InputError):
         log_config(settings, None)
 
 
-def test_a_log_without_poses_near_its_scans_is_one_line(tmp_path):
+def test_a_log_without_poses_near_its_scans_is_one_line(tmp_path, says):
     made = BagMaker(".mcap")
     made.add("/odom", "nav_msgs/msg/Odometry", BEGAN, made.odometry(BEGAN, Pose(0.0, 0.0, 0.0), 0.0, 0.0))
     for k in range(3):
         now = BEGAN + (k + 5) * SECOND
         made.add("/scan", "sensor_msgs/msg/LaserScan", now, made.scan(now, np.ones(9), -1.0, 0.25))
-    with pytest.raises(InputError, match="no scan between start and end has a pose within half a second"):
+    with says.raises(InputError):
         build_map([made.write(tmp_path)], BuildConfig(), shown=False)
 
 
@@ -236,17 +237,15 @@ def test_a_recording_without_poses_or_scans_is_one_line(tmp_path):
         build_map([other.write(tmp_path, "b")], BuildConfig(), shown=False)
 
 
-def test_a_resolution_too_fine_for_a_map_is_one_line(tmp_path, monkeypatch):
+def test_a_resolution_too_fine_for_a_map_is_one_line(tmp_path, monkeypatch, says):
     monkeypatch.setattr("runners.recordings.map_build.MAX_PIXELS", 10_000)
-    with pytest.raises(
-        InputError, match=r"--resolution is 0.05 m for a map of .*: must give at most 10000 cells"
-    ):
+    with says.raises(InputError):
         build_map([write(tmp_path / "a.log", flaser_lines())], BuildConfig(), shown=False)
 
 
 @pytest.mark.parametrize("key", ["resolution", "max_range", "radius", "reach"])
-def test_a_length_must_be_positive(key):
-    with pytest.raises(InputError, match=f"--{key.replace('_', '-')} is 0: must be greater than 0"):
+def test_a_length_must_be_positive(key, says):
+    with says.raises(InputError):
         BuildConfig(**{key: 0.0})
-    with pytest.raises(InputError, match="--no-returns is maybe: must be clear or ignore"):
+    with says.raises(InputError):
         BuildConfig(no_returns="maybe")

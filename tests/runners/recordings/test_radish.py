@@ -60,8 +60,8 @@ def test_maps_are_not_replaced_by_mistake(checkout, tmp_path):
     build_all(checkout, tmp_path / "maps", overwrite=True)
 
 
-def test_a_folder_without_logs_is_one_line(tmp_path):
-    with pytest.raises(InputError, match=r"has no logs of these buildings, such as intel-corrected\.log\.gz"):
+def test_a_folder_without_logs_is_one_line(tmp_path, says):
+    with says.raises(InputError):
         build_all(tmp_path, tmp_path / "maps", overwrite=False)
     with pytest.raises(InputError, match="no such folder"):
         build_all(tmp_path / "none", tmp_path / "maps", overwrite=False)

@@ -10,10 +10,8 @@ from runners.recordings.recorded import episode_of
 
 
 @pytest.mark.parametrize("text", ["", "nothing", "[]", "{}", "[" * 900 + "]" * 900, '{"a":' * 100_000])
-def test_a_recording_that_does_not_say_its_episode_is_refused(text):
+def test_a_recording_that_does_not_say_its_episode_is_refused(text, says):
     message = SimpleNamespace(content=SimpleNamespace(data=text))
     bag = SimpleNamespace(path=Path("drive.mcap"), by_lme=True, messages=lambda names: iter([message]))
-    with pytest.raises(
-        InputError, match=r"^bag drive\.mcap: .* does not say which episode this is: set as_recorded"
-    ):
+    with says.raises(InputError):
         episode_of(bag)

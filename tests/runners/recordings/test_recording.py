@@ -48,25 +48,25 @@ def in_mm(_, message):
 
 
 @pytest.mark.parametrize(
-    ("change", "found"),
-    [(no_twist, "its twist is always zero, but its poses move"), (in_mm, "its twists contradict its poses")],
+    "change",
+    [no_twist, in_mm],
 )
-def test_a_twist_that_contradicts_the_poses_is_replaced_by_their_slope(tmp_path, change, found):
+def test_a_twist_that_contradicts_the_poses_is_replaced_by_their_slope(tmp_path, change, says):
     path = changed(tmp_path, change)
-    with pytest.warns(UserWarning, match=rf"drive\.mcap: /odom: {found}") as said:
+    with says.warns() as said:
         _, found = motions(path)
     assert len(said) == 1
     speeds = np.array([motion.twist.v for motion in found])
     np.testing.assert_allclose(speeds[3:], 0.25, atol=0.01)
 
 
-def test_velocities_are_the_slope_of_the_poses_where_that_is_asked_for(tmp_path):
+def test_velocities_are_the_slope_of_the_poses_where_that_is_asked_for(tmp_path, says):
     path = changed(tmp_path, in_mm)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _, found = motions(path, twist="poses")
     np.testing.assert_allclose([motion.twist.v for motion in found[3:]], 0.25, atol=0.01)
-    with pytest.raises(InputError, match=r"topics\.twist is poes: must be one of measured, poses"):
+    with says.raises(InputError, match="twist.*poes"):
         BagTopicsConfig(twist="poes")
 
 
@@ -90,9 +90,9 @@ def unset(message):
     message.pose.pose.orientation.w = message.pose.pose.orientation.z = 0.0
 
 
-def test_poses_without_a_heading_are_refused(tmp_path):
+def test_poses_without_a_heading_are_refused(tmp_path, says):
     path = changed(tmp_path, lambda _, message: unset(message))
-    with pytest.raises(InputError, match=r"drive\.mcap: /odom: its quaternion is zero.*topics\.pose"):
+    with says.raises(InputError):
         motions(path)
 
 
@@ -121,10 +121,10 @@ def test_a_quaternion_that_is_not_normalised_is_the_same_heading(tmp_path):
         ("robot/base_link", "robot/odom", ("robot/odom", "base_link")),
     ],
 )
-def test_frames_that_are_swapped_or_equal_are_read_as_they_are_meant(tmp_path, header, child, frames):
+def test_frames_that_are_swapped_or_equal_are_read_as_they_are_meant(tmp_path, header, child, frames, says):
     def rename(_, message):
         message.header.frame_id, message.child_frame_id = header, child
 
-    with pytest.warns(UserWarning, match="read as that of"):
+    with says.warns():
         recording, _ = motions(changed(tmp_path, rename, steps=12))
     assert recording.frames == frames

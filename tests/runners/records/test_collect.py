@@ -37,11 +37,11 @@ def test_a_run_counts_once_and_without_a_launch_record_where_it_is_named(outputs
 
 
 @pytest.mark.parametrize(
-    ("path", "content", "says"),
+    ("path", "content"),
     [
-        ("episodes.parquet", b"junk", "not a readable Parquet file"),
-        ("parts/episodes.jsonl", b"[]\n", "line 1 is not an episode record"),
-        ("parts/episodes.jsonl", b"", "no finished episode yet"),
+        ("episodes.parquet", b"junk"),
+        ("parts/episodes.jsonl", b"[]\n"),
+        ("parts/episodes.jsonl", b""),
     ],
 )
 def test_a_run_that_cannot_be_read_is_left_out_with_a_reason(outputs, path, content, says):
@@ -51,30 +51,30 @@ def test_a_run_that_cannot_be_read_is_left_out_with_a_reason(outputs, path, cont
     (run / path).write_bytes(content)
     frames, (problem,) = collect([outputs])
     assert len(frames) == 2
-    assert says in problem
+    says(problem)
     assert str(run) in problem
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"configs": [], "command": "eval"}'])
-def test_a_damaged_launch_record_takes_no_other_run_away(outputs, content):
+def test_a_damaged_launch_record_takes_no_other_run_away(outputs, content, says):
     (outputs / "eval" / "one" / "launch.json").write_text(content)
     frames, problems = collect([outputs])
     assert len(frames) == 2
-    assert problems == [f"{outputs / 'eval' / 'one'}: its launch.json is damaged: restore or remove it"]
+    says("\n".join(problems))
 
 
 @pytest.mark.parametrize("scale", ["x", {"a_close": {}}, [1.0]])
-def test_a_launch_record_with_a_damaged_scale_is_damaged(outputs, scale):
+def test_a_launch_record_with_a_damaged_scale_is_damaged(outputs, scale, says):
     path = outputs / "eval" / "one" / "launch.json"
     launch = json.loads(path.read_text())
     launch["configs"][0]["scale"] = scale
     path.write_text(json.dumps(launch))
-    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+    with says.raises(InputError):
         read_launch(path.parent)
 
 
-def test_a_folder_without_runs_is_named(tmp_path):
-    with pytest.raises(InputError, match="no run below it; run lme eval first, or give folders"):
+def test_a_folder_without_runs_is_named(tmp_path, says):
+    with says.raises(InputError):
         collect([tmp_path])
-    with pytest.raises(InputError, match=r"gone: no such directory"):
+    with says.raises(InputError):
         collect([tmp_path / "gone"])

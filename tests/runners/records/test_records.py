@@ -140,15 +140,15 @@ def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_pa
         pd.testing.assert_frame_equal(*[part.reset_index(drop=True) for part in same])
 
 
-def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path, monkeypatch):
+def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path, monkeypatch, says):
     monkeypatch.setattr(append_log, "_LINE_BYTES", 1000)
     monkeypatch.setattr(append_log, "_FOREIGN_BYTES", 1000)
     monkeypatch.setattr(append_log, "_BLOCK", 100)
     log = tmp_path / "episodes.jsonl"
     log.write_bytes(bytes(2000))
-    with pytest.raises(InputError, match="line 1 is not an episode record"), append_log.read_log(log):
+    with says.raises(InputError), append_log.read_log(log):
         pass
-    with pytest.raises(InputError, match="its last line has more than 1000 bytes"):
+    with says.raises(InputError):
         append_log.cut_torn_line(log)
     assert log.stat().st_size == 2000
 
@@ -216,14 +216,12 @@ def test_the_append_log_of_another_version_is_resumed(tmp_path):
 
 
 @pytest.mark.parametrize("action", ["append", "merge"])
-def test_a_run_whose_folder_is_deleted_meanwhile_says_so(tmp_path, action):
+def test_a_run_whose_folder_is_deleted_meanwhile_says_so(tmp_path, action, says):
     run_dir = tmp_path / "run"
     with RecordWriter(run_dir) as writer:
         writer.append(episode(KEYS[0]))
         shutil.rmtree(run_dir)
-        with pytest.raises(
-            RecordsWriteError, match=r"run: its records are gone: they were deleted while"
-        ) as said:
+        with says.raises(RecordsWriteError) as said:
             writer.append(episode(KEYS[1])) if action == "append" else writer.merge()
     assert "free some space" not in str(said.value)
 
@@ -244,13 +242,12 @@ SMALL_DISK = """
 
 
 @pytest.mark.parametrize("action", ["append(episode(KEYS[1]))", "merge()"])
-def test_a_full_disk_keeps_what_was_there(tmp_path, action):
+def test_a_full_disk_keeps_what_was_there(tmp_path, action, says):
     script = textwrap.dedent(SMALL_DISK).replace("ACTION", action)
     process = subprocess.run(
         [sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    assert process.stdout.startswith("disk full while writing ")
-    assert process.stdout.endswith(": 1 episodes are kept; free some space and add resume=true\n")
+    says(process.stdout)
     assert len(process.stdout.splitlines()) == 1
     frame = read_episodes([tmp_path])
     assert list(map(EpisodeKey.of, frame.to_dict("records"))) == KEYS[:1]
@@ -268,16 +265,16 @@ def test_a_device_without_space(tmp_path):
         writer.append(episode(EpisodeKey(1, 0)))
 
 
-def test_a_run_directory_has_one_writer(tmp_path):
+def test_a_run_directory_has_one_writer(tmp_path, says):
     pytest.importorskip("fcntl")
-    with RecordWriter(tmp_path), pytest.raises(InputError, match="being written by another process"):
+    with RecordWriter(tmp_path), says.raises(InputError):
         RecordWriter(tmp_path).__enter__()
     write(tmp_path, KEYS)
 
 
-def test_an_output_directory_that_cannot_be_made(tmp_path):
+def test_an_output_directory_that_cannot_be_made(tmp_path, says):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"cannot write .*file/run .*choose another with hydra\.run\.dir"):
+    with says.raises(InputError):
         RecordWriter(tmp_path / "file" / "run").__enter__()
 
 
@@ -315,15 +312,15 @@ def test_the_planned_numbers_are_sums_over_runs(tmp_path):
     assert (planned(frame, PLANNED_WORLDS), planned(frame, PLANNED_EPISODES)) == (6, 12)
 
 
-def test_a_run_of_an_earlier_version_is_to_be_driven_again(tmp_path):
+def test_a_run_of_an_earlier_version_is_to_be_driven_again(tmp_path, says):
     write(tmp_path, KEYS[:1])
     Launch("eval", "0", False, [], [{"runs": 2}]).write(tmp_path)
-    with pytest.raises(InputError, match=r"launch\.json, of an earlier lme, gives no num_worlds"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
 
 
-def test_missing_and_garbage_files_are_named(tmp_path):
-    with pytest.raises(InputError, match="nowhere is not a directory"):
+def test_missing_and_garbage_files_are_named(tmp_path, says):
+    with says.raises(InputError):
         find_runs([tmp_path / "nowhere"])
     with pytest.raises(InputError, match="has no records"):
         find_runs([tmp_path])
@@ -336,11 +333,11 @@ def test_missing_and_garbage_files_are_named(tmp_path):
     parts = tmp_path / "parts" / "episodes.jsonl"
     write(tmp_path, KEYS[:1], merge=False)
     parts.write_bytes(b'{"record": []}\n' + parts.read_bytes())
-    with pytest.raises(InputError, match=r"episodes\.jsonl line 1 is not an episode record"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
     parts.unlink()
     (tmp_path / EPISODES).write_bytes(b"PAR1 but nothing else")
-    with pytest.raises(InputError, match=r"episodes\.parquet is not a readable Parquet file"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
 
 
@@ -361,12 +358,12 @@ def test_a_footer_that_gives_a_column_another_type(tmp_path):
         read_trajectories([tmp_path], KEYS)
 
 
-def test_a_parquet_file_of_something_else_is_refused(tmp_path):
+def test_a_parquet_file_of_something_else_is_refused(tmp_path, says):
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / EPISODES)
-    with pytest.raises(InputError, match="lacks the columns run, world"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
     pd.DataFrame({"world": [1], "run": [0]}).to_parquet(tmp_path / EPISODES)
-    with pytest.raises(InputError, match="lack the columns outcome, system"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
 
 
@@ -406,21 +403,21 @@ def test_records_that_pandas_has_written_again_are_read(tmp_path):
     assert read_episodes([tmp_path])["outcome"].tolist() == frame["outcome"].tolist()
 
 
-def test_rows_without_an_outcome_are_refused(tmp_path):
+def test_rows_without_an_outcome_are_refused(tmp_path, says):
     import pandas as pd
 
     write(tmp_path, KEYS)
     pd.read_parquet(tmp_path / EPISODES).assign(outcome=None).to_parquet(tmp_path / EPISODES)
-    with pytest.raises(InputError, match=r"episodes\.parquet has rows without outcome"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
 
 
-def test_a_trajectory_without_its_steps_is_refused(tmp_path):
+def test_a_trajectory_without_its_steps_is_refused(tmp_path, says):
     import pandas as pd
 
     write(tmp_path, KEYS)
     pd.read_parquet(tmp_path / TRAJECTORIES).drop(columns="step").to_parquet(tmp_path / TRAJECTORIES)
-    with pytest.raises(InputError, match=r"trajectories\.parquet lacks the columns step"):
+    with says.raises(InputError):
         read_trajectories([tmp_path])
 
 
@@ -438,14 +435,14 @@ def test_a_trajectory_without_its_steps_is_refused(tmp_path):
         {"trajectory": {"x_m": ["<f8,(", "AAAAAAAAAAA="]}},  # numpy evaluates what has a comma
     ],
 )
-def test_a_line_with_a_value_of_another_kind_is_named(tmp_path, damage):
+def test_a_line_with_a_value_of_another_kind_is_named(tmp_path, damage, says):
     write(tmp_path, KEYS[:1], merge=False)
     log = tmp_path / "parts" / "episodes.jsonl"
     entry = json.loads(log.read_text())
     for part, values in damage.items():
         entry[part] |= values
     log.write_text(json.dumps(entry) + "\n")
-    with pytest.raises(InputError, match=r"episodes\.jsonl line 1 is not an episode record"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
 
 
@@ -459,11 +456,11 @@ def test_records_that_disagree_are_reported_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("nested", ["[" * 100_000, '{"a":' * 100_000])
-def test_json_that_is_nested_too_deep_is_damage(tmp_path, nested):
+def test_json_that_is_nested_too_deep_is_damage(tmp_path, nested, says):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "episodes.jsonl").write_text(nested + "\n")
-    with pytest.raises(InputError, match="line 1 is not an episode record"):
+    with says.raises(InputError):
         read_episodes([tmp_path])
     (tmp_path / LAUNCH).write_text(nested)
-    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+    with says.raises(InputError):
         read_launch(tmp_path)

@@ -9,11 +9,11 @@ from runners.records.registered_name import check_name
 
 
 @pytest.mark.parametrize("there", ["", "outputs", "outputs/weights"])
-def test_a_folder_that_cannot_be_written_is_reported_before_anything_runs(tmp_path, monkeypatch, there):
+def test_a_folder_that_cannot_be_written_is_reported_before_anything_runs(tmp_path, monkeypatch, there, says):
     monkeypatch.chdir(tmp_path)
     (tmp_path / there).mkdir(parents=True, exist_ok=True)
     check_name("mine", ".yaml", "a weight set", ())
     monkeypatch.setattr(os, "access", lambda path, mode: path.resolve() != tmp_path / there)
-    with pytest.raises(InputError, match=f"{tmp_path / there}: cannot be written, and mine belongs there"):
+    with says.raises(InputError):
         check_name("mine", ".yaml", "a weight set", ())
     assert list(tmp_path.rglob("*.yaml")) == []

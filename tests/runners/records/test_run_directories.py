@@ -1,7 +1,6 @@
 """Which folders are jobs of a sweep, and whether a run may be resumed."""
 
 import json
-import re
 
 import pytest
 
@@ -35,29 +34,25 @@ def test_jobs_beyond_those_named_need_records(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("now", "said"),
+    "now",
     [
-        ({"overrides": ["seed=2"]}, r"\(seed: 1 there, 2 now\): resume it with resume=PATH alone, or choose"),
-        (
-            {"overrides": ["seed=x", "hydra.mode=RUN"]},
-            "have changed since; start again in another directory",
-        ),
-        ({"overrides": ["seed=x"], "config_dir": "own"}, "resume it with resume=PATH alone"),
-        ({"overrides": ["seed=x"], "multirun": True}, "holds one run, not a sweep: resume it with"),
+        {"overrides": ["seed=2"]},
+        {"overrides": ["seed=x", "hydra.mode=RUN"]},
+        {"overrides": ["seed=x"], "config_dir": "own"},
+        {"overrides": ["seed=x"], "multirun": True},
     ],
+    ids=str,
 )
-def test_a_run_directory_of_another_config_is_refused_with_advice(tmp_path, now, said):
+def test_a_run_directory_of_another_config_is_refused_with_advice(tmp_path, now, says):
     launch(overrides=["seed=x"], configs=[{"seed": 1}]).write(tmp_path)
-    with pytest.raises(InputError, match=said):
+    with says.raises(InputError):
         check_same(launch(fingerprint="1", configs=[{"seed": 2}], **now), tmp_path)
 
 
-def test_a_sweep_that_has_other_jobs_now_is_resumed_job_by_job(tmp_path):
+def test_a_sweep_that_has_other_jobs_now_is_resumed_job_by_job(tmp_path, says):
     launch(overrides=["seed=x"], configs=[{"seed": 1}, {"seed": 2}], multirun=True).write(tmp_path)
     now = launch(fingerprint="1", overrides=["seed=x"], configs=[{"seed": 1}], multirun=True)
-    with pytest.raises(
-        InputError, match=r"a sweep of 2 jobs, which today has 1: .*; resume its jobs one by one, "
-    ):
+    with says.raises(InputError):
         check_same(now, tmp_path)
 
 
@@ -77,34 +72,34 @@ def test_a_sweep_that_has_other_jobs_now_is_resumed_job_by_job(tmp_path):
         {"job": "0"},
     ],
 )
-def test_a_launch_with_a_value_of_another_kind_is_damaged(tmp_path, damage):
+def test_a_launch_with_a_value_of_another_kind_is_damaged(tmp_path, damage, says):
     launch().write(tmp_path)
     assert read_launch(tmp_path) == launch()
     values = json.loads((tmp_path / LAUNCH).read_text())
     (tmp_path / LAUNCH).write_text(json.dumps(values | damage))
-    with pytest.raises(InputError, match=re.escape(f"{tmp_path}: its launch.json is damaged: restore or ")):
+    with says.raises(InputError):
         read_launch(tmp_path)
 
 
-def test_a_launch_that_is_nested_too_deep_is_damaged(tmp_path):
+def test_a_launch_that_is_nested_too_deep_is_damaged(tmp_path, says):
     launch().write(tmp_path)
     text = (tmp_path / LAUNCH).read_text()
     deep = "[" * 99 + "]" * 99
     (tmp_path / LAUNCH).write_text(
         text.replace('"overrides": [', f'"changes": [{{"a": {deep}}}], "overrides": [', 1)
     )
-    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+    with says.raises(InputError):
         read_launch(tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"a":' * 100_000])
-def test_a_launch_that_is_no_record_is_damaged(tmp_path, content):
+def test_a_launch_that_is_no_record_is_damaged(tmp_path, content, says):
     assert read_launch(tmp_path) is None
     assert read_launch(tmp_path / "no\0name") is None
     (tmp_path / LAUNCH).write_bytes(content)
-    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+    with says.raises(InputError):
         read_launch(tmp_path)
-    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+    with says.raises(InputError):
         make_fresh(launch(), tmp_path)
 
 
@@ -115,9 +110,9 @@ def test_a_launch_that_is_a_folder_cannot_be_read(tmp_path):
 
 
 @pytest.mark.parametrize("hold", [RecordWriter, locked])
-def test_a_directory_at_work_without_results_yet_is_left_alone(tmp_path, hold):
+def test_a_directory_at_work_without_results_yet_is_left_alone(tmp_path, hold, says):
     make_fresh(launch(), tmp_path)
-    with hold(tmp_path), pytest.raises(InputError, match="is being written by another process: wait for it"):
+    with hold(tmp_path), says.raises(InputError):
         make_fresh(launch(fingerprint="1"), tmp_path)
     assert read_launch(tmp_path) == launch()
     make_fresh(launch(fingerprint="1"), tmp_path)

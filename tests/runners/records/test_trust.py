@@ -97,13 +97,13 @@ def test_no_command_imports_what_a_run_names(folder, capsys, key):
     assert not (folder / "executed").exists()
 
 
-def test_with_trust_a_run_may_name_code(folder, capsys):
+def test_with_trust_a_run_may_name_code(folder, capsys, says):
     for run_dir in every_run(folder):
         change(run_dir, config={"planner._target_": "evil.Part"})
     status, said = call(capsys, "explain RUN 200 --text --trust")
     assert (folder / "executed").exists()
     assert status == 2
-    assert "needs an attribute Config" in said
+    says(said)
 
 
 def test_no_secret_of_the_environment_is_shown(folder, capsys, monkeypatch):

@@ -88,7 +88,7 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_drive_that_its_simulator_ends_says_what_was_left_to_the_goal(tmp_path):
+def test_a_drive_that_its_simulator_ends_says_what_was_left_to_the_goal(tmp_path, says):
     """At the end of an episode no scan comes any more, so that the driver's last word is that it stands for safety."""
     drive = Drive(tmp_path, *PAIRS["lme"])
     assert drive.outcome == "success"
@@ -96,8 +96,7 @@ def test_a_drive_that_its_simulator_ends_says_what_was_left_to_the_goal(tmp_path
     with drive.recorder:
         for number in range(1, 9):
             drive.recorder.take(drive.driver.tick(drive.steps[-1].stamp + number * tenth))
-    said = messages(drive.path)["/state"][-1].data
-    assert said.startswith("stopped: the scan is older")
+    says(messages(drive.path)["/state"][-1].data)
     trace = retrace(drive.path)
     left = float(np.hypot(*trace.end.observation.target))
     assert trace.episode.outcome == f"{left:.2f} m from the goal"
@@ -174,7 +173,7 @@ def test_the_recording_holds_commands_states_and_odometry(by_lme):
     assert len(found["/odom"]) == len(found["/scan"]) + 1 == len(by_lme.steps) + 1
 
 
-def test_stops_on_the_way_and_jumps_of_the_clock_stay_readable(tmp_path, place):
+def test_stops_on_the_way_and_jumps_of_the_clock_stay_readable(tmp_path, place, says):
     """Stops hold no decision; after a jump back, stamps continue from the last."""
     count = iter(range(10_000))
 
@@ -199,11 +198,8 @@ def test_stops_on_the_way_and_jumps_of_the_clock_stay_readable(tmp_path, place):
         "stopped: the scan is older than 0.5 s",
         "driving",
     ]
-    with pytest.raises(
-        InputError, match=r"differs from the recorded one: another version .* or the guide or planner"
-    ) as error:
+    with says.raises(InputError):
         retrace(drive.path)  # the decision of the step that was dropped is missing
-    assert "\n" not in str(error.value)
 
 
 def test_the_lidar_that_was_there_is_the_one_that_is_recorded(tmp_path):
@@ -237,16 +233,16 @@ def test_a_step_that_is_given_again_is_written_once(tmp_path):
     assert len(messages(drive.path)["/scan"]) == len(drive.steps)
 
 
-def test_a_recording_of_somebody_else(tmp_path, capsys):
+def test_a_recording_of_somebody_else(tmp_path, capsys, says):
     path = drive(steps=3).write(tmp_path)
     assert main(["explain", str(path)]) == 2
     said = capsys.readouterr().err
-    assert "neither lme eval nor lme live made this recording" in said
+    says(said)
     assert said.count("\n") == 1
     assert main(["explain", str(path), "3"]) == 2
-    assert "a recording holds one drive" in capsys.readouterr().err
+    says(capsys.readouterr().err)
     assert main(["explain", "absent.mcap"]) == 2
-    assert "bag absent.mcap: no such file" in capsys.readouterr().err
+    says(capsys.readouterr().err)
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):

@@ -59,15 +59,13 @@ def test_a_family_of_ones_own_and_a_robot_for_it(job):
     assert trained["mine"].map["kind"] == "u"
 
 
-def test_a_robot_of_no_family_is_refused(job):
-    with pytest.raises(
-        InputError, match=r"training_robots\.mine: no such family; must be one of env1, fresh, indoor"
-    ):
+def test_a_robot_of_no_family_is_refused(job, says):
+    with says.raises(InputError):
         found(job, "+robot@training_robots.mine=turtlebot2")
 
 
-def test_without_a_family_there_is_nothing_to_train_on(job):
-    with pytest.raises(InputError, match="training has no family of worlds for this robot"):
+def test_without_a_family_there_is_nothing_to_train_on(job, says):
+    with says.raises(InputError):
         found(job, "training.env1=null", "training.indoor=null", "+robot=go2")
 
 
@@ -115,15 +113,16 @@ def test_a_planner_that_knows_the_delay_knows_the_drawn_one(job):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        (["disturbances.slip=[0.1]"], r"disturbances\.slip is \[0\.1\]: must be \[lowest, highest\] or null"),
-        (["disturbances.slip=[-1,1]"], r"disturbances\.slip\[0\] is -1: must be at least 0"),
-        (["disturbances.slip=[0.2,0.1]"], r"disturbances\.slip\[1\] is 0\.1: must be at least 0\.2"),
-        (["disturbances.overshoot_v=[0,2]"], r"sim\.overshoot_v is 2: must be .*at most 0\.95"),
-        (["disturbances.tilt=[0,0.05]"], r"robot\.lidar\.height is null in robot stage"),
+        ["disturbances.slip=[0.1]"],
+        ["disturbances.slip=[-1,1]"],
+        ["disturbances.slip=[0.2,0.1]"],
+        ["disturbances.overshoot_v=[0,2]"],
+        ["disturbances.tilt=[0,0.05]"],
     ],
+    ids=" ".join,
 )
-def test_disturbances_that_cannot_be_drawn(job, words, said):
-    with pytest.raises(InputError, match=said):
+def test_disturbances_that_cannot_be_drawn(job, words, says):
+    with says.raises(InputError):
         check_disturbances(found(job, "map=env1", *words)["env1"])

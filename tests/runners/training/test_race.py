@@ -139,22 +139,23 @@ def test_a_race_killed_after_some_episodes_ends_as_the_uninterrupted_one(tmp_pat
 
 
 @pytest.mark.parametrize("line", ["{}", "[1,2]", '[1,2,"success",3,"x","open"]', "nonsense"])
-def test_a_damaged_log_is_one_line(tmp_path, line):
+def test_a_damaged_log_is_one_line(tmp_path, line, says):
     (tmp_path / "race.jsonl").write_text(f'[0,1,"success",5,0.5,"open"]\n{line}\n')
-    with pytest.raises(InputError, match="line 2 does not hold the score of an episode: remove that line"):
+    with says.raises(InputError):
         RaceLog(tmp_path / "race.jsonl")
 
 
 @pytest.mark.parametrize(
-    ("candidates", "worlds", "said"),
+    ("candidates", "worlds"),
     [
-        ([4, 2], [1], "must have one number per rung"),
-        ([], [], "must have one number per rung"),
-        ([0], [1], "race.candidates is 0: must be at least 1"),
-        ([4], [0], "race.worlds is 0: must be at least 1"),
-        ([2, 4], [1, 1], "must not grow"),
+        ([4, 2], [1]),
+        ([], []),
+        ([0], [1]),
+        ([4], [0]),
+        ([2, 4], [1, 1]),
     ],
+    ids=str,
 )
-def test_rungs_that_cannot_be_raced(candidates, worlds, said):
-    with pytest.raises(InputError, match=said):
+def test_rungs_that_cannot_be_raced(candidates, worlds, says):
+    with says.raises(InputError):
         check_race(RaceConfig(candidates, worlds))

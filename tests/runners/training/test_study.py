@@ -179,23 +179,23 @@ def test_importances_need_trials_that_differ(tmp_path, whole):
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    "changes",
     [
-        ({"seed": 1}, "seed: 0 there, 1 now"),
-        ({"robot": {"name": "go2", "v_max": 0.5}}, "robot.name: stage there, go2 now"),
-        ({"space": {"planner": {"b": {"high": 2}}}}, "space.planner.b.high: absent there, 2 now"),
+        {"seed": 1},
+        {"robot": {"name": "go2", "v_max": 0.5}},
+        {"space": {"planner": {"b": {"high": 2}}}},
     ],
+    ids=str,
 )
-def test_a_study_of_something_else_is_refused(tmp_path, changes, said):
+def test_a_study_of_something_else_is_refused(tmp_path, changes, says):
     url = f"sqlite:///{tmp_path}/shared.db"
     opened(tmp_path, url=url, name="mine")
-    with pytest.raises(InputError, match="study mine in sqlite") as caught:
+    with says.raises(InputError):
         opened(tmp_path, url=url, name="mine", **changes)
-    assert said in str(caught.value)
     opened(tmp_path, url=url, name="mine", trials=500, runs=9)
 
 
-def test_a_damaged_journal_names_its_line(whole, tmp_path):
+def test_a_damaged_journal_names_its_line(whole, tmp_path, says):
     lines = whole("random")[1].splitlines(keepends=True)
     path = tmp_path / JOURNAL
     for damage in (
@@ -206,12 +206,11 @@ def test_a_damaged_journal_names_its_line(whole, tmp_path):
         b'{"op_code": 6, "worker_id": "", "trial_id": 0, "state": 1, "values": ["x"]}\n',
     ):
         path.write_bytes(b"".join([*lines[:5], damage, *lines[5:]]))
-        with pytest.raises(InputError, match=rf"{JOURNAL} line 6: is not an entry of an Optuna journal"):
+        with says.raises(InputError):
             opened(tmp_path, "random")
     path.write_bytes(b"".join(lines[:5] + lines[9:]))
-    with pytest.raises(InputError, match=r"line \d+: should be line \d+, so lines are missing") as caught:
+    with says.raises(InputError):
         opened(tmp_path, "random")
-    assert "\n" not in str(caught.value)
 
 
 def test_every_entry_of_the_journal_is_a_line_of_json(whole):
@@ -306,26 +305,26 @@ def test_trials_beyond_the_total_are_withdrawn(tmp_path, monkeypatch):
     assert second.claim(5, 3) != []
 
 
-def test_a_file_that_is_not_a_journal_is_not_changed(tmp_path):
+def test_a_file_that_is_not_a_journal_is_not_changed(tmp_path, says):
     path = tmp_path / JOURNAL
     path.write_bytes(b"somebody's notes")
-    with pytest.raises(InputError, match="line 1: is not an entry of an Optuna journal"):
+    with says.raises(InputError):
         Journal(path)
     assert path.read_bytes() == b"somebody's notes"
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    "make",
     [
-        (os.mkfifo, "is a pipe, not a regular file"),
-        (lambda path: path.symlink_to("/dev/zero"), "is a device, not a regular file"),
-        (os.mkdir, "is a directory, not a regular file"),
-        (lambda path: path.symlink_to(path), r"cannot be read \(Too many levels of symbolic links\)"),
+        os.mkfifo,
+        lambda path: path.symlink_to("/dev/zero"),
+        os.mkdir,
+        lambda path: path.symlink_to(path),
     ],
 )
-def test_a_journal_that_is_no_file_is_one_line(tmp_path, make, said):
+def test_a_journal_that_is_no_file_is_one_line(tmp_path, make, says):
     make(tmp_path / JOURNAL)
-    with pytest.raises(InputError, match=rf"^{tmp_path / JOURNAL}: {said}$"):
+    with says.raises(InputError):
         opened(tmp_path, "random")
 
 
@@ -398,11 +397,11 @@ def test_a_journal_of_other_steps_is_damaged(whole, tmp_path, old, new):
 
 
 @pytest.mark.parametrize("line", ["nothing", "[1]", '[{"a": [1]}, []]', '[{"a": 1}, 5]', "[" * 100_000])
-def test_a_line_without_scores_is_named(tmp_path, line):
+def test_a_line_without_scores_is_named(tmp_path, line, says):
     log = ScoreLog(tmp_path / SCORE_LOG)
     log.add({"a": 1.5, "b": 2}, [("success", 1, 2.5)])
     assert ScoreLog(tmp_path / SCORE_LOG).get({"b": 2.0, "a": 1.5}) == [["success", 1, 2.5]]
     with (tmp_path / SCORE_LOG).open("a") as file:
         file.write(f"{line}\n")
-    with pytest.raises(InputError, match=r"scores\.jsonl line 2 does not hold the scores of a trial"):
+    with says.raises(InputError):
         ScoreLog(tmp_path / SCORE_LOG)

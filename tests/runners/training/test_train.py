@@ -268,43 +268,41 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        (["trials=0"], "trials is 0: must be at least 1"),
-        (["trials=x"], "trials is x: must be a whole number"),
-        (["configurations=0"], "configurations is 0: must be at least 1"),
-        (["runs=0"], "runs is 0: must be at least 1"),
-        (["reward.crash=0.5"], "reward.crash is 0.5: must be at most 0"),
-        (["reward.crsh=0.5"], "reward.crsh: no such key; did you mean reward.crash?"),
-        (["reward.max_steps=0"], "reward.max_steps is 0: must be at least 1"),
-        (["search=tpee"], "search=tpee: no such option; did you mean tpe?"),
-        (["search.batch=0"], "search.batch is 0: must be at least 1"),
-        (
-            ["space.guide.parameters.d1.high=0.001"],
-            "space.guide.parameters.d1.high is 0.001: must be greater than",
-        ),
-        (["space.guide.parameters.d3={low: 1, high: 2}"], "the config has no guide.parameters.d3"),
-        (["guide=target", "space=lme"], "the config has no guide.parameters.a_close"),
-        (["training_numbers=[5]"], "training_numbers is [5]: must be [first, last]"),
-        (["training_numbers=[0,2]"], "must leave 2 worlds besides those held out, but leaves 1"),
-        (["name=a/b"], "name is 'a/b': must be a plain file name"),
-        (["name=published"], "name is 'published': a weight set of that name ships with lme"),
-        (["name=taken"], "holds the weights of another study; choose another name"),
-        (["storage=nonsense"], "storage is nonsense: cannot be used"),
-        (["weights=broken.yaml"], "weights file broken.yaml"),
-        (["resume=nowhere"], "resume=nowhere: no such directory"),
-        (["robot=jakal"], "robot=jakal: no such option; did you mean jackal?"),
-        (["sead=1"], "sead: no such key; did you mean seed?"),
+        ["trials=0"],
+        ["trials=x"],
+        ["configurations=0"],
+        ["runs=0"],
+        ["reward.crash=0.5"],
+        ["reward.crsh=0.5"],
+        ["reward.max_steps=0"],
+        ["search=tpee"],
+        ["search.batch=0"],
+        ["space.guide.parameters.d1.high=0.001"],
+        ["space.guide.parameters.d3={low: 1, high: 2}"],
+        ["guide=target", "space=lme"],
+        ["training_numbers=[5]"],
+        ["training_numbers=[0,2]"],
+        ["name=a/b"],
+        ["name=published"],
+        ["name=taken"],
+        ["storage=nonsense"],
+        ["weights=broken.yaml"],
+        ["resume=nowhere"],
+        ["robot=jakal"],
+        ["sead=1"],
     ],
+    ids=" ".join,
 )
-def test_a_mistake_in_train_is_one_line_and_writes_nothing(words, said, capsys):
+def test_a_mistake_in_train_is_one_line_and_writes_nothing(words, capsys, says):
     Path("outputs/weights").mkdir(parents=True)
     Path("outputs/weights/taken.yaml").write_text("study: another\n")
     Path("broken.yaml").write_text("parameters: {a_close: 1}")
     before = sorted(Path().rglob("*"))
     assert main(["train", *last_of_each(*IN_PROCESS, *words)]) == 2
     shown = capsys.readouterr().err
-    assert said in shown
+    says(shown)
     assert shown.count("\n") == 1
     assert sorted(Path().rglob("*")) == before
 
@@ -314,13 +312,13 @@ def test_training_numbers_that_the_map_has_not(capsys):
     assert "must be worlds that barn has, such as [0,299]" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("search", "package"), [("gp", "torch"), ("cmaes", "cmaes")])
-def test_a_search_without_its_package_says_what_to_install(search, package, monkeypatch, capsys):
+@pytest.mark.parametrize("search", ["gp", "cmaes"])
+def test_a_search_without_its_package_says_what_to_install(search, monkeypatch, capsys, says):
     from runners.training import samplers
 
     monkeypatch.setattr(samplers, "find_spec", lambda package: None)
     assert main(["train", *SMALL[:6], f"search={search}"]) == 2
-    assert f"search={search} needs {package}: pip install '{package}" in capsys.readouterr().err
+    says(capsys.readouterr().err)
 
 
 def test_another_robot_map_or_space_cannot_be_resumed(trained, monkeypatch, capsys):
@@ -336,14 +334,13 @@ def test_another_robot_map_or_space_cannot_be_resumed(trained, monkeypatch, caps
         assert said in capsys.readouterr().err
 
 
-def test_a_corrupt_journal_is_one_line(trained, capsys):
+def test_a_corrupt_journal_is_one_line(trained, capsys, says):
     run_dir = train("trials=2")
     journal = run_dir / JOURNAL
     lines = journal.read_text().splitlines()
     journal.write_text("\n".join([*lines[:3], "not json", *lines[3:]]) + "\n")
     assert main(["train", f"resume={run_dir}"]) == 2
-    shown = capsys.readouterr().err.splitlines()[-1]
-    assert "study.journal line 4: is not an entry of an Optuna journal" in shown
+    says(capsys.readouterr().err.splitlines()[-1])
 
 
 def test_a_map_that_has_changed_is_refused(capsys):
@@ -355,7 +352,7 @@ def test_a_map_that_has_changed_is_refused(capsys):
     assert "mine.yaml has changed since the run began" in capsys.readouterr().err
 
 
-def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys):
+def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys, says):
     import fcntl
 
     run_dir, _ = trained
@@ -363,7 +360,7 @@ def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys):
     with (run_dir / "launch.json").open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         assert main(["train", "resume=run"]) == 2
-    assert "run is being written by another process" in capsys.readouterr().err
+    says(capsys.readouterr().err)
 
 
 def test_go2_trains_where_it_fits():
@@ -432,20 +429,20 @@ GOOD = yaml.safe_dump({"parameters": PUBLISHED})
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new"),
     [
-        ("d2: 200.0", "", "parameter d2 is missing"),
-        ("d2: 200.0", "d2: 200.0\n  d3: 1.0", "parameter 'd3' is unknown: The parameters are a_close"),
-        ("d2: 200.0", "d2: -1.0", "parameter d2 is -1: must be at least 0"),
-        ("d2: 200.0", "d2: .nan", "parameter d2 is nan: must be at least 0"),
-        ("d2: 200.0", "d2: much", "parameters.d2 is 'much': must be a number"),
-        ("d2: 200.0", "d2: true", "parameters.d2 is True: must be a number"),
-        ("d2: 200.0", "d2: 1.0\n  d2: 2.0", "not valid YAML"),
-        ("parameters:", "parametres:", "must hold a mapping `parameters`"),
-        ("parameters:", "parameters: [", "not valid YAML"),
+        ("d2: 200.0", ""),
+        ("d2: 200.0", "d2: 200.0\n  d3: 1.0"),
+        ("d2: 200.0", "d2: -1.0"),
+        ("d2: 200.0", "d2: .nan"),
+        ("d2: 200.0", "d2: much"),
+        ("d2: 200.0", "d2: true"),
+        ("d2: 200.0", "d2: 1.0\n  d2: 2.0"),
+        ("parameters:", "parametres:"),
+        ("parameters:", "parameters: ["),
     ],
 )
-def test_a_weight_file_that_is_not_right(old, new, said):
+def test_a_weight_file_that_is_not_right(old, new, says):
     assert old in GOOD
     Path("mine.yaml").write_text(GOOD.replace(old, new))
     for read in (
@@ -456,19 +453,17 @@ def test_a_weight_file_that_is_not_right(old, new, said):
             read()
         message = str(caught.value)
         assert "mine.yaml" in message
-        assert said in message
+        says(message)
         assert "\n" not in message
 
 
-def test_weights_that_are_nowhere(capsys):
+def test_weights_that_are_nowhere(capsys, says):
     Path("empty").mkdir()
-    with pytest.raises(
-        InputError, match=r"holds no weights\.yaml; must be the directory of a finished lme train"
-    ):
+    with says.raises(InputError):
         parameters("empty", {})
     Path("outputs/weights").mkdir(parents=True)
     Path("outputs/weights/mine.yaml").write_text(GOOD)
-    with pytest.raises(InputError, match="did you mean mine"):
+    with says.raises(InputError):
         parameters("mnie", {})
     assert parameters("mine", {"c_o": 0.0}) == {**PUBLISHED, "c_o": 0.0}
 

@@ -45,19 +45,19 @@ START = both(STEPS, {1, 2})
 
 
 @pytest.mark.parametrize(
-    ("found", "word", "said"),
+    ("found", "word"),
     [
-        (both(STEPS - 10, {1, 2}), "better", "Better: the new weights earn more than published"),
-        (both(STEPS, {1, 2}), "level", "Level: the new weights and published differ by no more"),
-        (both(STEPS + 10, {1, 2}), "worse", "Worse: keep what you have (published)"),
-        (both(STEPS - 50, set(range(12))), "worse", "Worse: keep what you have (published)"),
+        (both(STEPS - 10, {1, 2}), "better"),
+        (both(STEPS, {1, 2}), "level"),
+        (both(STEPS + 10, {1, 2}), "worse"),
+        (both(STEPS - 50, set(range(12))), "worse"),
     ],
 )
-def test_the_verdict_and_its_sentence(places, found, word, said):
+def test_the_verdict_and_its_sentence(places, found, word, says):
     verdict = judged(places, START, found, 0.7)
     assert verdict.content()["verdict"] == word
     assert verdict.is_worse == (word == "worse")
-    assert verdict.lines("published")[-1].startswith(said)
+    says(verdict.lines("published")[-1])
 
 
 def test_success_on_one_map_counts_even_if_the_reward_on_all_is_better(places):
@@ -87,10 +87,7 @@ def test_figures_are_those_of_the_records(places):
     assert content["reward_gap"] == pytest.approx(0.9 - mean, abs=1e-6)
 
 
-def test_if_the_start_wins_the_weights_are_kept(places):
+def test_if_the_start_wins_the_weights_are_kept(places, says):
     verdict = judged(places, START, START, 0.7)
     assert verdict.content()["verdict"] == "level"
-    assert (
-        "no trial was better than the weights started from (published); keep them"
-        in verdict.lines("published")[-1]
-    )
+    says(verdict.lines("published")[-1])

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.records.episode_record import EpisodeKey, RunLabels
@@ -185,12 +184,10 @@ def test_a_cluster_whose_processes_die_ends_the_run(tmp_path, monkeypatch, lives
         list(dying.map(sleep_long, None, ITEMS))
 
 
-def test_an_address_where_nobody_answers(monkeypatch):
+def test_an_address_where_nobody_answers(monkeypatch, says):
     monkeypatch.setattr(module, "_CONNECT_S", 0.3)
     nobody = module.DaskExecutor(module.DaskConfig(address="tcp://127.0.0.1:9"))
-    with pytest.raises(
-        InputError, match=r"^executor\.address is tcp://127\.0\.0\.1:9: no dask scheduler answers"
-    ):
+    with says.raises(InputError):
         list(nobody.map(multiply, {"factor": 1}, ITEMS))
 
 
@@ -204,17 +201,18 @@ def test_a_connection_that_ends_during_a_result_is_reported():
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    "settings",
     [
-        ({"address": "host"}, r"executor\.address is host: must be null or like tcp://host:8786"),
-        ({"workers": 0}, r"executor\.workers is 0: must be at least 1"),
-        ({"batch": 0}, r"executor\.batch is 0: must be at least 1"),
-        ({"address": "tcp://host:8786", "workers": 2}, r"executor\.workers is 2: must be null with executor\.address"),
+        {"address": "host"},
+        {"workers": 0},
+        {"batch": 0},
+        {"address": "tcp://host:8786", "workers": 2},
     ],
+    ids=str,
 )  # fmt: skip
-def test_settings_are_checked(settings, message):
-    with pytest.raises(InputError, match=message):
-        load_settings("executor/dask", **settings)
+def test_settings_are_checked(settings, says):
+    with says.raises(InputError):
+        module.DaskConfig(**settings)
 
 
 def test_a_short_list_goes_to_every_worker():

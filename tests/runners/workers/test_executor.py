@@ -107,8 +107,8 @@ def test_no_items_need_no_workers():
 
 
 @pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
-def test_an_input_error_stays_one_and_names_its_episode(executor):
-    with pytest.raises(InputError, match=r"^world 3, run 0: the start is inside an obstacle$"):
+def test_an_input_error_stays_one_and_names_its_episode(executor, says):
+    with says.raises(InputError):
         list(executor.map(fail_in_world_3, InputError("the start is inside an obstacle"), ONE_RUN))
 
 
@@ -135,8 +135,8 @@ def test_an_error_of_lme_itself_brings_the_workers_traceback(executor):
 
 
 @pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
-def test_a_config_that_cannot_be_built_is_reported_as_it_is(executor):
-    with pytest.raises(InputError, match=r"^robot\.v_max is -1: must be greater than 0$"):
+def test_a_config_that_cannot_be_built_is_reported_as_it_is(executor, says):
+    with says.raises(InputError, match="v_max.*-1"):
         list(executor.map(refuse_to_build, None, ITEMS))
 
 
@@ -183,14 +183,14 @@ def test_the_server_of_workers_does_not_hear_sigterm_which_comes_to_all_processe
     assert run.stdout == "(0, 0)\n"  # still alive
 
 
-def test_a_launchers_worker_process_runs_the_items_itself():
+def test_a_launchers_worker_process_runs_the_items_itself(says):
     """It may be one that can start no others; the reason is said once."""
     with get_context("forkserver").Pool(1) as launcher:
         (first, reason), (second, silence) = (launcher.apply(run_inside) for _ in range(2))
         launcher.close()  # its process may be one of our server, which does not hear SIGTERM
         launcher.join()
     assert first == second == [(item, True) for item in ITEMS]
-    assert reason == "executor=process: inside a launcher's worker process, episodes run one by one\n"
+    says(reason)
     assert silence == ""
 
 
@@ -199,10 +199,10 @@ def run_inside():
         return [(item, process == os.getpid()) for item, process in run_all(ITEMS)], said.getvalue()
 
 
-def test_number_of_workers():
+def test_number_of_workers(says):
     assert processes(5).workers == 5
     assert processes(None).workers == available_cores() >= 1
-    with pytest.raises(InputError, match=r"executor\.workers is 0: must be at least 1"):
+    with says.raises(InputError, match="workers.*0"):
         load_settings("executor/process", workers=0)
 
 
@@ -212,7 +212,7 @@ from runners.workers.executor import ProcessConfig, ProcessExecutor
 from tests.runners.workers.test_executor import name_itself_and_sleep, sleep_long, worker_environment
 
 if __name__ == "__main__":
-    iterator = ProcessExecutor(ProcessConfig(workers=2)).map(JOB, None, [(0, 0), (1, 0)])
+    iterator = ProcessExecutor(load_settings("executor/process", workers=2)).map(JOB, None, [(0, 0), (1, 0)])
     try:
         print(next(iterator)[-1], flush=True)
         time.sleep(60)

@@ -274,14 +274,14 @@ def test_where_no_file_can_be_written_it_says_so(tmp_path):
         _driven(path)
 
 
-def test_a_full_disk_is_one_line(tmp_path, monkeypatch):
+def test_a_full_disk_is_one_line(tmp_path, monkeypatch, says):
     from rosbags.rosbag2.storage_mcap import McapWriter
 
     def full(self):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(McapWriter, "close_chunk", full)
-    with pytest.raises(InputError, match=r"No space left on device.*resume=true"):
+    with says.raises(InputError):
         _driven(tmp_path / "world-0-run-0.mcap")
     assert not list(tmp_path.iterdir())
 
@@ -343,7 +343,7 @@ def test_without_rosbags_the_recorder_says_what_to_install_before_a_run(place, m
 
 
 @pytest.mark.parametrize("word", ["record=mcp", "record=null"])
-def test_an_unknown_recording_format_is_refused(place, capsys, word):
+def test_an_unknown_recording_format_is_refused(place, capsys, word, says):
     assert evaluated(word) == 2
-    assert "must be none or mcap" in capsys.readouterr().err
+    says(capsys.readouterr().err)
     assert list(Record) == ["none", "mcap"]

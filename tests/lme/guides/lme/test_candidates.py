@@ -145,14 +145,15 @@ def test_the_target_may_be_left_out():
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    "settings",
     [
-        ({"number": 0}, r"guide\.candidates\.number is 0: must be at least 1"),
-        ({"max_range": 0.0}, r"guide\.candidates\.max_range is 0: must be greater than 0"),
-        ({"max_range": math.inf}, r"guide\.candidates\.max_range is inf: must be .* finite"),
-        ({"distribution": "disc"}, r"guide\.candidates\.distribution is 'disc': must be one of polar, area"),
+        {"number": 0},
+        {"max_range": 0.0},
+        {"max_range": math.inf},
+        {"distribution": "disc"},
     ],
+    ids=str,
 )
-def test_bad_settings_are_named(settings, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_settings_are_named(settings, says):
+    with says.raises(InputError):
         load_settings("guide/lme", candidates=settings)

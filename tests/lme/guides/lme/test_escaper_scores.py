@@ -87,38 +87,39 @@ def test_weights_go_by_name_whatever_their_order():
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("value", [math.inf, -1.0, -1e-9, math.nan, -math.inf])
-def test_a_weight_must_be_finite_and_not_negative(name, value):
-    with pytest.raises(InputError, match=rf"parameter {name} is {value:g}: must be at least 0 and finite"):
+def test_a_weight_must_be_finite_and_not_negative(name, value, says):
+    with says.raises(InputError, match=f"{name}.*{value:g}"):
         escaper({**PUBLISHED, name: value})
 
 
 @pytest.mark.parametrize("name", ["d1", "d2"])
-def test_a_threshold_may_be_infinite_but_not_negative(name):
+def test_a_threshold_may_be_infinite_but_not_negative(name, says):
     escaper({**PUBLISHED, name: math.inf})
     for value in (-0.1, math.nan, -math.inf):
-        with pytest.raises(InputError, match=rf"parameter {name} is {value:g}: must be at least 0$"):
+        with says.raises(InputError, match=f"{name}.*{value:g}"):
             escaper({**PUBLISHED, name: value})
 
 
-def test_parameters_must_be_all_there_and_no_more():
-    with pytest.raises(InputError, match=r"'a_clos' is unknown: did you mean a_close\?"):
+def test_parameters_must_be_all_there_and_no_more(says):
+    with says.raises(InputError):
         escaper({**PUBLISHED, "a_clos": 1.0})
     with pytest.raises(InputError, match="parameter d2 is missing"):
         escaper({name: value for name, value in PUBLISHED.items() if name != "d2"})
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    "settings",
     [
-        ({"blocking": "ray"}, r"guide\.blocking is 'ray': must be one of corridor, line_of_sight"),
-        ({"surmount": "all"}, r"guide\.surmount is 'all': must be one of every, hidden"),
-        ({"history_length": 0}, r"guide\.history_length is 0: must be at least 1"),
-        ({"history_min_distance": -0.1}, r"guide\.history_min_distance is -0.1: must be at least 0"),
-        ({"history_min_distance": math.nan}, r"guide\.history_min_distance is nan"),
+        {"blocking": "ray"},
+        {"surmount": "all"},
+        {"history_length": 0},
+        {"history_min_distance": -0.1},
+        {"history_min_distance": math.nan},
     ],
+    ids=str,
 )
-def test_bad_settings_are_named(settings, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_settings_are_named(settings, says):
+    with says.raises(InputError):
         load_settings("guide/lme", **settings)
 
 
@@ -127,7 +128,7 @@ def leftness(candidates, view):
     return candidates[:, 1]
 
 
-def test_a_criterion_of_ones_own_counts():
+def test_a_criterion_of_ones_own_counts(says):
     config = load_settings(
         "guide/lme", parameters=only(leftness=1.0), criteria={"leftness": f"{__name__}.leftness"}
     )
@@ -135,7 +136,7 @@ def test_a_criterion_of_ones_own_counts():
     seen = explained(guide.escaper, observation(target=(8.0, 0.0)))
     assert seen.names == (*NAMES, "leftness")
     assert seen.new == int(np.argmax(seen.candidates[:, 1]))
-    with pytest.raises(InputError, match=r"criteria\.x is 'lme\.nowhere\.x': must be the dotted path"):
+    with says.raises(InputError, match=r"x.*'lme\.nowhere\.x'"):
         Lme(
             load_settings("guide/lme", parameters={**PUBLISHED, "x": 1.0}, criteria={"x": "lme.nowhere.x"}),
             stage(),

@@ -37,10 +37,10 @@ def test_the_tensors_come_back(prefix, ending):
     np.testing.assert_allclose(weights[TRAINED][0], (0.3, 2.0))  # v_max [m/s]
 
 
-def test_a_file_that_is_absent_or_no_table(prefix, tmp_path):
+def test_a_file_that_is_absent_or_no_table(prefix, tmp_path, says):
     assert "cannot be read" in refused(import_checkpoint, tmp_path / "other")
     part(prefix, INDEX).write_bytes(b"PK" * 100)
-    assert "is not a LevelDB table" in refused(import_checkpoint, prefix)
+    says(refused(import_checkpoint, prefix))
 
 
 def test_a_shard_that_is_absent_or_cut_off(prefix):
@@ -51,10 +51,9 @@ def test_a_shard_that_is_absent_or_cut_off(prefix):
     assert "cannot be read" in refused(import_checkpoint, prefix)
 
 
-def test_the_checkpoint_of_another_network_is_refused(tmp_path):
+def test_the_checkpoint_of_another_network_is_refused(tmp_path, says):
     other = {**random_weights(), "dense_1.bias": np.zeros(100, np.float32)}
-    message = refused(import_checkpoint, checkpoint(tmp_path / "other", other))
-    assert "main/pi/dense/bias has the shape (100,): a DCLP network has one of (128,)" in message
+    says(refused(import_checkpoint, checkpoint(tmp_path / "other", other)))
     part(tmp_path / "none", INDEX).write_bytes(table({b"": b"\x08\x01"}))
     assert "main/pi/Variable is missing" in refused(import_checkpoint, tmp_path / "none")
 
@@ -65,11 +64,11 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("entry", "says"),
+    "entry",
     [
-        ((1, (32,), 0, 2**62), "as large as its shape"),
-        ((1, (32,), 2**62, 128), "beyond the end"),
-        ((3, (32,), 0, 128), "float32"),
+        (1, (32,), 0, 2**62),
+        (1, (32,), 2**62, 128),
+        (3, (32,), 0, 128),
     ],
 )
 def test_an_entry_that_lies(tmp_path, entry, says):
@@ -77,7 +76,7 @@ def test_an_entry_that_lies(tmp_path, entry, says):
     message = refused(import_checkpoint, checkpoint(tmp_path / "lies", random_weights(), {BIAS: entry}))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert says in message
+    says(message)
     assert peak < 2**24
 
 

@@ -128,33 +128,23 @@ def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, block
     assert network.state[0] == pytest.approx(goal)
 
 
-def test_weights_that_do_not_exist(tmp_path):
-    with pytest.raises(InputError, match=r"none\.onnx: cannot be read"):
+def test_weights_that_do_not_exist(tmp_path, says):
+    with says.raises(InputError):
         Dclp(load_settings("planner/dclp", weights=str(tmp_path / "none.onnx")), stage())
 
 
 @pytest.mark.parametrize(
-    ("settings", "says"),
+    ("settings", "said"),
     [({"lookahead": 0.0}, "planner.lookahead is 0"), ({"told": {"front": -1.0}}, "planner.told.front is -1")],
 )
-def test_settings_that_cannot_be(settings, says):
-    with pytest.raises(InputError, match=says):
-        load_settings(
-            "planner/dclp",
-            **{
-                **settings,
-                **(
-                    {"told": load_settings("planner/dclp", told={**settings["told"]}).told}
-                    if "told" in settings
-                    else {}
-                ),
-            },
-        )
+def test_settings_that_cannot_be(settings, said):
+    with pytest.raises(InputError, match=said):
+        load_settings("planner/dclp", **settings)
 
 
-def test_a_robot_outside_of_the_training_is_named(tmp_path):
+def test_a_robot_outside_of_the_training_is_named(tmp_path, says):
     file = str(network_file(tmp_path / "narrow.onnx", trained={"alpha_v": (0.5, 5.0)}))
-    with pytest.warns(UserWarning, match=r"told\.alpha_v is 20: .* trained for 0\.5 to 5"):
+    with says.warns():
         Dclp(load_settings("planner/dclp", weights=file), stage(alpha_v=20.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

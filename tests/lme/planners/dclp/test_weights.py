@@ -25,7 +25,7 @@ def test_a_file_of_something_else_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("array", "says"),
+    ("array", "said"),
     [
         (None, "alpha is missing"),
         (np.zeros((7, 32), np.float32), "has the shape (7, 32): must be float32 (6, 32)"),

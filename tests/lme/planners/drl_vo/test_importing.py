@@ -37,47 +37,44 @@ def test_a_tensor_may_be_a_part_of_a_storage(tmp_path):
     np.testing.assert_array_equal(weights[BIAS], WEIGHTS[hidden][1:3])
 
 
-def test_a_file_that_is_absent_or_no_archive(tmp_path):
+def test_a_file_that_is_absent_or_no_archive(tmp_path, says):
     assert "cannot be read" in refused(import_archive, tmp_path / "none.zip")
     assert "is a directory" in refused(import_archive, tmp_path)
     (tmp_path / "text.zip").write_text("weights")
-    assert "is not an archive of a DRL-VO network by Stable-Baselines3" in refused(
-        import_archive, tmp_path / "text.zip"
-    )
+    says(refused(import_archive, tmp_path / "text.zip"))
     (tmp_path / "empty.zip").write_bytes(zipped({"data": b"{}"}))
     assert "holds no policy.pth" in refused(import_archive, tmp_path / "empty.zip")
     (tmp_path / "old.zip").write_bytes(zipped({"policy.pth": zipped({"version": b"3"})}))
     assert "PyTorch 1.6 or newer" in refused(import_archive, tmp_path / "old.zip")
 
 
-def test_the_archive_of_another_network_is_refused(tmp_path):
+def test_the_archive_of_another_network_is_refused(tmp_path, says):
     missing = {name: array for name, array in WEIGHTS.items() if name != "log_std"}
     assert "log_std is missing" in refused(import_archive, archive(tmp_path / "a.zip", missing))
     other = {**WEIGHTS, BIAS: np.zeros(3, np.float32)}
-    message = refused(import_archive, archive(tmp_path / "b.zip", other))
-    assert (
-        f"policy.pth: {BIAS} has the shape (3,): must be (2,) in a DRL-VO network of 2 channels, 5" in message
-    )
+    says(refused(import_archive, archive(tmp_path / "b.zip", other)))
 
 
-def test_weights_that_are_not_finite_are_refused(tmp_path):
-    assert f"{BIAS} holds values that are not finite" in refused(
-        import_archive, archive(tmp_path / "nan.zip", {**WEIGHTS, BIAS: np.full(2, np.nan, np.float32)})
+def test_weights_that_are_not_finite_are_refused(tmp_path, says):
+    says(
+        refused(
+            import_archive, archive(tmp_path / "nan.zip", {**WEIGHTS, BIAS: np.full(2, np.nan, np.float32)})
+        )
     )
 
 
 @pytest.mark.parametrize(
-    ("pickled", "says"),
+    "pickled",
     [
-        (tensor(KEY, (2,), kind="torch LongStorage"), "must be float32"),
-        (tensor(KEY, (2,), stride=(2,)), "must be contiguous"),
-        (tensor(KEY, (2,), stride=(1, 1)), "must be contiguous"),
-        (tensor(KEY, (2,), offset=1), "longer than its numbers"),
-        (tensor(KEY, (2,), offset=2**60), "longer than its numbers"),
-        (tensor(KEY, (2,), offset=-1), "describes no state_dict"),
-        (tensor("../../data", (2,)), "holds no archive/data/../../data"),
-        (tensor(KEY, (2**40,)), "has the shape"),
-        (number(1), f"{BIAS} is missing"),
+        tensor(KEY, (2,), kind="torch LongStorage"),
+        tensor(KEY, (2,), stride=(2,)),
+        tensor(KEY, (2,), stride=(1, 1)),
+        tensor(KEY, (2,), offset=1),
+        tensor(KEY, (2,), offset=2**60),
+        tensor(KEY, (2,), offset=-1),
+        tensor("../../data", (2,)),
+        tensor(KEY, (2**40,)),
+        number(1),
     ],
 )
 def test_a_tensor_that_lies(tmp_path, pickled, says):
@@ -86,7 +83,7 @@ def test_a_tensor_that_lies(tmp_path, pickled, says):
     message = refused(import_archive, path)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert says in message
+    says(message)
     assert peak < 2**24
 
 

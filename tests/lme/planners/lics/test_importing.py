@@ -31,20 +31,17 @@ def test_the_tensors_come_back_and_others_stay_behind(tmp_path):
         np.testing.assert_array_equal(array, weights[name])
 
 
-def test_what_is_not_such_a_network_is_refused(tmp_path):
+def test_what_is_not_such_a_network_is_refused(tmp_path, says):
     weights = random_lics()
     assert "cannot be read" in refused(import_state, tmp_path / "none.pth")
     (tmp_path / "text.pth").write_text("weights")
-    assert "is not a LiCS network that PyTorch saved" in refused(import_state, tmp_path / "text.pth")
+    says(refused(import_state, tmp_path / "text.pth"))
     (tmp_path / "empty.pth").write_bytes(zipped({"data": b""}))
     assert "PyTorch 1.6 or newer" in refused(import_state, tmp_path / "empty.pth")
     missing = {name: array for name, array in weights.items() if name != BIAS}
-    message = refused(import_state, written(tmp_path / "b.pth", missing))
-    assert f"{BIAS} is missing: must be float32 (2,)" in message
+    says(refused(import_state, written(tmp_path / "b.pth", missing)))
     other = {**weights, BIAS: np.zeros(3, np.float32)}
-    assert f"{BIAS} is (3,): must be float32 (2,)" in refused(
-        import_state, written(tmp_path / "c.pth", other)
-    )
+    says(refused(import_state, written(tmp_path / "c.pth", other)))
     broken = {**weights, BIAS: np.full(2, np.nan, np.float32)}
     assert "not finite" in refused(import_state, written(tmp_path / "d.pth", broken))
 

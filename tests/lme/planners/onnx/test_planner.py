@@ -173,12 +173,13 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    "settings",
     [
         ({"path": None}, "path is null: must be the path of an .onnx file"),
         ({"path": "missing.onnx"}, "path is missing.onnx: cannot be read"),
         ({"scan": {"beams": 7}}, f"scan.beams is 7: must divide the lidar's {BEAMS}"),
     ],
+    ids=str,
 )
 def test_a_mistake_is_named(file, settings, message):
     with pytest.raises(InputError, match=message):
@@ -213,22 +214,22 @@ def refused(tmp_path, inputs, given, **network):
     return str(caught.value)
 
 
-def test_a_network_of_another_size_is_refused_with_both(tmp_path):
+def test_a_network_of_another_size_is_refused_with_both(tmp_path, says):
     said = refused(tmp_path, ["scan", "target"], [("x", 76)])
     assert f"input x takes 76 numbers, but inputs and scan make {BEAMS + 2}" in said
     assert f"(scan {BEAMS} + target 2): must be equal" in said
     assert "\n" not in said
 
 
-def test_a_network_with_another_input_or_output_is_refused(tmp_path):
+def test_a_network_with_another_input_or_output_is_refused(tmp_path, says):
     said = refused(tmp_path, ["scan", "target"], ["scan", ("goal", 2)])
     assert "inputs is ['scan', 'target']: must name all inputs of" in said
     assert "which are scan, goal" in said
     said = refused(tmp_path, ["target"], [("target", 2)], outputs=5)
-    assert "its first output has the shape (1, 5); must be two numbers, for v and omega" in said
+    says(said)
 
 
-def test_a_file_that_is_not_onnx_is_refused_in_one_line(tmp_path):
+def test_a_file_that_is_not_onnx_is_refused_in_one_line(tmp_path, says):
     path = tmp_path / "policy.onnx"
     path.write_bytes(b"not a network")
     with pytest.raises(InputError, match="cannot be read as an ONNX file") as caught:
@@ -259,12 +260,12 @@ def altered(tmp_path):
     return said
 
 
-def test_a_network_for_a_batch_is_refused_with_its_shape(altered):
+def test_a_network_for_a_batch_is_refused_with_its_shape(altered, says):
     def batch(network):
         for values in (network.graph.input[0], network.graph.output[0]):
             values.type.tensor_type.shape.dim[0].dim_value = 64
 
-    assert "its input x has the shape [64, 2]; must be [1, 2]: export it for a batch of 1" in altered(batch)
+    says(altered(batch))
 
 
 def test_a_network_of_the_future_is_refused_with_both_versions(altered):
@@ -287,7 +288,7 @@ def test_a_network_with_parts_that_are_not_there_is_refused(altered):
     assert "its weights are in another file: export all into one" in altered(lambda network: None, data=b"x")
 
 
-def test_a_network_without_an_input_or_with_another_kind_of_output_is_refused(altered):
+def test_a_network_without_an_input_or_with_another_kind_of_output_is_refused(altered, says):
     from onnx import TensorProto, helper
 
     def sequence(network):
@@ -305,12 +306,12 @@ def test_a_network_without_an_input_or_with_another_kind_of_output_is_refused(al
         zeros = helper.make_tensor("zeros", TensorProto.FLOAT, (1, 2), [0.0, 0.0])
         network.graph.node.append(helper.make_node("Constant", [], ["action"], value=zeros))
 
-    assert "its first output is seq(tensor(float)); must be two numbers" in altered(sequence)
-    assert "its first output is tensor(string); must be two numbers" in altered(text)
-    assert "has no inputs; must take target" in altered(constant)
+    says(altered(sequence))
+    says(altered(text))
+    says(altered(constant))
 
 
-def test_half_a_file_is_refused(tmp_path):
+def test_half_a_file_is_refused(tmp_path, says):
     path = onnx_file(tmp_path / "policy.onnx")
     for content in (path.read_bytes()[:-9], b""):
         path.write_bytes(content)
@@ -318,17 +319,17 @@ def test_half_a_file_is_refused(tmp_path):
             OnnxPolicy(load_settings("planner/onnx", path=str(path)), ROBOT)
 
 
-def test_an_answer_that_is_not_finite_is_refused(file):
-    with pytest.raises(InputError, match=r"the network answers \[nan, 0.0\]; must be finite numbers"):
+def test_an_answer_that_is_not_finite_is_refused(file, says):
+    with says.raises(InputError):
         made(file, (np.nan, 0.0))[0].plan(seen(), LEFT)
 
 
-def test_a_scan_with_other_beams_than_the_robots_is_refused(file):
-    with pytest.raises(InputError, match=f"the scan has 10 beams, but robot.lidar.num_beams is {BEAMS}"):
+def test_a_scan_with_other_beams_than_the_robots_is_refused(file, says):
+    with says.raises(InputError):
         made(file)[0].plan(seen(np.ones(10, np.float32)), LEFT)
 
 
-def test_without_onnxruntime_a_line_says_how_to_install_it(file, monkeypatch):
+def test_without_onnxruntime_a_line_says_how_to_install_it(file, monkeypatch, says):
     monkeypatch.setitem(__import__("sys").modules, "onnxruntime", None)
     with pytest.raises(InputError, match="needs onnxruntime: pip install"):
         OnnxPolicy(load_settings("planner/onnx", path=file), ROBOT)

@@ -76,17 +76,17 @@ def test_a_changed_world_is_used_as_it_is(tmp_path):
     assert barn(tmp_path).task(5).optimal_time > 5.0
 
 
-def test_a_world_without_a_way_through_and_without_a_path(tmp_path):
+def test_a_world_without_a_way_through_and_without_a_path(tmp_path, says):
     wall = [(-4.425 + 0.15 * i, 7.575, 0.075) for i in range(30)]
     write_world(tmp_path, 5, np.vstack([official_layout(5).cylinders, wall]), path=False)
-    with pytest.raises(InputError, match=r"world_5\.world has no way through"):
+    with says.raises(InputError):
         barn(tmp_path).task(5)
 
 
-def test_a_path_of_another_world_is_refused(tmp_path):
+def test_a_path_of_another_world_is_refused(tmp_path, says):
     write_world(tmp_path, 5)
     np.save(tmp_path / "path_files" / "path_5.npy", official_layout(299).path)
-    with pytest.raises(InputError, match=r"path_5\.npy runs into the obstacles of world_5\.world"):
+    with says.raises(InputError):
         barn(tmp_path).task(5)
 
 
@@ -98,34 +98,28 @@ CAFE = "<include><uri>model://cafe</uri></include>"
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    "content",
     [
-        (b"", "not XML or is truncated"),
-        (b"\x00\xff\x00 nothing", "not XML or is truncated"),
-        (b"<sdf><world name='default'>", "not XML or is truncated"),
-        (b"<?xml version='1.0' encoding='nonsense'?><sdf/>", "not XML or is truncated"),
-        (BOMB, "entities"),
-        (b"<html><body/></html>", "is not a BARN world"),
-        (b"<sdf version='1.6'></sdf>", "is not a BARN world"),
-        (b"<sdf><world name='default'></world></sdf>", "no cylinders"),
-        (sdf([(0.0, 0.0, 0.075)]).encode(), "of the 96 cylinders around the start it has only 0"),
-        (
-            sdf(official_layout(0).cylinders, CRATE).encode(),
-            "'crate' has a collision body that is not a cylinder",
-        ),
-        (
-            sdf(official_layout(0).cylinders, CAFE).encode(),
-            "model://cafe",
-        ),
-        (sdf([(0.0, 0.0, -1.0)]).encode(), "radius of model 'unit_cylinder_0' is '-1.000000'"),
-        (sdf([(float("nan"), 0.0, 1.0)]).encode(), "pose of model 'unit_cylinder_0'"),
-        (b" " * (16 * 2**20 + 1), "16777217 bytes"),
+        b"",
+        b"\x00\xff\x00 nothing",
+        b"<sdf><world name='default'>",
+        b"<?xml version='1.0' encoding='nonsense'?><sdf/>",
+        BOMB,
+        b"<html><body/></html>",
+        b"<sdf version='1.6'></sdf>",
+        b"<sdf><world name='default'></world></sdf>",
+        sdf([(0.0, 0.0, 0.075)]).encode(),
+        sdf(official_layout(0).cylinders, CRATE).encode(),
+        sdf(official_layout(0).cylinders, CAFE).encode(),
+        sdf([(0.0, 0.0, -1.0)]).encode(),
+        sdf([(float("nan"), 0.0, 1.0)]).encode(),
+        b" " * (16 * 2**20 + 1),
     ],
 )
-def test_broken_worlds_are_one_line_that_names_the_file(tmp_path, content, message):
+def test_broken_worlds_are_one_line_that_names_the_file(tmp_path, content, says):
     file = tmp_path / "world_0.world"
     file.write_bytes(content)
-    with pytest.raises(InputError, match=message) as error:
+    with says.raises(InputError) as error:
         read_world(file)
     assert str(file) in str(error.value)
     assert "\n" not in str(error.value)
@@ -198,9 +192,9 @@ def test_headers_that_promise_another_array(tmp_path, shape):
     assert "\n" not in str(error.value)
 
 
-def test_an_archive_is_not_a_path(tmp_path):
+def test_an_archive_is_not_a_path(tmp_path, says):
     np.savez(tmp_path / "path_0.npz", np.zeros((10, 2), dtype=np.int64))
-    with pytest.raises(InputError, match=r"path_0\.npz is not a readable \.npy"):
+    with says.raises(InputError):
         read_path(tmp_path / "path_0.npz")
 
 
@@ -255,7 +249,7 @@ def test_import_overwrites_nothing(tmp_path):
     assert [file.name for file in target.iterdir()] == ["mine.txt"]
 
 
-def test_import_leaves_nothing_half_written(tmp_path, monkeypatch):
+def test_import_leaves_nothing_half_written(tmp_path, monkeypatch, says):
     write_world(tmp_path / "from", 1)
     write_world(tmp_path / "from", 2).write_text("<sdf>")
     with pytest.raises(InputError, match=r"world_2\.world"):
@@ -270,6 +264,6 @@ def test_import_leaves_nothing_half_written(tmp_path, monkeypatch):
         copyfile(source, target)
 
     monkeypatch.setattr(shutil, "copyfile", full_disk)
-    with pytest.raises(InputError, match="No space left on device"):
+    with says.raises(InputError):
         import_worlds(tmp_path / "from", tmp_path / "to")
     assert [folder.name for folder in tmp_path.iterdir()] == ["from"]

@@ -31,45 +31,41 @@ def test_schema_composes_with_omegaconf():
 
 
 @pytest.mark.parametrize(
-    ("keys", "message"),
+    "keys",
     [
-        ({"subset": "hard10"}, r"map\.subset is 'hard10': did you mean hard100\? must be one of all, "),
-        (
-            {"subset": "xyz"},
-            r"map\.subset is 'xyz': must be one of all, official50, lab100, hard100, fresh, fresh_hard$",
-        ),
-        ({"subset": "fresh", "source": "here"}, r"map\.source is here: must be null"),
-        ({"subset": "fresh_hard", "source": "here"}, r"must be null with subset=fresh_hard"),
-        ({"worlds": [5], "subset": "fresh_hard"}, r"5: must be from 1000 on with subset=fresh_hard"),
-        ({"count": 0}, r"map\.count is 0"),
-        ({"fresh_seed": -1}, r"map\.fresh_seed is -1"),
-        ({"goal_tolerance": 0.0}, r"map\.goal_tolerance is 0"),
-        ({"time_limit": math.inf}, r"map\.time_limit is inf"),
-        ({"clock_distance": -0.1}, r"map\.clock_distance is -0\.1"),
-        ({"start": [0.0, 0.0]}, r"map\.start is \[0\.0, 0\.0\]: must be three"),
-        ({"goal": [0.0, math.nan]}, r"map\.goal is \[0\.0, nan\]: must be two"),
-        ({"worlds": []}, r"map\.worlds is \[\]"),
-        ({"worlds": [1, 1]}, r"map\.worlds is \[1, 1\]"),
-        ({"worlds": [7, -1]}, r"map\.worlds is \[7, -1\]: must be different numbers from 0 on"),
-        ({"worlds": [300, 7, 301]}, r"worlds asks for 300, 301: must be 0 to 299"),
-        ({"worlds": [5], "subset": "fresh"}, r"worlds asks for 5: must be from 1000 on"),
-        ({"source": "/nowhere"}, r"source /nowhere does not exist"),
-        ({"source": "1" * 300}, r"source 1+: cannot be read \(File name too long\)"),
+        {"subset": "hard10"},
+        {"subset": "xyz"},
+        {"subset": "fresh", "source": "here"},
+        {"subset": "fresh_hard", "source": "here"},
+        {"worlds": [5], "subset": "fresh_hard"},
+        {"count": 0},
+        {"fresh_seed": -1},
+        {"goal_tolerance": 0.0},
+        {"time_limit": math.inf},
+        {"clock_distance": -0.1},
+        {"start": [0.0, 0.0]},
+        {"goal": [0.0, math.nan]},
+        {"worlds": []},
+        {"worlds": [1, 1]},
+        {"worlds": [7, -1]},
+        {"worlds": [300, 7, 301]},
+        {"worlds": [5], "subset": "fresh"},
+        {"source": "/nowhere"},
+        pytest.param({"source": "1" * 300}, id="{'source': '111…'}"),
     ],
+    ids=str,
 )
-def test_a_wrong_setting_is_named(keys, message):
-    with pytest.raises(InputError, match=message):
+def test_a_wrong_setting_is_named(keys, says):
+    with says.raises(InputError):
         barn(**keys)
 
 
-def test_absent_numbers_of_a_source_are_named(tmp_path):
+def test_absent_numbers_of_a_source_are_named(tmp_path, says):
     for number in range(205, 300):
         (tmp_path / f"world_{number}.world").touch()
-    with pytest.raises(
-        InputError, match=r"'hard100' asks for worlds that .* does not hold: 200, 201, 202, 203, 204$"
-    ):
+    with says.raises(InputError):
         barn(source=str(tmp_path), subset="hard100")
-    with pytest.raises(InputError, match=r"does not hold: 0, 6, 12, 18, 24 and 30 more$"):
+    with says.raises(InputError):
         barn(source=str(tmp_path), subset="official50")
     assert len(barn(source=str(tmp_path), subset="all").numbers) == 95
 
@@ -95,8 +91,8 @@ def test_task_has_the_protocol_of_the_benchmark():
     ]
 
 
-def test_a_world_that_was_not_chosen_is_an_error():
-    with pytest.raises(InputError, match="world 0 is not among"):
+def test_a_world_that_was_not_chosen_is_an_error(says):
+    with says.raises(InputError):
         barn().task(0)
 
 

@@ -67,42 +67,41 @@ def test_tangent_bug_arrives(kind):
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"kind": "maze"}, "map.kind is 'maze': must be one of corridors, offices, floor_plan"),
-        ({"count": 0}, "map.count is 0: must be at least 1"),
-        ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
-        ({"building_seed": -1}, "map.building_seed is -1: must be at least 0"),
-        ({"min_distance": -1.0}, "map.min_distance is -1: must be at least 0"),
-        ({"max_distance": 5.0}, "map.max_distance is 5: must be at least 6"),
-        ({"radius": 0.5}, "map.radius is 0.5: must be greater than 0 and at most 0.45"),
-        ({"passage_margin": 0.05}, "map.passage_margin is 0.05: must be at least 0.1"),
-        ({"passage_margin": 0.6}, "map.passage_margin is 0.6: must be"),
-        ({"margin": math.nan}, "map.margin is nan: must be"),
-        ({"grid": 0.0}, "map.grid is 0: must be greater than 0"),
-        ({"time_limit": 0.0}, "map.time_limit is 0"),
+        {"kind": "maze"},
+        {"count": 0},
+        {"worlds": [1, 1]},
+        {"building_seed": -1},
+        {"min_distance": -1.0},
+        {"max_distance": 5.0},
+        {"radius": 0.5},
+        {"passage_margin": 0.05},
+        {"passage_margin": 0.6},
+        {"margin": math.nan},
+        {"grid": 0.0},
+        {"time_limit": 0.0},
     ],
+    ids=str,
 )
-def test_a_mistake_is_one_line(keys, right):
-    with pytest.raises(InputError) as error:
+def test_a_mistake_is_one_line(keys, says):
+    with says.raises(InputError):
         load_settings("map/indoor", **keys)
-    assert right in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("keys", "right"),
+    "keys",
     [
-        ({"min_distance": 40.0, "max_distance": 50.0}, "min_distance is 40 m: must be a distance"),
-        ({"min_distance": 0.0, "max_distance": 0.1}, "max_distance is 0.1 m: must be a distance"),
+        {"min_distance": 40.0, "max_distance": 50.0},
+        {"min_distance": 0.0, "max_distance": 0.1},
     ],
+    ids=str,
 )
-def test_distances_that_no_building_has_are_refused(keys, right):
-    with pytest.raises(InputError) as error:
+def test_distances_that_no_building_has_are_refused(keys, says):
+    with says.raises(InputError):
         indoor(**keys).task(0)
-    assert right in str(error.value)
 
 
-def test_a_number_that_was_not_chosen_is_refused():
-    with pytest.raises(InputError, match="world 100 is not among the chosen ones of map indoor_offices"):
+def test_a_number_that_was_not_chosen_is_refused(says):
+    with says.raises(InputError):
         indoor().task(100)

@@ -14,45 +14,37 @@ def installed(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        ([], "lme live: must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"),
-        (["robot=go2"], "must be lme live ros1"),
-        (["ros3"], "lme live: ros3: must be lme live ros1, "),
-        (["simulator"], "lme live: simulator: must be"),
-        (["simulator", "--ros1", "--ros2"], "lme live: simulator --ros1 --ros2: must be"),
-        (["ros1", "--ros2"], "lme live: ros1 --ros2: must be"),
-        (["ros1", "map=env1"], "map=env1: only the simulator reads this"),
-        (["simulator", "--ros2", "planner.v_gain=1"], "planner.v_gain"),
-        (["simulator", "--ros2", "planner=dwa"], "planner=dwa: only the nodes read this"),
-        (
-            ["ros2", "topics.scan_type=Image"],
-            "topics.scan_type is Image: must be one of LaserScan, PointCloud2",
-        ),
-        (["ros2", "topics.twist=slope"], "topics.twist is slope: must be one of measured, poses"),
-        (["ros2", "topics.imu=''"], "topics.imu is '': must be letters"),
-        (["ros2", "topics.scann=x"], "scan"),
-        (["ros1", "topics.scan="], "topics.scan is '': must be letters, digits and _, as in front/scan"),
-        (["ros2", "topics.pose='a b'"], "topics.pose is 'a b': must be letters"),
-        (["ros2", "live.stale=0"], "live.stale is 0: must be greater than 0"),
-        (["ros2", "scan.mount=[1,2]"], "scan.mount"),
-        (["simulator", "--ros1", "live.step=1"], "live.step is 1: must be greater than 0 and at most 0.1"),
-        (["simulator", "--ros1", "live.scan_rate=60"], "live.scan_rate is 60: must be"),
-        (
-            ["simulator", "--ros1", "live.goal=radio"],
-            "live.goal is radio: must be one of topic, action, none",
-        ),
-        (
-            ["simulator", "--ros2", "live.scan_frame=odom"],
-            "live.scan_frame is 'odom': must be another name than odom and base_link",
-        ),
-        (["ros2", "ros=3"], "ros=2 and ros=3: ros has two values; give one of them"),
+        [],
+        ["robot=go2"],
+        ["ros3"],
+        ["simulator"],
+        ["simulator", "--ros1", "--ros2"],
+        ["ros1", "--ros2"],
+        ["ros1", "map=env1"],
+        ["simulator", "--ros2", "planner.v_gain=1"],
+        ["simulator", "--ros2", "planner=dwa"],
+        ["ros2", "topics.scan_type=Image"],
+        ["ros2", "topics.twist=slope"],
+        ["ros2", "topics.imu=''"],
+        ["ros2", "topics.scann=x"],
+        ["ros1", "topics.scan="],
+        ["ros2", "topics.pose='a b'"],
+        ["ros2", "live.stale=0"],
+        ["ros2", "scan.mount=[1,2]"],
+        ["simulator", "--ros1", "live.step=1"],
+        ["simulator", "--ros1", "live.scan_rate=60"],
+        ["simulator", "--ros1", "live.goal=radio"],
+        ["simulator", "--ros2", "live.scan_frame=odom"],
+        ["ros2", "ros=3"],
     ],
+    ids=" ".join,
 )
-def test_a_mistake_is_one_line(installed, capsys, words, said):
+def test_a_mistake_is_one_line(installed, capsys, words, says):
     assert main(["live", *words]) == 2
     printed = capsys.readouterr().err
-    assert said in printed
+    says(printed)
     assert len(printed.splitlines()) == 1
 
 

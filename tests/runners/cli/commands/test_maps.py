@@ -20,12 +20,12 @@ def own_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(logging.root, "handlers", [])
 
 
-def test_every_set_is_one_line(capsys):
+def test_every_set_is_one_line(capsys, says):
     assert maps.main([]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[: len(SETS)]] == SETS
     assert all(len(line.split()) > 3 for line in lines[: len(SETS)])
-    assert "lme maps show NAME" in lines[-1]
+    says(lines[-1])
 
 
 def test_a_world_outside_the_subset_has_its_line_and_its_picture(capsys):
@@ -76,41 +76,39 @@ def test_the_worlds_of_a_set_are_a_table_and_no_picture(capsys):
     assert not list(Path().iterdir())
 
 
-def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys):
+def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys, says):
     numbers = [str(number) for number in range(61)]
     maps.main(["show", "dynabarn", *numbers])
     out, err = capsys.readouterr()
     assert len(out.splitlines()) == 62
     assert err == ""
-    with pytest.raises(InputError, match="61 worlds on one sheet: must be at most 60"):
+    with says.raises(InputError):
         maps.main(["show", "dynabarn", *numbers, "--output", "all.png"])
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words",
     [
-        (["barn", "300"], "300: must be 0 to 299"),
-        (["barn", "-1"], r"map.worlds is \[-1\]: must be different numbers from 0 on"),
-        (["barn", "3", "subset=fresh"], "from 1000 on"),
-        (["env1", "-1"], "from 0 on"),
-        (["barn", "4a"], "'4a' is neither a world number nor key=value"),
-        (["barn", "5-2"], "^map.worlds has 5-2: the range runs backwards; must be 2-5"),
-        (["bran"], "did you mean barn"),
-        (["barn", "subst=all"], "did you mean subset"),
-        (
-            ["barn", "count=3"],
-            "map.count is 3 with map.subset=lab100: must be left out, or map.subset be fresh",
-        ),
-        (["barn", "subset=["], "subset=.: must be key=value"),
-        (["file"], "map.path is null"),
-        (["building"], "map.paths is null"),
-        (["barn", "--output", "a.png"], "name the worlds"),
-        (["barn", "42", "--output", "a.gif"], "must end in .png, .pdf, .svg"),
-        (["barn", "42", "--output", "/dev/null/a.png"], "/dev/null/a.png: cannot be written"),
+        ["barn", "300"],
+        ["barn", "-1"],
+        ["barn", "3", "subset=fresh"],
+        ["env1", "-1"],
+        ["barn", "4a"],
+        ["barn", "5-2"],
+        ["bran"],
+        ["barn", "subst=all"],
+        ["barn", "count=3"],
+        ["barn", "subset=["],
+        ["file"],
+        ["building"],
+        ["barn", "--output", "a.png"],
+        ["barn", "42", "--output", "a.gif"],
+        ["barn", "42", "--output", "/dev/null/a.png"],
     ],
+    ids=" ".join,
 )
-def test_mistakes_say_what_would_be_right(words, said):
-    with pytest.raises(InputError, match=said):
+def test_mistakes_say_what_would_be_right(words, says):
+    with says.raises(InputError):
         maps.main(["show", *words])
 
 
@@ -122,11 +120,3 @@ def test_words_that_mean_nothing_are_refused(capsys, words):
         maps.main(words)
     assert stop.value.code == 2
     assert "error:" in capsys.readouterr().err
-
-
-def test_help_shows_how(capsys):
-    with pytest.raises(SystemExit):
-        maps.main(["show", "-h"])
-    out = capsys.readouterr().out
-    assert "lme maps show barn 42" in out
-    assert "outputs/maps/" in out

@@ -82,12 +82,10 @@ def test_a_network_of_an_earlier_version_is_named(tmp_path, weights):
         find_network(weights)
 
 
-def test_a_network_that_does_not_exist(source):
+def test_a_network_that_does_not_exist(source, says):
     weights.main(["import", "dclp", str(source), "first"])
     with (
         jobs_of("eval", "planner=dclp") as job,
-        pytest.raises(
-            InputError, match=r"planner\.weights is 'frist': did you mean first\? must be one of first"
-        ),
+        says.raises(InputError, match="weights.*'frist'"),
     ):
         navigator(job("planner.weights=frist").config)

@@ -44,11 +44,11 @@ def shown(study):
     }
 
 
-def test_values_rise_and_the_unchanged_one_is_among_them():
+def test_values_rise_and_the_unchanged_one_is_among_them(says):
     (study,) = CurveStudy.studies(sweep(*BY_LATENCY))
     assert study.key == LATENCY
     assert shown(study) == {"LME": [(0.0, 0.9), (0.05, 0.8), (0.1, 0.5)]}
-    assert study.setting == "barn · fresh · jackal · robot.v_max=2 · 20 worlds × 1 run"
+    says(study.setting)
 
 
 def test_each_system_is_a_curve_and_its_own_ablation_too():
@@ -82,7 +82,7 @@ def test_too_few_runs_make_no_curve(jobs):
     assert CurveStudy.studies(sweep(*jobs)) == []
 
 
-def test_the_files_of_curves_are_written(tmp_path):
+def test_the_files_of_curves_are_written(tmp_path, says):
     found = CurveStudy.studies(sweep(*BY_LATENCY))
     markdown, table, *_ = write(found, tmp_path)
     assert "| LME | 0.900 | 0.800 | 0.500 |" in markdown.read_text(encoding="utf-8")
@@ -92,4 +92,4 @@ def test_the_files_of_curves_are_written(tmp_path):
         (LATENCY, "0.05", "0.8"),
         (LATENCY, "0.1", "0.5"),
     ]
-    assert found[0].sentences() == ["LME: success 0.900 at sim.latency=0, 0.500 at 0.1."]
+    says("\n".join(found[0].sentences()))

@@ -37,9 +37,9 @@ def test_a_run_has_its_figures_and_what_it_was_driven_with(board):
     assert (entry.repeats, entry.shown) == (1, True)
 
 
-def test_a_run_keeps_its_place_if_the_launch_above_it_is_damaged(board, tmp_path):
+def test_a_run_keeps_its_place_if_the_launch_above_it_is_damaged(board, tmp_path, says):
     (tmp_path / "launch.json").write_text("{")
-    with pytest.warns(UserWarning, match=r"its launch\.json is damaged"):
+    with says.warns():
         entry = board(one=([], {}))["one"]
     assert entry.command == "lme eval"
 

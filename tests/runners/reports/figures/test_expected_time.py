@@ -97,9 +97,9 @@ def test_the_command_draws_it(plus_run, tmp_path):
     assert (tmp_path / "expected_time.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_mistakes_are_named(lme_run, tmp_path):
+def test_mistakes_are_named(lme_run, tmp_path, says):
     kind = ExpectedTime(load_settings("figure/method"))
-    with pytest.raises(InputError, match=r"expected_time draws how LME\+ scores .* choose guide=lme_plus"):
+    with says.raises(InputError):
         kind.draw(read_runs([lme_run]), [], tmp_path / "expected_time", ["png"])
     with pytest.raises(InputError, match=r"figure\.step is -1"):
         load_settings("figure/method", step=-1)

@@ -1,6 +1,5 @@
 """The picture of features: what its colours stand for, and that it can be read."""
 
-import re
 from itertools import combinations
 
 import numpy as np
@@ -171,18 +170,19 @@ def test_the_command_draws_a_step_of_a_run(lme_run, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    "words",
     [
-        (["figure.step=20"], r"figure.step is 20: world 11, run 0 of LME has the steps 0 to 19"),
-        (["figure.criteria=[c_mount]"], r"figure.criteria has 'c_mount': did you mean a_mount\?"),
-        (["figure.percentiles=[95,5]"], r"figure.percentiles is \[95.0, 5.0\]: must be two of 0 to 100"),
-        (["figure.values=sum"], r"figure.values is 'sum': must be one of raw, weighted"),
-        (["figure.step=-1"], r"figure.step is -1: must be at least 0"),
+        ["figure.step=20"],
+        ["figure.criteria=[c_mount]"],
+        ["figure.percentiles=[95,5]"],
+        ["figure.values=sum"],
+        ["figure.step=-1"],
     ],
+    ids=" ".join,
 )
-def test_mistakes_say_what_would_be_right(lme_run, tmp_path, capsys, words, message):
+def test_mistakes_say_what_would_be_right(lme_run, tmp_path, capsys, words, says):
     assert main(["figure", "features", f"run={lme_run}", f"hydra.run.dir={tmp_path}", *words]) == 2
-    assert re.search(message, capsys.readouterr().err)
+    says(capsys.readouterr().err)
 
 
 @pytest.fixture
@@ -192,8 +192,8 @@ def features():
     return Features(load_settings("figure/features", criteria=[]))
 
 
-def test_a_run_without_lme_cannot_be_drawn(target_run, features, tmp_path):
-    with pytest.raises(InputError, match=r"guide is lme\.guides\.target\.Target: features draws how LME"):
+def test_a_run_without_lme_cannot_be_drawn(target_run, features, tmp_path, says):
+    with says.raises(InputError, match=r"guide.*lme\.guides\.target\.Target"):
         features.draw(read_runs([target_run]), [], tmp_path / "features", ["png"])
 
 

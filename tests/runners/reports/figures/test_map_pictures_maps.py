@@ -146,19 +146,20 @@ def test_null_is_every_set_but_that_of_a_users_own_file(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    "settings",
     [
-        ({"maps": ["bran"]}, "figure.maps holds 'bran'.*did you mean barn"),
-        ({"maps": ["barn 300"]}, "figure.maps holds 'barn 300'.*0 to 299"),
-        ({"maps": []}, r"figure.maps is \[\]"),
-        ({"columns": 0}, "figure.columns is 0"),
+        {"maps": ["bran"]},
+        {"maps": ["barn 300"]},
+        {"maps": []},
+        {"columns": 0},
     ],
+    ids=str,
 )
-def test_mistakes_are_reported_before_anything_is_drawn(settings, said):
-    with pytest.raises(InputError, match=said):
+def test_mistakes_are_reported_before_anything_is_drawn(settings, says):
+    with says.raises(InputError):
         Maps(load_settings("figure/maps", **settings))
 
 
-def test_more_worlds_than_can_be_read_are_refused(every_panel):
-    with pytest.raises(InputError, match=f"{PANELS + 1} worlds on one sheet"):
+def test_more_worlds_than_can_be_read_are_refused(every_panel, says):
+    with says.raises(InputError):
         sheet(every_panel[:1] * (PANELS + 1), COLUMNS)

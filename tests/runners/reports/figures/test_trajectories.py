@@ -106,10 +106,8 @@ def test_a_row_that_is_too_long_continues_below(tmp_path, drawn):
     assert [len(row) for row in rows_of(drawn[0])] == [6, 6]
 
 
-def test_more_panels_than_fit_on_a_page_are_refused(tmp_path):
-    with pytest.raises(
-        InputError, match="12 systems in 4 worlds make 8 rows of panels; at most 6 are readable"
-    ):
+def test_more_panels_than_fit_on_a_page_are_refused(tmp_path, says):
+    with says.raises(InputError):
         draw(several(12, [1, 2, 3, 4]), [1, 2, 3, 4], tmp_path)
 
 
@@ -126,8 +124,8 @@ def test_a_world_that_one_job_lacks_is_left_empty_there(tmp_path, drawn):
     assert ["not driven" in texts for texts in said] == [False, True]
 
 
-def test_a_world_that_no_job_has_is_named(tmp_path):
-    with pytest.raises(InputError, match="world is 9: no episode was driven there, only in 3"):
+def test_a_world_that_no_job_has_is_named(tmp_path, says):
+    with says.raises(InputError, match="world.*9"):
         draw(several(2), [9], tmp_path)
 
 
@@ -179,8 +177,8 @@ def test_overlaid_systems_differ_in_colour_and_in_line(tmp_path, drawn):
     assert keys[:6] == SYSTEMS
 
 
-def test_more_systems_than_can_be_told_apart_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"figure\.layout is overlaid: 7 systems cannot be distinguished"):
+def test_more_systems_than_can_be_told_apart_are_refused(tmp_path, says):
+    with says.raises(InputError, match="layout.*overlaid"):
         draw(several(7), [3], tmp_path, layout="overlaid")
 
 
@@ -193,16 +191,14 @@ def test_a_moment_is_a_step_or_a_time(value, meant):
 
 
 @pytest.mark.parametrize("value", [-1, 12.5, "12.5", True, "soon", "-3 s", [3]])
-def test_a_moment_must_be_a_step_or_a_time(value):
-    with pytest.raises(
-        InputError, match=r"figure\.moment is .*: must be null, the number of a step, or a time"
-    ):
+def test_a_moment_must_be_a_step_or_a_time(value, says):
+    with says.raises(InputError):
         load_settings("figure/trajectories", moment=value)
 
 
-@pytest.mark.parametrize(("value", "end"), [(20, "at 19"), ("2 s", r"at 1\.9 s")])
-def test_a_moment_after_every_end_is_refused(tmp_path, value, end):
-    with pytest.raises(InputError, match=f"figure.moment is .*: the longest of the episodes ends {end}"):
+@pytest.mark.parametrize("value", [20, "2 s"])
+def test_a_moment_after_every_end_is_refused(tmp_path, value, says):
+    with says.raises(InputError):
         draw(several(1), [3], tmp_path, moment=value)
 
 

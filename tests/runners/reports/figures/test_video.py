@@ -154,14 +154,14 @@ def test_a_still_picture_of_a_moment_comes_from_the_same_run(sweep, tmp_path, mo
     assert (np.abs(pixels - sky).sum(axis=2) < 150).mean() > 0.02  # beams
 
 
-def test_more_panels_than_can_be_seen_are_refused(sweep, tmp_path):
+def test_more_panels_than_can_be_seen_are_refused(sweep, tmp_path, says):
     jobs = read_runs([sweep])
-    with pytest.raises(InputError, match="8 runs make 8 panels; at most 6 fit at once"):
+    with says.raises(InputError):
         Video(load_settings("figure/video")).draw(jobs * 4, [0], tmp_path / "v", [])
 
 
-def test_a_world_that_was_not_driven_is_named(sweep, tmp_path):
-    with pytest.raises(InputError, match=r"world is 7: .* has only 0"):
+def test_a_world_that_was_not_driven_is_named(sweep, tmp_path, says):
+    with says.raises(InputError, match="world.*7"):
         Video(load_settings("figure/video")).draw(read_runs([sweep]), [7], tmp_path / "v", [])
 
 

@@ -77,19 +77,19 @@ def test_pictures_of_an_earlier_comparison_are_removed(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"compare.png", "compare.pdf", own.name}
 
 
-def test_equal_runs_have_no_bars(drawn):
+def test_equal_runs_have_no_bars(drawn, says):
     _, bars = drawn(study([0.5, 0.4], [0.5, 0.4])).axes
     assert not bars.patches
-    assert bars.get_xlabel() == "no world has a difference"
+    says(bars.get_xlabel())
 
 
-def test_only_the_ends_of_many_bars_are_drawn(drawn):
+def test_only_the_ends_of_many_bars_are_drawn(drawn, says):
     _, bars = drawn(study(np.zeros(100), np.linspace(0.001, 0.5, 100))).axes
     assert ticks(bars) == [str(world) for world in (*range(20), *range(80, 100))]
-    assert "60 between them are not shown" in bars.get_xlabel()
+    says(bars.get_xlabel())
 
 
-def test_a_heat_map_has_the_worlds_that_differ_from_worst_to_best(drawn):
+def test_a_heat_map_has_the_worlds_that_differ_from_worst_to_best(drawn, says):
     figure = drawn(study([0.5, 0.5, 0.4, 0.3], [0.5, 0.0, 0.5, 0.3], [0.5, 0.1, 0.2, 0.3]))
     heat, bar = figure.axes
     assert (heat.collections[0].get_cmap().name, bar.get_ylabel()) == ("viridis", "BARN metric")
@@ -97,13 +97,13 @@ def test_a_heat_map_has_the_worlds_that_differ_from_worst_to_best(drawn):
     assert [label.get_text() for label in heat.get_yticklabels()] == ["S0", "S1", "S2"]
     shown = heat.collections[0].get_array().reshape(3, 2)
     np.testing.assert_allclose(shown, [[0.5, 0.4], [0.0, 0.5], [0.1, 0.2]])
-    assert "Not drawn: 2 worlds in which all are the same." in figure.get_supxlabel()
+    says(figure.get_supxlabel())
 
 
-def test_many_worlds_come_in_bands_and_only_the_worst(drawn):
+def test_many_worlds_come_in_bands_and_only_the_worst(drawn, says):
     values = np.linspace(0.0, 0.4, 400)
     figure = drawn(study(values, values + 0.1, values + 0.05))
     *bands, _ = figure.axes
     assert [len(ticks(band)) for band in bands] == [75] * 4
     assert ticks(bands[0])[0] == "0"
-    assert "The 300 worst of 400 worlds." in figure.get_supxlabel()
+    says(figure.get_supxlabel())

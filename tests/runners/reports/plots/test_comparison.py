@@ -49,7 +49,7 @@ def whiskers(axes):
     }
 
 
-def test_whiskers_are_the_intervals_of_the_table_and_the_notes_say_so(tmp_path, monkeypatch):
+def test_whiskers_are_the_intervals_of_the_table_and_the_notes_say_so(tmp_path, monkeypatch, says):
     drawn = []
     monkeypatch.setattr(comparison, "save", lambda figure, *_: drawn.append(figure) or [])
     frame = records(runs=2)
@@ -63,7 +63,7 @@ def test_whiskers_are_the_intervals_of_the_table_and_the_notes_say_so(tmp_path, 
     assert not math.isnan(published.stats["success"][1])  # its deviation over runs is another thing
     assert whiskers(metric) == set()
     (notes,) = [text.get_text() for text in figure.texts if "Whiskers" in text.get_text()]
-    assert "Whiskers: 95 % CI. Wilson interval of the success rate; worlds are independent" in notes
+    says(notes)
 
 
 def test_the_heading_says_once_what_all_rows_of_ours_share(tmp_path, monkeypatch):
