@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command import run_main
-from runners.play.desk import Desk
+from runners.play.desk import MessageHandler
 from runners.play.run import bound
 from runners.play.server import application
 from runners.play.session import Session, Source
@@ -66,7 +66,7 @@ def _served(words: tuple[str, ...]) -> Iterator[str]:
     """The address of a session's page."""
     import uvicorn
 
-    desk = Desk(Session(setup_of(Source(words))), Path("/tmp"))
+    desk = MessageHandler(Session(setup_of(Source(words))), Path("/tmp"))
     config = uvicorn.Config(
         application(desk, "token"), log_level="error", ws="websockets-sansio", lifespan="off"
     )

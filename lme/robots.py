@@ -46,13 +46,13 @@ class Footprint:
         return self.length / 2, self.width / 2, 0.0
 
     @property
-    def r_min(self) -> float:
+    def inscribed_radius(self) -> float:
         """Radius of the largest disc inside the footprint [m] (paper §III.G)."""
         half_length, half_width, rounding = self.box
         return min(half_length, half_width) + rounding
 
     @property
-    def r_max(self) -> float:
+    def circumscribed_radius(self) -> float:
         """Radius of the smallest disc around the footprint [m] (paper §III.G)."""
         half_length, half_width, rounding = self.box
         return math.hypot(half_length, half_width) + rounding
@@ -172,7 +172,7 @@ class Robot:
     alpha_omega: float  # [rad/s²]
     control_rate: float  # [Hz]
     lidar: Lidar
-    collision_radius: float | None = None  # [m], LME's r; None: r_max of the footprint
+    collision_radius: float | None = None  # [m], LME's r; None: the circumscribed radius of the footprint
     contact: Contact | None = None  # what collides; None: the footprint
     drivetrain: Drivetrain | None = None  # for sim=skid
     response: Response | None = None  # for sim=skid, in place of a drivetrain
@@ -193,11 +193,11 @@ class Robot:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
         outlines = (self.footprint, self.contact)  # a config is typed only once it is built
-        reach = max(outline.r_max for outline in outlines if isinstance(outline, Footprint))
+        reach = max(outline.circumscribed_radius for outline in outlines if isinstance(outline, Footprint))
         check_mount("lidar", self.lidar.x, self.lidar.y, reach)
 
     @property
-    def hull(self) -> Footprint:
+    def collision_footprint(self) -> Footprint:
         """The outline that collides."""
         return self.footprint if self.contact is None else self.contact
 
@@ -214,12 +214,12 @@ class Robot:
     @property
     def r(self) -> float:
         """The collision radius that LME plans with [m]: r_max unless it is set (paper §III.G)."""
-        return self.footprint.r_max if self.collision_radius is None else self.collision_radius
+        return self.footprint.circumscribed_radius if self.collision_radius is None else self.collision_radius
 
     @property
     def radius_note(self) -> str:
         """Consequence of a collision radius below r_max (paper §III.G), in words; empty if it is not below."""
-        radius, r_max = self.collision_radius, self.footprint.r_max
+        radius, r_max = self.collision_radius, self.footprint.circumscribed_radius
         if radius is None or radius >= r_max:
             return ""
         return (
@@ -229,7 +229,7 @@ class Robot:
 
     def _check_collision_radius(self, radius: float) -> None:
         """Raise InputError below r_min, where no subgoal is reachable (paper §III.G)."""
-        r_min, r_max = self.footprint.r_min, self.footprint.r_max
+        r_min, r_max = self.footprint.inscribed_radius, self.footprint.circumscribed_radius
         if radius < r_min:
             raise argument_error(
                 f"collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "

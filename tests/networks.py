@@ -10,7 +10,7 @@ from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c
 from lme.planners.dclp.leveldb import masked
-from lme.planners.dclp.weights import SHAPES, TOLD, write_weights
+from lme.planners.dclp.weights import REPORTED, SHAPES, write_weights
 from lme.planners.drl_vo import architecture
 from lme.planners.drl_vo import graph as drl_vo
 from lme.planners.ipaprec import weights as ipaprec
@@ -42,7 +42,7 @@ def network_file(path, seed=0, trained=None):
     """A weight file of a random network. trained: ranges that differ, by what they are of."""
     weights = random_weights(seed)
     for key, span in (trained or {}).items():
-        weights[TRAINED][TOLD.index(key)] = span
+        weights[TRAINED][REPORTED.index(key)] = span
     with path.open("wb") as file:
         write_weights(weights, file)
     return path
@@ -55,7 +55,7 @@ def random_subgoal(seed=0):
         name: (rng.normal(size=shape) / np.sqrt(shape[0])).astype(np.float32)
         for name, shape in subgoal.SHAPES.items()
     }
-    return {**made, TRAINED: np.array([[0.0, 100.0]] * len(subgoal.TOLD), np.float32)}
+    return {**made, TRAINED: np.array([[0.0, 100.0]] * len(subgoal.REPORTED), np.float32)}
 
 
 def subgoal_file(path, seed=0):

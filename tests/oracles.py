@@ -74,7 +74,9 @@ def followed(pose, twist, command, duration, limits_and_lag, footprint):
     goal, poses = np.clip(command, [-limits[0], -limits[1]], limits[:2]), []
     for _ in range(steps):
         wanted = goal + np.exp(-duration / steps / lag) * (np.array(twist) - goal) if lag else goal
-        way, twist = drive(pose, twist, (*wanted,), limits, duration / steps, 0.02, footprint.r_max)
+        way, twist = drive(
+            pose, twist, (*wanted,), limits, duration / steps, 0.02, footprint.circumscribed_radius
+        )
         pose = (*way[-1],)
         poses.extend(way)
     return poses, twist
@@ -86,7 +88,11 @@ def stopping_clearance(points, twist, under_way, command, motion, footprint):
     circles, pose, least = np.column_stack([points, np.zeros(len(points))]), (0.0, 0.0, 0.0), np.inf
     commands, durations = [*under_way, command], [period - late]
     slower, ramp = np.array(command, dtype=float), np.array(limits[2:]) * period
-    while commands or slower.any() or (np.abs(twist) @ [1.0, footprint.r_max]) > (1e-4 / lag if lag else 0.0):
+    while (
+        commands
+        or slower.any()
+        or (np.abs(twist) @ [1.0, footprint.circumscribed_radius]) > (1e-4 / lag if lag else 0.0)
+    ):
         if commands:
             acting = commands.pop(0)
         else:

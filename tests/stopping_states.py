@@ -52,13 +52,15 @@ def random_robot(rng):
 def random_points(rng, robot):
     """Posts, a corridor or a wall (M, 2), as far away as the robot needs to stop, and some beside its outline [m]."""
     span = (
-        robot.footprint.r_max + 0.2 + min(robot.v_max * robot.dt + 0.5 * robot.v_max**2 / robot.alpha_v, 2.0)
+        robot.footprint.circumscribed_radius
+        + 0.2
+        + min(robot.v_max * robot.dt + 0.5 * robot.v_max**2 / robot.alpha_v, 2.0)
     )
     posts = rng.uniform(-1.3 * span, 1.3 * span, (rng.integers(1, 20), 2))
     along = np.arange(-span, span, 0.05)
     kind = rng.integers(3)
     if kind == 1:
-        half = robot.footprint.r_min + rng.uniform(0.01, 0.4)
+        half = robot.footprint.inscribed_radius + rng.uniform(0.01, 0.4)
         posts = np.vstack([_wall(along, half), _wall(along, -half), posts[:1]])
     if kind == 2:
         posts = np.vstack([_wall(along, rng.uniform(0.05, span)), posts[:5]])

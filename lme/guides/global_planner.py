@@ -48,7 +48,7 @@ class GlobalPlanner(GlobalPath):
     def __init__(self, config: GlobalPlannerConfig, robot: Robot) -> None:
         super().__init__(config, robot)
         self._inflation = config
-        self._r_min = robot.footprint.r_min
+        self._r_min = robot.footprint.inscribed_radius
         self._stamps: dict[int, Ints] = {}
         self.cell_costs = _cell_costs(config)
 

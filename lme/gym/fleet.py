@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.gym.episodes import DrawRobot, Episodes
-from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, Places, States, advance, look
+from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, States, WorldArrays, advance, look
 from lme.gym.reward import OUTCOMES, Result, Reward, distances
 from lme.perception.raycast import beam_table
 from lme.robots import Robot
@@ -142,8 +142,12 @@ class Fleet:
         """Put robot i at the start of its next episode."""
         task, robot = self._episodes.draw(self._rngs[i], world)
         self._copy_world(i, task)
-        hull, bodies, states = robot.hull, self._bodies, self._states
-        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits.bounds, hull.box, hull.r_max
+        hull, bodies, states = robot.collision_footprint, self._bodies, self._states
+        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = (
+            robot.limits.bounds,
+            hull.box,
+            hull.circumscribed_radius,
+        )
         self._slowest[i] = robot.limits.v_min
         states.poses[i], states.twists[i] = task.start, 0.0
         states.times[i] = states.lengths[i] = 0.0
@@ -219,8 +223,8 @@ class Fleet:
                 )
 
 
-def _places(n: int) -> Places:
-    return Places(
+def _places(n: int) -> WorldArrays:
+    return WorldArrays(
         circles=np.zeros((n, 0, 3)),
         edges=np.zeros((n, 0, 4)),
         counts=np.zeros((n, 2), dtype=np.int64),

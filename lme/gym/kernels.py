@@ -14,7 +14,7 @@ from lme.types import Floats, Ints
 RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
 
 
-class Places(NamedTuple):
+class WorldArrays(NamedTuple):
     """Worlds and tasks of N robots. Each robot uses the first rows of its part of the arrays.
 
     circles (N, C, 3), edges (N, E, 4): obstacles [m]. counts (N, 2): how many of them are the robot's.

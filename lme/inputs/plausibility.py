@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from lme.errors import InputError, config_key
 
 
-class Usual(NamedTuple):
+class UsualRange(NamedTuple):
     """The usual range of a quantity, ends included, and the possible one. hint: the likely mistake."""
 
     unit: str
@@ -31,48 +31,48 @@ _MM = "is it in millimetres or centimetres?"
 _DEGREES = "is it in degrees?"
 _MS = "is it in milliseconds?"
 _TURN = 2 * math.pi
-_DELAY = Usual("s", 0.0, 2.0, most=60.0, hint=_MS)
-_SHARE = Usual("", 0.0, 1.0, most=10.0)
-_GAIN = Usual("", 0.3, 1.5, 0.01, 100.0)
-_ANGLE = Usual("rad", -_TURN, _TURN, hint=_DEGREES)
-_WALK = Usual("m/s", 0.02, 5.0, 1e-4, 1e3, _MM)
+_DELAY = UsualRange("s", 0.0, 2.0, most=60.0, hint=_MS)
+_SHARE = UsualRange("", 0.0, 1.0, most=10.0)
+_GAIN = UsualRange("", 0.3, 1.5, 0.01, 100.0)
+_ANGLE = UsualRange("rad", -_TURN, _TURN, hint=_DEGREES)
+_WALK = UsualRange("m/s", 0.02, 5.0, 1e-4, 1e3, _MM)
 _BEYOND, _FAR = 0.2, 10.0  # [m] past the outline: the end of a boom, and where nothing can be mounted
 
-USUAL: Mapping[str, Usual] = {  # by the last part of the key
+USUAL: Mapping[str, UsualRange] = {  # by the last part of the key
     # robots
-    "v_max": Usual("m/s", 0.02, 10.0, 1e-3, 100.0, _MM),
-    "v_min": Usual("m/s", -10.0, 0.0, -100.0, 0.0, _MM),
-    "omega_max": Usual("rad/s", 0.05, 12.0, 1e-3, 1e3, _DEGREES),
-    "alpha_v": Usual("m/s²", 0.05, 50.0, 1e-4, 1e6),
-    "alpha_omega": Usual("rad/s²", 0.05, 100.0, 1e-4, 1e6, _DEGREES),
-    "control_rate": Usual("Hz", 1.0, 200.0, 0.1, 1000.0, "is it a period in seconds?"),
-    "radius": Usual("m", 0.02, 6.0, 1e-3, 100.0, _MM),
-    "length": Usual("m", 0.02, 12.0, 1e-3, 100.0, _MM),
-    "width": Usual("m", 0.02, 6.0, 1e-3, 100.0, _MM),
-    "collision_radius": Usual("m", 0.02, 7.0, 1e-3, 200.0, _MM),
+    "v_max": UsualRange("m/s", 0.02, 10.0, 1e-3, 100.0, _MM),
+    "v_min": UsualRange("m/s", -10.0, 0.0, -100.0, 0.0, _MM),
+    "omega_max": UsualRange("rad/s", 0.05, 12.0, 1e-3, 1e3, _DEGREES),
+    "alpha_v": UsualRange("m/s²", 0.05, 50.0, 1e-4, 1e6),
+    "alpha_omega": UsualRange("rad/s²", 0.05, 100.0, 1e-4, 1e6, _DEGREES),
+    "control_rate": UsualRange("Hz", 1.0, 200.0, 0.1, 1000.0, "is it a period in seconds?"),
+    "radius": UsualRange("m", 0.02, 6.0, 1e-3, 100.0, _MM),
+    "length": UsualRange("m", 0.02, 12.0, 1e-3, 100.0, _MM),
+    "width": UsualRange("m", 0.02, 6.0, 1e-3, 100.0, _MM),
+    "collision_radius": UsualRange("m", 0.02, 7.0, 1e-3, 200.0, _MM),
     # lidars
-    "fov": Usual("rad", 0.2, _TURN + 1e-6, 0.01),
-    "range_min": Usual("m", 0.0, 1.0, hint=_MM),
-    "range_max": Usual("m", 0.5, 300.0, 0.01, hint=_MM),
-    "noise_std": Usual("m", 0.0, 0.3, most=100.0, hint=_MM),
+    "fov": UsualRange("rad", 0.2, _TURN + 1e-6, 0.01),
+    "range_min": UsualRange("m", 0.0, 1.0, hint=_MM),
+    "range_max": UsualRange("m", 0.5, 300.0, 0.01, hint=_MM),
+    "noise_std": UsualRange("m", 0.0, 0.3, most=100.0, hint=_MM),
     "yaw": _ANGLE,
     "roll": _ANGLE,
     "pitch": _ANGLE,
-    "height": Usual("m", 0.02, 5.0, most=100.0, hint=_MM),
-    "min_height": Usual("m", -2.0, 3.0, -100.0, 100.0, _MM),
-    "max_height": Usual("m", 0.0, 10.0, -100.0, 1e6, _MM),
-    "duration": Usual("s", 0.005, 2.0, 1e-4, 60.0, _MS),
+    "height": UsualRange("m", 0.02, 5.0, most=100.0, hint=_MM),
+    "min_height": UsualRange("m", -2.0, 3.0, -100.0, 100.0, _MM),
+    "max_height": UsualRange("m", 0.0, 10.0, -100.0, 1e6, _MM),
+    "duration": UsualRange("s", 0.005, 2.0, 1e-4, 60.0, _MS),
     # drivetrains, and measured responses
-    "mass": Usual("kg", 0.05, 3000.0, 1e-3, 1e6, "is it in grams?"),
-    "inertia": Usual("kg m²", 1e-5, 5000.0, 1e-9, 1e9),
-    "track": Usual("m", 0.02, 6.0, 1e-3, 100.0, _MM),
-    "wheel_base": Usual("m", 0.0, 6.0, most=100.0, hint=_MM),
-    "wheel_radius": Usual("m", 0.005, 1.0, 1e-3, 100.0, _MM),
-    "wheel_width": Usual("m", 0.0, 1.0, most=100.0, hint=_MM),
-    "com_height": Usual("m", 0.0, 3.0, most=100.0, hint=_MM),
-    "friction": Usual("", 0.05, 2.0, 1e-3, 100.0),
-    "separation_multiplier": Usual("", 0.5, 4.0, 0.01, 100.0),
-    "timeout": Usual("s", 0.02, 5.0, 1e-3, hint=_MS),
+    "mass": UsualRange("kg", 0.05, 3000.0, 1e-3, 1e6, "is it in grams?"),
+    "inertia": UsualRange("kg m²", 1e-5, 5000.0, 1e-9, 1e9),
+    "track": UsualRange("m", 0.02, 6.0, 1e-3, 100.0, _MM),
+    "wheel_base": UsualRange("m", 0.0, 6.0, most=100.0, hint=_MM),
+    "wheel_radius": UsualRange("m", 0.005, 1.0, 1e-3, 100.0, _MM),
+    "wheel_width": UsualRange("m", 0.0, 1.0, most=100.0, hint=_MM),
+    "com_height": UsualRange("m", 0.0, 3.0, most=100.0, hint=_MM),
+    "friction": UsualRange("", 0.05, 2.0, 1e-3, 100.0),
+    "separation_multiplier": UsualRange("", 0.5, 4.0, 0.01, 100.0),
+    "timeout": UsualRange("s", 0.02, 5.0, 1e-3, hint=_MS),
     "gain_v": _GAIN,
     "gain_omega": _GAIN,
     "delay_v": _DELAY,
@@ -81,30 +81,30 @@ USUAL: Mapping[str, Usual] = {  # by the last part of the key
     "latency": _DELAY,
     "odometry_age": _DELAY,
     "lag": _DELAY,
-    "natural_frequency_v": Usual("rad/s", 0.0, 100.0, most=1000.0),
-    "natural_frequency_omega": Usual("rad/s", 0.0, 100.0, most=1000.0),
-    "ripple_v": Usual("m/s", 0.0, 1.0, most=100.0, hint=_MM),
-    "ripple_omega": Usual("rad/s", 0.0, 2.0, most=100.0, hint=_DEGREES),
-    "tilt": Usual("rad", 0.0, 0.3, most=1.0, hint=_DEGREES),
+    "natural_frequency_v": UsualRange("rad/s", 0.0, 100.0, most=1000.0),
+    "natural_frequency_omega": UsualRange("rad/s", 0.0, 100.0, most=1000.0),
+    "ripple_v": UsualRange("m/s", 0.0, 1.0, most=100.0, hint=_MM),
+    "ripple_omega": UsualRange("rad/s", 0.0, 2.0, most=100.0, hint=_DEGREES),
+    "tilt": UsualRange("rad", 0.0, 0.3, most=1.0, hint=_DEGREES),
     "slip": _SHARE,
     "odometry_error": _SHARE,
-    "scan_noise": Usual("m", 0.0, 0.5, most=100.0, hint=_MM),
-    "goal_noise": Usual("m", 0.0, 5.0, most=1e4, hint=_MM),
-    "goal_noise_yaw": Usual("rad", 0.0, 1.0, most=100.0, hint=_DEGREES),
-    "yaw_noise": Usual("rad", 0.0, 0.5, most=100.0, hint=_DEGREES),
-    "goal_rate": Usual("Hz", 0.0, 1000.0, most=1e6),
-    "scan_rate": Usual("Hz", 0.5, 200.0, 0.1, 1e4),
-    "grip": Usual("", 0.05, 2.0, 1e-4, 1e6),
-    "max_step": Usual("m", 1e-4, 0.2, 1e-6, hint=_MM),
-    "substep": Usual("s", 1e-4, 0.1, 1e-5, hint=_MS),
-    "check_time": Usual("s", 1e-4, 0.1, 1e-5, hint=_MS),
+    "scan_noise": UsualRange("m", 0.0, 0.5, most=100.0, hint=_MM),
+    "goal_noise": UsualRange("m", 0.0, 5.0, most=1e4, hint=_MM),
+    "goal_noise_yaw": UsualRange("rad", 0.0, 1.0, most=100.0, hint=_DEGREES),
+    "yaw_noise": UsualRange("rad", 0.0, 0.5, most=100.0, hint=_DEGREES),
+    "goal_rate": UsualRange("Hz", 0.0, 1000.0, most=1e6),
+    "scan_rate": UsualRange("Hz", 0.5, 200.0, 0.1, 1e4),
+    "grip": UsualRange("", 0.05, 2.0, 1e-4, 1e6),
+    "max_step": UsualRange("m", 1e-4, 0.2, 1e-6, hint=_MM),
+    "substep": UsualRange("s", 1e-4, 0.1, 1e-5, hint=_MS),
+    "check_time": UsualRange("s", 1e-4, 0.1, 1e-5, hint=_MS),
     # maps and people
-    "resolution": Usual("m per cell", 1e-3, 1.0, 1e-5, 1e3, _MM),
-    "goal_tolerance": Usual("m", 1e-3, 10.0, hint=_MM),
-    "time_limit": Usual("s", 0.1, 1e5, hint=_MS),
+    "resolution": UsualRange("m per cell", 1e-3, 1.0, 1e-5, 1e3, _MM),
+    "goal_tolerance": UsualRange("m", 1e-3, 10.0, hint=_MM),
+    "time_limit": UsualRange("s", 0.1, 1e5, hint=_MS),
     "walking_speed": _WALK,
     "speed": _WALK,
-    "body_radius": Usual("m", 0.05, 1.0, 1e-3, 100.0, _MM),
+    "body_radius": UsualRange("m", 0.05, 1.0, 1e-3, 100.0, _MM),
 }
 
 
@@ -145,11 +145,11 @@ def check_mount(argument: str, x: float, y: float, reach: float) -> None:
         warnings.warn(f"{statement}: it is usually at most {usual:.3g} m from it; {_MM}", stacklevel=2)
 
 
-def _with_unit(value: float, usual: Usual) -> str:
+def _with_unit(value: float, usual: UsualRange) -> str:
     return f"{value:.6g} {usual.unit}".rstrip()
 
 
-def _between(low: float, high: float, usual: Usual) -> str:
+def _between(low: float, high: float, usual: UsualRange) -> str:
     if math.isinf(low):
         return f"at most {_with_unit(high, usual)}"
     if math.isinf(high):

@@ -49,7 +49,7 @@ class CloudReader:
         cloud, lidar = config.cloud, robot.lidar
         self.carrier, self._levels = carrier, cloud.level and carrier is Carrier.BASE
         self.mounted_by, self._mount, self._base_height = _place(config, by_tf, robot, frame_id, carrier)
-        self._heights, self._outline = _heights(cloud, robot), robot.footprint.r_max
+        self._heights, self._outline = _heights(cloud, robot), robot.footprint.circumscribed_radius
         farthest = cloud.range_max if config.range_max is None else config.range_max
         self._projection = Projection(
             *self._heights,

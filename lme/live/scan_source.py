@@ -52,7 +52,7 @@ class ScanSource:
         """
         self._config = config
         self.carrier = carrier
-        self._spare_range, self._outline = robot.lidar.range_max, robot.footprint.r_max
+        self._spare_range, self._outline = robot.lidar.range_max, robot.footprint.circumscribed_radius
         self._frame = frame(first.header.frame_id)
         self._warned: set[str] = set()  # kinds of faults
         # Find the mount. Scans of clouds are already in the base frame; a planar lidar may be upside down.

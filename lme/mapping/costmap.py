@@ -83,7 +83,7 @@ class Costmap:
         rate = min(config.update_rate or robot.control_rate, robot.control_rate)
         self._keep = round(config.observation_persistence * rate)  # [scans]
         self._grid, size = _layout(config, positions)
-        self.stamp = stamp(config, robot.footprint.r_min)
+        self.stamp = stamp(config, robot.footprint.inscribed_radius)
         self._outline = robot.footprint.outline(config.footprint_padding)
         reach = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
         self._radius = config.obstacle_range + float(reach) + config.cell_size  # [m] that a scan changes

@@ -53,7 +53,7 @@ class LocalCostmap:
         self._lidar = robot.lidar.mount
         self._half = round(config.size / config.cell_size / 2.0)  # [cells]
         self.outline = robot.footprint.outline(config.footprint_padding)
-        inscribed = robot.footprint.r_min + config.footprint_padding
+        inscribed = robot.footprint.inscribed_radius + config.footprint_padding
         self._stamp = inflation_stamp(
             config.cell_size, 0.0, inscribed, config.inflation_radius, config.cost_scaling_factor
         )

@@ -69,7 +69,7 @@ def until_rest(command: Twist, start: Twist, limits: Limits, robot: Robot, max_s
 
     No point of the outline moves farther than `max_step` [m] between two poses.
     """
-    reach = robot.footprint.r_max
+    reach = robot.footprint.circumscribed_radius
     travel, twist = drive(_ORIGIN, start, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
     stop, _ = drive(Pose(*travel[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)

@@ -40,7 +40,7 @@ ROBOT = "drawn"  # the name of every robot
 ATTEMPTS = 100  # robots drawn for a world, before it counts as too narrow for the ranges
 
 
-class Place(NamedTuple):
+class TrialSetting(NamedTuple):
     """The inputs that decide a world, together with its family.
 
     seed: seed of the world. choice: a number that selects a kind or a building. radius: radius of the disc that must
@@ -54,7 +54,7 @@ class Place(NamedTuple):
     paths: tuple[str, ...]
 
 
-def _barn(setting: Place) -> Task:
+def _barn(setting: TrialSetting) -> Task:
     """A fresh BARN world. Raises InputError if its passages, whose width is not chosen, are too narrow."""
     number = FIRST_FRESH + setting.choice
     task = Barn(load_settings("map/barn", subset="fresh", fresh_seed=setting.seed, worlds=[number])).task(
@@ -65,7 +65,7 @@ def _barn(setting: Place) -> Task:
     return replace(task, shortest_path_length=length)
 
 
-def _indoor(setting: Place) -> Task:
+def _indoor(setting: TrialSetting) -> Task:
     """A generated building of any kind."""
     kind = list(KINDS)[setting.choice % len(KINDS)]
     config = load_settings(
@@ -74,7 +74,7 @@ def _indoor(setting: Place) -> Task:
     return Indoor(config).task(0)
 
 
-def _floor_plan(setting: Place) -> Task:
+def _floor_plan(setting: TrialSetting) -> Task:
     """A generated floor plan, with start and goal as far apart as in a real building."""
     config = load_settings(
         "map/indoor",
@@ -87,7 +87,7 @@ def _floor_plan(setting: Place) -> Task:
     return Indoor(config).task(0)
 
 
-def _building(setting: Place) -> Task:
+def _building(setting: TrialSetting) -> Task:
     """One of the real buildings, with a start and a goal of its own."""
     config = load_settings(
         "map/building",
@@ -102,20 +102,20 @@ def _building(setting: Place) -> Task:
     return maps.task(setting.choice % len(maps.numbers))
 
 
-def _traps(setting: Place) -> Task:
+def _traps(setting: TrialSetting) -> Task:
     """A random trap."""
     return Traps(
         load_settings("map/traps", kind="mixed", starts=1, start_seed=setting.seed, radius=setting.radius)
     ).task(0)
 
 
-def _dynabarn(setting: Place) -> Task:
+def _dynabarn(setting: TrialSetting) -> Task:
     """Moving cylinders, at any difficulty; the arena is wide enough for all footprints."""
     difficulty = list(DIFFICULTIES)[setting.choice % len(DIFFICULTIES)]
     return Dynabarn(load_settings("map/dynabarn", difficulty=difficulty, motion_seed=setting.seed)).task(0)
 
 
-_MAKERS: dict[str, Callable[[Place], Task]] = {
+_MAKERS: dict[str, Callable[[TrialSetting], Task]] = {
     "barn": _barn,
     "indoor": _indoor,
     BUILDINGS: _building,
@@ -132,7 +132,7 @@ def families(subset: str, paths: Sequence[str] | None) -> tuple[str, ...]:
     return ("barn", "indoor", BUILDINGS if paths else STAND_IN, "traps")
 
 
-def task_in(family: str, setting: Place) -> Task:
+def draw_task(family: str, setting: TrialSetting) -> Task:
     """Build the task of a family. Raises InputError if the world has no path for a disc of the setting's radius."""
     return _MAKERS[family](setting)
 
@@ -338,9 +338,9 @@ class ColdTrial:
     def _task(self, number: int, family: str, seed: int, choice: int, robot: Robot) -> Task:
         """The family's task with the trial's rules. Raises InputError if the robot does not fit into the world."""
         config, shape = self.config, robot.footprint
-        radius = shape.r_min + config.passage_margin
-        margin = max(0.0, shape.r_max + config.start_margin - radius)
-        task = task_in(family, Place(seed, choice, radius, margin, tuple(config.paths or ())))
+        radius = shape.inscribed_radius + config.passage_margin
+        margin = max(0.0, shape.circumscribed_radius + config.start_margin - radius)
+        task = draw_task(family, TrialSetting(seed, choice, radius, margin, tuple(config.paths or ())))
         check_task(task, robot)
         fastest = task.shortest_path_length / robot.v_max
         return replace(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
-from runners.records.whole_file import what_is_full
+from runners.records.atomic_write import what_is_full
 
 _NO_TEMPORARY = "No usable temporary directory"  # the message of Python's tempfile
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)

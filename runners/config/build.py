@@ -103,11 +103,11 @@ def with_disturbances(config: C, values: Mapping[str, float]) -> C:
     """
     sim = {**config.sim, **values}
 
-    def told(part: Mapping[str, Any]) -> dict[str, Any]:
+    def with_latency(part: Mapping[str, Any]) -> dict[str, Any]:
         follows = "latency" in part and part["latency"] == config.sim["latency"]
         return {**part, **({"latency": sim["latency"]} if follows else {})}
 
-    return replace(config, sim=sim, planner=told(config.planner), filter=told(config.filter))
+    return replace(config, sim=sim, planner=with_latency(config.planner), filter=with_latency(config.filter))
 
 
 def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:

@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import user_error
-from runners.config import arguments, contradictions, diagnosis, worlds
+from runners.config import arguments, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
@@ -65,7 +65,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
-    contradictions.refuse_contradictions(composer.parse(typed), made.configs.values())
+    conflicting_overrides.refuse_contradictions(composer.parse(typed), made.configs.values())
     return made
 
 

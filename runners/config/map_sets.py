@@ -22,7 +22,7 @@ CHOICES = ("subset", "kind", "difficulty")  # settings that choose among a set's
 _ROBOT = re.compile(r"robot(\.[\w.]+)?=")
 
 
-class Chosen(NamedTuple):
+class MapSetChoice(NamedTuple):
     """A map set for a robot, on which free space and times depend.
 
     worlds: the numbers named, or none. choice: the kind of worlds chosen, if the set has several.
@@ -35,7 +35,9 @@ class Chosen(NamedTuple):
     robot: Robot
 
 
-def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue | None = None) -> Chosen:
+def choose(
+    words: Sequence[str], robot: Robot | None = None, configs: Catalogue | None = None
+) -> MapSetChoice:
     """Build the map set of these words, as `lme eval` does: its name, and in any order world numbers and settings.
 
     `map.key=value` is the same as `key=value`, and `0-5` are six numbers. `robot=NAME` and `robot.key=value` replace
@@ -63,7 +65,7 @@ def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue 
         node["worlds"] = numbers
     maps = cast(MapSet, build(with_robot(node, robot), "map"))
     choice = next((f"{key} {node[key]}" for key in CHOICES if key in node), "")
-    return Chosen(name, maps, tuple(numbers), choice, robot)
+    return MapSetChoice(name, maps, tuple(numbers), choice, robot)
 
 
 def known_path(maps: MapSet, task: Task) -> Floats | None:

@@ -15,8 +15,8 @@ from lme.inputs.guarded_file import check_regular
 from runners.learning.mixture import MixtureBatch, log_likelihood
 from runners.learning.run import Row, Run, descend
 from runners.learning.settings import CloneConfig
-from runners.records.whole_file import replacing
-from runners.workers.lessons import Lesson, LessonResult
+from runners.records.atomic_write import replacing
+from runners.workers.imitation_rollouts import ImitationRollout, RolloutResult
 
 _DATA = "data"  # folder of the collected data, one file per round
 _GRADIENT_MAX = 1.0  # norm of an update's gradient
@@ -67,14 +67,12 @@ class CloneTraining:
             present, (_, beta) = run.write(), config.in_round(number)
             configurations = run.places(number * config.episodes, config.episodes)
             pairs = zip(configurations, run.guides(number, config.episodes), strict=True)
-            lessons = [
-                Lesson(*configuration, guide, present, beta, config.time_limit)
+            rollouts = [
+                ImitationRollout(*configuration, guide, present, beta, config.time_limit)
                 for configuration, guide in pairs
             ]
-            lessons_driven = sorted(
-                run.drive(lessons, "collect"), key=lambda lesson_driven: lesson_driven.lesson.world
-            )
-            _write(path, lessons_driven, config.failures)
+            results = sorted(run.drive(rollouts, "collect"), key=lambda result: result.rollout.world)
+            _write(path, results, config.failures)
         return _read(path)
 
     def _fit(self, run: Run, number: int, data: Data, optimiser: torch.optim.Optimizer) -> float:
@@ -130,21 +128,23 @@ def _file(run: Run, number: int) -> Path:
     return run.run_dir / _DATA / f"round_{number:03d}.npz"
 
 
-def _write(path: Path, lessons: list[LessonResult], failures: bool) -> None:
+def _write(path: Path, rollouts: list[RolloutResult], failures: bool) -> None:
     """Write the steps of the episodes, or of the successful ones only."""
-    used = [lesson for lesson in lessons if len(lesson.actions) and (failures or lesson.outcome == "success")]
-    ends = [(lesson.outcome == "success", len(lesson.actions)) for lesson in lessons]
+    used = [
+        rollout for rollout in rollouts if len(rollout.actions) and (failures or rollout.outcome == "success")
+    ]
+    ends = [(rollout.outcome == "success", len(rollout.actions)) for rollout in rollouts]
     if not used:
         raise InputError(
-            f"learner.failures is false, but none of {len(lessons)} episodes was a success: must be true, "
+            f"learner.failures is false, but none of {len(rollouts)} episodes was a success: must be true, "
             "or learner.expert must be a better one"
         )
-    parts = zip(*(lesson.features for lesson in used), strict=True)
+    parts = zip(*(rollout.features for rollout in used), strict=True)
     path.parent.mkdir(exist_ok=True)
     with replacing(path) as draft:
         arrays = {f"feature_{i}": np.concatenate(part) for i, part in enumerate(parts)}
         arrays |= {
-            "actions": np.concatenate([lesson.actions for lesson in used]),
+            "actions": np.concatenate([rollout.actions for rollout in used]),
             "outcomes": np.array(ends, np.float32),
         }
         np.savez(draft, **arrays)  # type: ignore[arg-type]  # mypy takes names for `allow_pickle`

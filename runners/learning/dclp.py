@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
-from lme.planners.dclp.interface import DclpConfig, DclpInterface, told_values
+from lme.planners.dclp.interface import DclpConfig, DclpInterface, reported_values
 from lme.planners.dclp.weights import (
     COMPONENTS,
     CONVOLUTIONS,
@@ -21,11 +21,11 @@ from lme.planners.dclp.weights import (
     LAYERS,
     LEAST_DISTANCE,
     MIXTURE,
+    REPORTED,
     SHAPES,
     SIGNATURE,
     SLOPE,
     STATE_INPUTS,
-    TOLD,
     write_weights,
 )
 from lme.robots import Robot
@@ -112,7 +112,7 @@ class DclpNetwork(DclpBody):
 
     def __init__(self) -> None:
         super().__init__(0, COMPONENTS * MIXTURE)
-        self._trained = np.zeros((len(TOLD), 2), np.float32)
+        self._trained = np.zeros((len(REPORTED), 2), np.float32)
         with torch.no_grad():
             self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
 
@@ -128,8 +128,10 @@ class DclpNetwork(DclpBody):
 
     def trained_for(self, planner: DclpConfig, robots: Iterable[Robot]) -> None:
         """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
-        told = [told_values(DclpInterface(planner, robot).told) for robot in robots]
-        self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
+        reported = [reported_values(DclpInterface(planner, robot).reported_limits) for robot in robots]
+        self._trained = np.column_stack([np.min(reported, axis=0), np.max(reported, axis=0)]).astype(
+            np.float32
+        )
 
     @staticmethod
     def critic(actions: int) -> DclpCritic:

@@ -16,7 +16,7 @@ from lme.inputs.onnx_file import TRAINED
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual, Sizes
 from lme.planners.drl_vo.config import DrlVoConfig
-from lme.planners.drl_vo.graph import TOLD, read_weights, write_weights
+from lme.planners.drl_vo.graph import REPORTED, read_weights, write_weights
 from lme.planners.drl_vo.interface import DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
 from lme.robots import Robot
@@ -131,7 +131,7 @@ class DrlVoNetwork(DrlVoBody):
     def __init__(self, sizes: Sizes = SMALL) -> None:
         super().__init__(sizes, 0, net.ACTIONS)
         self.log_std = nn.Parameter(torch.full((net.ACTIONS,), math.log(_SIGMA)))
-        self._trained = np.zeros(len(TOLD), np.float32)
+        self._trained = np.zeros(len(REPORTED), np.float32)
 
     def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> MixtureBatch:
         """Return the distributions of actions.
@@ -151,7 +151,7 @@ class DrlVoNetwork(DrlVoBody):
 
     def trained_for(self, planner: DrlVoConfig, robots: Iterable[Robot]) -> None:
         """Store the largest commands. The network's inputs do not depend on the robots."""
-        self._trained = np.array([getattr(planner, key) for key in TOLD], np.float32)
+        self._trained = np.array([getattr(planner, key) for key in REPORTED], np.float32)
 
     @staticmethod
     def critic(actions: int) -> DrlVoCritic:

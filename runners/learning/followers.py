@@ -6,7 +6,7 @@ from typing import Protocol
 
 from lme.guides.learned_subgoal.interface import SubgoalInterface
 from lme.types import Floats, Observation, Planner, Twist
-from runners.workers.lessons import Interface
+from runners.workers.imitation_rollouts import Interface
 
 
 class Follower(Protocol):

@@ -27,8 +27,8 @@ from runners.reports.analysis import failures
 from runners.tracking.mlflow import closed_by
 from runners.tracking.names import parameters
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
-from runners.workers import lessons
-from runners.workers.lessons import Expert, LessonPayload
+from runners.workers import imitation_rollouts
+from runners.workers.imitation_rollouts import Expert, RolloutPayload
 from runners.workers.progress import LearnProgress
 from runners.workers.trials import check_ranges, ranged_keys
 
@@ -98,13 +98,16 @@ def _run_learner(job: Job[LearnConfig]) -> Run:
     executor = instantiate.build(config.executor, "executor")
     payload = _payload(job, learner)
     label = f"learn {job.choices[learned_part(config)]} by {job.choices['learner']}"
-    with LearnProgress(label, learner.total) as progress, executor.open(lessons.initialise, payload) as drive:
+    with (
+        LearnProgress(label, learner.total) as progress,
+        executor.open(imitation_rollouts.initialise, payload) as drive,
+    ):
         run = Run(payload.config, job.run_dir, start, drive, progress)
         learner.learn(run)
     return run
 
 
-def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
+def _payload(job: Job[LearnConfig], learner: Learner) -> RolloutPayload:
     """Return the payload of the workers. Raises InputError for an option that does not exist or cannot be built."""
     config = replace(job.config, guides=job.config.guides or {job.choices["guide"]: 1.0})
     for name, share in config.guides.items():
@@ -115,14 +118,14 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
         for node in guides.values():
             instantiate.build(with_network(node, "guide"), "guide", config.robot)
     if learner.expert is None:
-        return LessonPayload(config, guides, None, part)
+        return RolloutPayload(config, guides, None, part)
     planner, guide, settings = (learner.expert[key] for key in ("planner", "guide", "settings"))
     expert = Expert(
         named_option(job, "learner.expert.planner", "planner", planner, settings),
         None if guide is None else named_option(job, "learner.expert.guide", "guide", guide),
     )
     instantiate.build(with_network(expert.planner), "learner.expert", config.robot)
-    return LessonPayload(config, guides, expert)
+    return RolloutPayload(config, guides, expert)
 
 
 def _check_device(config: LearnConfig) -> None:
@@ -146,10 +149,13 @@ def _check_network(job: Job[LearnConfig]) -> None:
     learned_config(config)
     if learns_guide(config):
         instantiate.build(with_network(config.planner), "planner", config.robot)
-    reported = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
+    reported = [
+        key for key, value in dict(config.planner.get("reported_limits", {})).items() if value is not None
+    ]
     if reported and ranged_keys(config.robots):
         raise InputError(
-            f"planner.told sets {', '.join(reported)}: must be null if `robots` has ranges, such as with planner=dclp"
+            f"planner.reported_limits sets {', '.join(reported)}: must be null if `robots` has ranges, such as with "
+            "planner=dclp"
         )
 
 

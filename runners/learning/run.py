@@ -18,9 +18,9 @@ from lme.errors import InputError
 from lme.guides.lme.weight_files import NETWORK
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import Learnable, learned_config, network_class
-from runners.records.whole_file import replacing
+from runners.records.atomic_write import replacing
 from runners.workers.executor import Map
-from runners.workers.lessons import Lesson, LessonResult
+from runners.workers.imitation_rollouts import ImitationRollout, RolloutResult
 from runners.workers.progress import LearnProgress
 from runners.workers.trials import extremes
 
@@ -55,7 +55,7 @@ class Run:
     def __init__(
         self, config: LearnConfig, run_dir: Path, start: Path | None, drive: Map, progress: LearnProgress
     ) -> None:
-        """Build the network. start: path of initial weights; None: random ones. drive: maps lessons to results."""
+        """Build the network. start: path of initial weights; None: random ones. drive: maps rollouts to results."""
         torch.set_num_threads(config.threads)
         torch.manual_seed(config.seed)
         self.config = config
@@ -143,23 +143,23 @@ class Run:
         present = self.write()
         config = self.config
         configurations = self._places(0, config.validation)
-        lessons = [
-            Lesson(*configuration, guide, present, None)
+        rollouts = [
+            ImitationRollout(*configuration, guide, present, None)
             for configuration in configurations
             for guide in config.guides
         ]
-        results = list(self.drive(lessons, "validate"))
+        results = list(self.drive(rollouts, "validate"))
         outcomes = Counter(result.outcome for result in results)
         row = {outcome: outcomes[outcome] / len(results) for outcome in ("success", "collision", "timeout")}
         for guide in config.guides:
-            under = [result.outcome == "success" for result in results if result.lesson.guide == guide]
+            under = [result.outcome == "success" for result in results if result.rollout.guide == guide]
             row[f"success_{guide}"] = sum(under) / len(under)
         return row
 
-    def drive(self, lessons: Sequence[Lesson], doing: str) -> Iterator[LessonResult]:
-        """Drive the lessons and yield their results in any order. doing: text for the progress bar."""
-        for number, result in enumerate(self._drive(lessons), 1):
-            self.describe(f"{doing} {number}/{len(lessons)}")
+    def drive(self, rollouts: Sequence[ImitationRollout], doing: str) -> Iterator[RolloutResult]:
+        """Drive the rollouts and yield their results in any order. doing: text for the progress bar."""
+        for number, result in enumerate(self._drive(rollouts), 1):
+            self.describe(f"{doing} {number}/{len(rollouts)}")
             yield result
 
     def places(self, first: int, count: int) -> list[tuple[str, int]]:

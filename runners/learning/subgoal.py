@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, mirrored_bearings
-from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, told_values
-from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, SIGNATURE, SLOPE, TOLD, write_weights
+from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, reported_values
+from lme.guides.learned_subgoal.weights import LAYERS, REPORTED, SHAPES, SIGNATURE, SLOPE, write_weights
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
 from lme.robots import Robot
@@ -78,7 +78,7 @@ class SubgoalNetwork(SubgoalBody):
 
     def __init__(self) -> None:
         super().__init__(0, SHAPES[f"{LAYERS[-1]}.bias"][0])
-        self._trained = np.zeros((len(TOLD), 2), np.float32)
+        self._trained = np.zeros((len(REPORTED), 2), np.float32)
 
     def forward(self, scan: Tensor, free: Tensor, state: Tensor) -> ChoiceBatch:
         """Return the distributions of choices.
@@ -94,8 +94,10 @@ class SubgoalNetwork(SubgoalBody):
 
     def trained_for(self, config: LearnedSubgoalConfig, robots: Iterable[Robot]) -> None:
         """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
-        told = [told_values(robot) for robot in robots]
-        self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
+        reported = [reported_values(robot) for robot in robots]
+        self._trained = np.column_stack([np.min(reported, axis=0), np.max(reported, axis=0)]).astype(
+            np.float32
+        )
 
     @staticmethod
     def critic(actions: int) -> SubgoalCritic:

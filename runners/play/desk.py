@@ -31,7 +31,7 @@ BATCH = 100  # frames in one message, at most
 _NOTHING = -1  # known revision of a page that has been sent nothing
 
 
-class Desk:
+class MessageHandler:
     """A session, and what its page has already been sent."""
 
     def __init__(self, session: Session, root: Path = Path()) -> None:
@@ -185,17 +185,17 @@ def _explain_error(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-_ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {
-    "advance": Desk._advance,
-    "put": Desk._put,
-    "erase": Desk._erase,
-    "goal": Desk._goal,
-    "start": Desk._start,
-    "words": Desk._words,
-    "detail": Desk._detail,
-    "save": Desk._save,
-    "clear": Desk._clear,
-    "reset": Desk._reset,
-    "undo": Desk._undo,
-    "redo": Desk._redo,
+_ANSWERS: dict[str, Callable[[MessageHandler, Fields], None]] = {
+    "advance": MessageHandler._advance,
+    "put": MessageHandler._put,
+    "erase": MessageHandler._erase,
+    "goal": MessageHandler._goal,
+    "start": MessageHandler._start,
+    "words": MessageHandler._words,
+    "detail": MessageHandler._detail,
+    "save": MessageHandler._save,
+    "clear": MessageHandler._clear,
+    "reset": MessageHandler._reset,
+    "undo": MessageHandler._undo,
+    "redo": MessageHandler._redo,
 }

@@ -10,7 +10,7 @@ import numpy as np
 from lme.guides.lme_plus.guide import LmePlus
 from lme.planners.safety.filter import SafetyFilter
 from lme.planners.weighed import Weighing
-from runners.play.lane import Lane, Tasks
+from runners.play.lane import SimulationTrack, Tasks
 from runners.reports.explainer.packer import Packer
 from runners.workers.trace import TracedStep
 
@@ -18,7 +18,7 @@ LAYERS = ("memory", "times", "arcs")
 
 
 def detail_message(
-    lane: Lane, step: int, tasks: Tasks, layers: Collection[str], header_fields: dict[str, Any]
+    lane: SimulationTrack, step: int, tasks: Tasks, layers: Collection[str], header_fields: dict[str, Any]
 ) -> bytes:
     """Return those of the requested layers that the decision has.
 
@@ -37,7 +37,12 @@ def detail_message(
 
 
 def _explanation_fields(
-    packer: Packer, lane: Lane, step: int, tasks: Tasks, layers: Collection[str], moment: TracedStep
+    packer: Packer,
+    lane: SimulationTrack,
+    step: int,
+    tasks: Tasks,
+    layers: Collection[str],
+    moment: TracedStep,
 ) -> dict[str, Any]:
     """Add what the guide and the planner computed to the packer, and return the entries of the header."""
     # Work on a copy of the episode, so that the drive itself stays as it is.

@@ -10,7 +10,7 @@ import numpy as np
 from lme.geometry.frames import to_world
 from lme.perception.scan_points import obstacle_points
 from runners.play.drawing import MOVERS, Sketch
-from runners.play.lane import Frame, Lane
+from runners.play.lane import Frame, SimulationTrack
 from runners.reports.explainer.encode import (
     Stretch,
     add_seen,
@@ -28,7 +28,7 @@ from runners.workers.trace import TracedStep
 MOST_PARTS = 4000  # most parts that the page can drag; in a larger world they are only drawn
 
 
-def head(lane: Lane) -> dict[str, Any]:
+def head(lane: SimulationTrack) -> dict[str, Any]:
     """Return the facts that hold for a whole drive: the robot, and the criteria by which the guide decides."""
     steps = [frame.moment for frame in lane.frames[:1] if isinstance(frame.moment, TracedStep)]
     reasons = [step.explanation for step in steps if step.explanation is not None]
@@ -62,7 +62,7 @@ class Sender:
             self._cells_by_frame = self._cells_by_frame[:step]
             self._sent_cells = {(x, y) for cells in self._cells_by_frame for x, y in cells.tolist()}
 
-    def frames(self, lane: Lane, end_step: int, header_fields: dict[str, Any]) -> bytes:
+    def frames(self, lane: SimulationTrack, end_step: int, header_fields: dict[str, Any]) -> bytes:
         """Encode the frames before `end_step` that were not encoded yet, with further fields in the header."""
         start_step = self.sent
         frames = lane.frames[start_step:end_step]
@@ -85,7 +85,7 @@ class Sender:
             }
         )
 
-    def _add_seen(self, packer: Packer, lane: Lane, frames: Sequence[Frame]) -> None:
+    def _add_seen(self, packer: Packer, lane: SimulationTrack, frames: Sequence[Frame]) -> None:
         mount = lane.config.robot.lidar.mount
         num_before = len(self._cells_by_frame)
         # Each cell belongs to the first frame whose scan hit it.
@@ -126,7 +126,7 @@ def world_message(drawing: Sketch, header_fields: dict[str, Any]) -> bytes:
     )
 
 
-def _stretch(lane: Lane, frames: Sequence[Frame], steps: Sequence[TracedStep]) -> Stretch:
+def _stretch(lane: SimulationTrack, frames: Sequence[Frame], steps: Sequence[TracedStep]) -> Stretch:
     rows = np.array([frame.row for frame in frames])
     track = np.full((len(frames), 10), np.nan)
     track[:, :6], track[:, 9] = rows[:, :6], rows[:, 6]

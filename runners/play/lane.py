@@ -56,7 +56,7 @@ class _RunningDrive(NamedTuple):
     explanations: Explanations
 
 
-class Lane:
+class SimulationTrack:
     """A drive of one system that can be rewound. `frames` are those so far, the first at step 0.
 
     A drive is a function of its config, its random numbers and the tasks by step. Rewinding it and driving on
@@ -95,7 +95,7 @@ class Lane:
         self.frames.append(self._frame())
         return True
 
-    def rewound(self, step: int, tasks: Tasks) -> Lane:
+    def rewound(self, step: int, tasks: Tasks) -> SimulationTrack:
         """Return a lane without the frames from `step` on; whatever it drives leaves this lane unchanged."""
         lane = copy.copy(self)
         lane.frames, lane._snapshots = list(self.frames), dict(self._snapshots)

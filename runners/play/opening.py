@@ -15,7 +15,7 @@ from lme.types import Outcome
 from lme.worlds.world import Task
 from runners.config import build
 from runners.config.schema import DriveConfig, RecordedConfig
-from runners.play.lane import Lane
+from runners.play.lane import SimulationTrack
 from runners.play.script_file import SCRIPT, read_script
 from runners.play.session import Entrant, Script, Session, Setup, Source
 from runners.play.setups import explicit
@@ -136,7 +136,7 @@ def _first_failed(episodes: pd.DataFrame) -> EpisodeKey:
     return keys_of(failed if len(failed) else episodes)[0]
 
 
-def _telling_step(lane: Lane) -> int:
+def _telling_step(lane: SimulationTrack) -> int:
     """Return the step where it went wrong: shortly before a collision, or nearest to the goal before a timeout."""
     last_step, targets = len(lane.frames) - 1, [frame.moment.observation.target for frame in lane.frames]
     if lane.outcome is Outcome.COLLISION:

@@ -45,7 +45,7 @@ def serve(session: Session, port: int, browser: bool) -> None:
     """Serve the page until Ctrl-C. browser: whether to open it. Raises InputError if the port is taken."""
     import uvicorn
 
-    from runners.play.desk import Desk
+    from runners.play.desk import MessageHandler
     from runners.play.fields import LONGEST_MESSAGE
     from runners.play.server import application
 
@@ -58,7 +58,7 @@ def serve(session: Session, port: int, browser: bool) -> None:
         if browser and not _is_remote():
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         config = uvicorn.Config(
-            application(Desk(session), token),
+            application(MessageHandler(session), token),
             log_level="error",
             access_log=False,
             ws="websockets-sansio",

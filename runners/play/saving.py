@@ -17,14 +17,14 @@ from lme.worlds.world import Task, World
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer
 from runners.config.quoting import lme_command, override
-from runners.play.lane import Lane
+from runners.play.lane import SimulationTrack
 from runners.play.map_writer import shape_file
 from runners.play.script_file import SCRIPT, write_script
 from runners.play.session import Session
 from runners.records import inputs
+from runners.records.atomic_write import write_atomically
 from runners.records.episode_record import EpisodeKey, EpisodeResult
 from runners.records.launch_record import identity, launch_of, trust_flags
-from runners.records.whole_file import write_atomically
 from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd
 
 FOLDER = Path("outputs/play")
@@ -120,7 +120,9 @@ def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
     return [*other_words, "map=file", override("map.path", path), override("map.name", name), *goal_rules]
 
 
-def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], key: EpisodeKey) -> None:
+def _write_run(
+    session: Session, lane: SimulationTrack, run_dir: Path, words: list[str], key: EpisodeKey
+) -> None:
     from runners.config import build
     from runners.evaluate.labels import run_labels
     from runners.records.records import RecordWriter
@@ -211,7 +213,7 @@ KINDS: Mapping[str, Callable[[Session, _Destination, int], Saved]] = {
 }
 
 
-def trace_of(session: Session, lane: Lane) -> Trace:
+def trace_of(session: Session, lane: SimulationTrack) -> Trace:
     """Return the drive of a lane so far as a trace, as the explainer page and films take it."""
     setup, config = session.script.setup, lane.config
     steps, end = _steps(lane), lane.frames[-1].moment
@@ -224,13 +226,13 @@ def trace_of(session: Session, lane: Lane) -> Trace:
     return Trace(config, setup.task.number, setup.run, config.robot, task, tuple(steps), end, _episode(lane))
 
 
-def _steps(lane: Lane) -> list[TracedStep]:
+def _steps(lane: SimulationTrack) -> list[TracedStep]:
     """Return all decisions except one that was not executed."""
     frames = lane.frames if lane.outcome is not None else lane.frames[:-1]
     return [frame.moment for frame in frames if isinstance(frame.moment, TracedStep)]
 
 
-def _episode(lane: Lane) -> Episode | Drive:
+def _episode(lane: SimulationTrack) -> Episode | Drive:
     """Return the finished episode, or what is known of a drive that has not ended."""
     episode = lane.episode()
     if episode is not None:
@@ -243,7 +245,7 @@ def _episode(lane: Lane) -> Episode | Drive:
     return Drive("given up", float(rows[-1, 0]), rows)
 
 
-def _ended(session: Session, must: bool = True) -> Lane:
+def _ended(session: Session, must: bool = True) -> SimulationTrack:
     """Return the first lane. Raises InputError if its drive must have ended but has not."""
     lane = session.lanes[0]
     if must and lane.outcome is None:

@@ -14,7 +14,7 @@ from lme.types import Pose
 from lme.worlds.world import Task
 from runners.play.drawing import Sketch, item_of
 from runners.play.session import Script
-from runners.records.whole_file import write_atomically
+from runners.records.atomic_write import write_atomically
 
 SCRIPT = "play.json"
 

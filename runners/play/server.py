@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from runners.play.desk import Desk, Reply
+from runners.play.desk import MessageHandler, Reply
 from runners.play.page import PARTS, POLICY
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ _HEADERS = {
 }
 
 
-def application(desk: Desk, token: str) -> Starlette:
+def application(desk: MessageHandler, token: str) -> Starlette:
     """Return the application of one session. token: part of every path."""
     from starlette.applications import Starlette
     from starlette.responses import PlainTextResponse, Response
@@ -94,7 +94,7 @@ def _name(address: str) -> str:
 class _Seats:
     """The single seat of the session: the newest page takes it, and the page that had it is told."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: MessageHandler) -> None:
         self._desk = desk
         self._turn = threading.Lock()  # one message at a time
         self._seated: WebSocket | None = None

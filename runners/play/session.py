@@ -16,7 +16,7 @@ from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config.schema import DriveConfig
 from runners.play.drawing import Item, Sketch
-from runners.play.lane import Lane
+from runners.play.lane import SimulationTrack
 from runners.records.episode_record import RunLabels
 from runners.workers.episodes import episode_rng
 
@@ -111,7 +111,7 @@ class Session:
         self._past: list[_HistoryEntry] = []
         self._future: list[_HistoryEntry] = []
         self.script = Script(setup, {0: Sketch.of(setup.task)})
-        self.lanes: list[Lane] = []
+        self.lanes: list[SimulationTrack] = []
         self.tasks: dict[int, Task] = {}
         self._stage(self.script)
 
@@ -246,26 +246,26 @@ class Session:
             check_task(tasks[0], system.config.robot)
         self._enter(script, self._lanes_of(script), tasks, 0)
 
-    def _enter(self, script: Script, lanes: list[Lane], tasks: dict[int, Task], step: int) -> None:
+    def _enter(self, script: Script, lanes: list[SimulationTrack], tasks: dict[int, Task], step: int) -> None:
         """Drive the frame at a step, and only then adopt the script: if that fails, nothing has changed."""
         _drive(lanes, tasks, step, budget_s=10.0)
         self.script, self.lanes, self.tasks, self.kept = script, lanes, tasks, step
         self.revision += 1
         self.shown = step
 
-    def _lanes_of(self, script: Script) -> list[Lane]:
+    def _lanes_of(self, script: Script) -> list[SimulationTrack]:
         """Return the lanes of a script; copies of the present ones if their systems are the same."""
         setup = script.setup
         if self.lanes and setup is self.script.setup:
             return [lane.rewound(0, self.tasks) for lane in self.lanes]
-        return [Lane(system.config, system.label, _generator(setup)) for system in setup.systems]
+        return [SimulationTrack(system.config, system.label, _generator(setup)) for system in setup.systems]
 
     def _task(self, script: Script, step: int) -> Task:
         task = script.drawings[step].task()
         return task if script.begin is None else replace(task, start=script.begin)
 
 
-def _drive(lanes: Sequence[Lane], tasks: Mapping[int, Task], until: int, budget_s: float) -> None:
+def _drive(lanes: Sequence[SimulationTrack], tasks: Mapping[int, Task], until: int, budget_s: float) -> None:
     """Drive the lanes, the shortest first, until each has a frame at step `until`, has ended, or the time is up."""
     start_time = time.monotonic()
     until = min(until, MOST_STEPS)

@@ -198,7 +198,13 @@ class Driver:
         # The smallest clearance on the way that a command leads to within the horizon.
         def smallest(held: Twist) -> float:
             poses, _ = drive(
-                _HERE, twist, held, robot.limits.bounds, self._horizon, _STEP, robot.footprint.r_max
+                _HERE,
+                twist,
+                held,
+                robot.limits.bounds,
+                self._horizon,
+                _STEP,
+                robot.footprint.circumscribed_radius,
             )
             return sweep(poses, box, circles, _NO_EDGES)[0]
 

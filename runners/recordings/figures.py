@@ -156,6 +156,6 @@ def _draw_robot(axes: Axes, scan_source: ScanSource) -> None:
     corner = (-half_width, -half_length)
     size = (max(2 * half_width, 1e-6), max(2 * half_length, 1e-6))
     axes.add_patch(FancyBboxPatch(corner, *size, boxstyle=style, facecolor="none", edgecolor=INK))
-    length = max(2 * scan_source.robot.footprint.r_max, 0.3)
+    length = max(2 * scan_source.robot.footprint.circumscribed_radius, 0.3)
     axes.annotate("", xy=(0, length), xytext=(0, 0), arrowprops={"arrowstyle": "->", "color": INK})
     axes.plot(-scan_source.robot.lidar.y, scan_source.robot.lidar.x, "+", color=PROPOSED, markersize=6)

@@ -17,7 +17,7 @@ from lme.perception.scan_check import ScanTally
 from lme.types import Floats
 from lme.worlds.bitmap import MAX_PIXELS
 from runners.recordings.log import DriveLog, LogConfig
-from runners.records.whole_file import output_file
+from runners.records.atomic_write import output_file
 from runners.reports.figures.style import BLUE, INK, VERMILION, new_figure
 from runners.workers.progress import ScanProgress
 

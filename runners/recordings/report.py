@@ -13,7 +13,7 @@ import numpy as np
 from lme.live.messages import SECOND
 from lme.types import Floats
 from runners.recordings.driver import Log
-from runners.records.whole_file import replacing, write_atomically
+from runners.records.atomic_write import replacing, write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd

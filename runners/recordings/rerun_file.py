@@ -36,7 +36,7 @@ class RerunFile:
     def __init__(self, path: Path, name: str, robot: Robot) -> None:
         self.path = path
         self._name = name
-        self._radius = robot.footprint.r_max
+        self._radius = robot.footprint.circumscribed_radius
 
     def __enter__(self) -> Self:
         check_installed()

@@ -28,7 +28,7 @@ from lme.guides.lme.weight_files import find_network, find_weights
 from lme.inputs.guarded_file import expanded, read_yaml
 from lme.inputs.resources import resource_dir
 from runners.records import trust
-from runners.records.whole_file import replacing
+from runners.records.atomic_write import replacing
 
 FOLDER = "inputs"  # in the directory of a run or of a sweep
 LARGEST = 64 * 2**20  # [bytes] largest file that is copied

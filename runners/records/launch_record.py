@@ -26,9 +26,9 @@ from runners.config.quoting import lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
 from runners.config.urls import masked_text, masked_values
 from runners.records import input_search, inputs, trust
+from runners.records.atomic_write import write_atomically
 from runners.records.inputs import Input
 from runners.records.versions import code
-from runners.records.whole_file import write_atomically
 
 LAUNCH = "launch.json"
 # Keys that cannot change a result.

@@ -12,9 +12,9 @@ import yaml
 from lme.errors import InputError
 from lme.guides.lme.weight_files import NETWORK, REGISTERED, shipped_networks
 from runners.records import registered_name
+from runners.records.atomic_write import replacing, write_atomically
 from runners.records.registered_name import read_key
 from runners.records.versions import versions
-from runners.records.whole_file import replacing, write_atomically
 
 CARD = "card.yaml"  # in the run's directory; NAME.card.yaml next to the registered network
 _PACKAGES = ("numpy", "numba", "torch", "onnxruntime")

@@ -30,6 +30,7 @@ from runners.records.append_log import (
     lock,
     read_log,
 )
+from runners.records.atomic_write import what_is_full
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
 from runners.records.launch_record import DEFAULTS, LAUNCH, Launch, read_launch
 from runners.records.parquet import (
@@ -41,7 +42,6 @@ from runners.records.parquet import (
     trajectory_table,
     write_files,
 )
-from runners.records.whole_file import what_is_full
 
 if TYPE_CHECKING:
     import pandas as pd

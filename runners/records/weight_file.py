@@ -13,9 +13,9 @@ from lme.guides.lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.records import registered_name
+from runners.records.atomic_write import write_atomically
 from runners.records.registered_name import read_key
 from runners.records.versions import versions
-from runners.records.whole_file import write_atomically
 
 _PACKAGES = ("numpy", "numba", "optuna")
 

@@ -20,7 +20,7 @@ from lme.errors import InputError
 from lme.inputs.guarded_file import read_json
 from runners.config.flatten import flatten
 from runners.config.urls import masked
-from runners.records.whole_file import obstacle, write_atomically
+from runners.records.atomic_write import obstacle, write_atomically
 from runners.tracking.names import fitting_names, fitting_text, renamed
 
 if TYPE_CHECKING:

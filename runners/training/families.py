@@ -43,12 +43,21 @@ def too_narrow(config: TrainConfig) -> list[str]:
     """Return the families whose worlds are too narrow for the robot."""
     if config.map:
         return []
-    return [name for name, radius in config.training_radius.items() if config.robot.hull.r_max > radius]
+    return [
+        name
+        for name, radius in config.training_radius.items()
+        if config.robot.collision_footprint.circumscribed_radius > radius
+    ]
 
 
 def _driver(config: TrainConfig, name: str) -> Robot:
     family_robot = config.training_robots.get(name, config.robot)
-    return family_robot if family_robot.hull.r_max > config.robot.hull.r_max else config.robot
+    return (
+        family_robot
+        if family_robot.collision_footprint.circumscribed_radius
+        > config.robot.collision_footprint.circumscribed_radius
+        else config.robot
+    )
 
 
 def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count: int) -> list[int]:

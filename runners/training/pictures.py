@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from runners.config.space import Range, Space
-from runners.records.whole_file import write_atomically
+from runners.records.atomic_write import write_atomically
 from runners.reports.analysis.tables import csv_text
 from runners.reports.figures.style import FRAME, INK, OBSTACLE, SKY, new_figure, save, symbol
 from runners.training.race import START, End, Race, Racer, driven_label, name_of, racers, worlds_driven

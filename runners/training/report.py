@@ -24,7 +24,7 @@ from runners.training.held_out import Places, write_table
 from runners.training.race import START
 from runners.training.report_page import TrainingReport, write_report
 from runners.training.report_tables import HeldOut
-from runners.training.search_and_race import Found, start_name
+from runners.training.search_and_race import SearchResult, start_name
 from runners.training.verdict import HeldOutComparison, Verdict
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ _FILES = (
 def write_training_report(
     job: Job[TrainConfig],
     held_out: Places,
-    search_result: Found,
+    search_result: SearchResult,
     start: pd.DataFrame,
     frame: pd.DataFrame,
     verdict: Verdict,
@@ -64,7 +64,7 @@ def write_training_report(
     start_values = _start_values(job.config, search_result.space)
     best = search_result.race.best_trial if search_result.race is not None else search_result.number
     if best == START:  # the best trial has the values of the start, or there is no other
-        best = max(search_result.told, key=lambda trial: (trial.reward, -trial.number)).number
+        best = max(search_result.trials, key=lambda trial: (trial.reward, -trial.number)).number
     # Pictures, and explainer pages of the worst worlds.
     figures = _figures(search_result, start_values, start_name(job), best)
     pictures = [path for name, figure in figures.items() for path in save(figure, run_dir / name)]
@@ -73,7 +73,7 @@ def write_training_report(
     # The page, with links to files and commands.
     report = TrainingReport(
         title=f"Training of {start['system'].iloc[0]} on {job.config.robot.name}",
-        facts=_facts(job, len(search_result.told)),
+        facts=_facts(job, len(search_result.trials)),
         sentence=verdict.lines(start_name(job))[-1],
         sign=verdict.sign,
         start=start_name(job),
@@ -85,7 +85,7 @@ def write_training_report(
         held_out=_held_out(verdict),
         figures=figures,
         race=search_result.race,
-        trials=search_result.told,
+        trials=search_result.trials,
         space=search_result.space,
         start_values=start_values,
         importances=search_result.importances,
@@ -107,14 +107,14 @@ def _start_values(config: TrainConfig, space: Space) -> dict[str, float | None]:
 
 
 def _figures(
-    search_result: Found, start_values: Mapping[str, float | None], start: str, best: int
+    search_result: SearchResult, start_values: Mapping[str, float | None], start: str, best: int
 ) -> dict[str, Figure]:
     """Draw the page's pictures, by the names of their files. start: its name. best: number of the best trial."""
     from runners.training.pictures import parameters_figure, race_figure
 
     race = search_result.race
     raced = frozenset(race.rungs[1].values) if race is not None else frozenset[int]()  # of the first rung
-    parameters = parameters_figure(search_result.told, search_result.space, best, start_values, raced)
+    parameters = parameters_figure(search_result.trials, search_result.space, best, start_values, raced)
     return {"parameters": parameters, **({"race": race_figure(race, start)} if race is not None else {})}
 
 
@@ -171,7 +171,7 @@ def _row(map_name: str, comparison: HeldOutComparison) -> HeldOut:
 def _commands(
     job: Job[TrainConfig],
     held_out: Places,
-    search_result: Found,
+    search_result: SearchResult,
     verdict: Verdict,
     command: str,
     start_dir: Path,

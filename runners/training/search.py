@@ -109,7 +109,7 @@ def _open_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.
         if not is_first(created):
             raise ValueError("the first study was deleted")
         study = Study(created, space, "", journal.flush, Heartbeat(None), ScoreLog(None))
-        _ = study.told  # raises unless every trial can be read
+        _ = study.finished_trials  # raises unless every trial can be read
     except Exception as error:  # JSON that does not describe steps of a study can raise anything
         raise InputError(
             f"{path}: is damaged ({type(error).__name__}): restore the file, or start another study"
@@ -136,17 +136,17 @@ def run_trials(
     called with the number of finished trials and the best reward so far.
     """
     with study.keep_alive():
-        while study.num_told < total:
+        while study.num_finished < total:
             # Claim and run a batch, and report it in the order of the numbers, which the sampler depends on.
             if proposals := study.claim(total, batch):
                 _run_batch(study, proposals, configurations, run_all)
                 for proposal in proposals:
                     study.tell(proposal.number)
-                    note(study.num_told, study.best)
+                    note(study.num_finished, study.best)
             # Other processes run the rest: wait, as one of them may die.
             elif study.finds_killed:
                 time.sleep(_POLL_S)
-                note(study.num_told, study.best)
+                note(study.num_finished, study.best)
             else:
                 break
 

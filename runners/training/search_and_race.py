@@ -30,16 +30,16 @@ from runners.workers.trials import Attempt, Place, Score
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchResult:
     """Result of a training. number: that of the best trial, or START. values: by dotted config key; {} for START.
 
-    configurations: worlds of the search. told: finished trials. num_elsewhere: number of trials that other machines
+    configurations: worlds of the search. trials: the finished ones. num_elsewhere: number of trials that other machines
     still run. reward: mean over the worlds that the result drove. worlds: their number in each family.
     """
 
     space: Space
     configurations: list[int]
-    told: list[Trial]
+    trials: list[Trial]
     importances: dict[str, float]
     num_elsewhere: int
     race: Race | None
@@ -49,7 +49,7 @@ class Found:
     worlds: int
 
 
-def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
+def search_and_race(job: Job[TrainConfig], trained: Families) -> SearchResult:
     """Run the study until it has all its trials, then the race; trials and scores of an earlier run count."""
     config, run_dir = job.config, job.run_dir
     search = instantiate.build(config.search, "search")
@@ -66,8 +66,8 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
     with ExitStack() as workers:
         run_all = _started_when_needed(config, training, workers)
         with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
-            progress.skip(len(study.told), study.best)
-            if study.num_told < config.trials:
+            progress.skip(len(study.finished_trials), study.best)
+            if study.num_finished < config.trials:
                 run_trials(study, config.trials, search.batch, stages[0], run_all, progress.set_done)
         race = _race(job, study, stages, start, run_all) if config.race else None
     return _result(study, space, race, rungs, own_values(config, space))
@@ -96,7 +96,7 @@ def _race(
     """Race the trials of the study and, if the search began from the config's own values, these: `start`."""
     config = job.config
     assert config.race is not None
-    finished = [trial for trial in study.told if trial.values != start]
+    finished = [trial for trial in study.finished_trials if trial.values != start]
     candidates = [Candidate(trial.number, trial.values) for trial in finished]
     candidates += [Candidate(START, {})] if start is not None else []
     scores = [score for trial in finished for score in trial.scores]
@@ -119,8 +119,8 @@ def _race(
 
 def _result(
     study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]], start: Mapping[str, float]
-) -> Found:
-    finished = study.told
+) -> SearchResult:
+    finished = study.finished_trials
     best_trial = max(finished, key=lambda trial: (trial.reward, -trial.number))
     number, reward = best_trial.number, best_trial.reward
     # The winner of the race replaces the best trial of the search.
@@ -131,7 +131,7 @@ def _result(
         number, values = START, {}
     num_worlds = sum(map(len, rungs))
     elsewhere = study.num_elsewhere
-    return Found(
+    return SearchResult(
         space, rungs[0], finished, study.importances(), elsewhere, race, number, values, reward, num_worlds
     )
 

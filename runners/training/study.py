@@ -73,12 +73,12 @@ class Study:
         return self._heartbeat.send_heartbeats()
 
     @property
-    def num_told(self) -> int:
+    def num_finished(self) -> int:
         """Number of finished trials."""
         return len(self._trials_in_state("COMPLETE"))
 
     @property
-    def told(self) -> list[Trial]:
+    def finished_trials(self) -> list[Trial]:
         """Finished trials in the order of their numbers."""
         return [_trial(trial) for trial in self._trials_in_state("COMPLETE")]
 
@@ -99,7 +99,7 @@ class Study:
         the rest.
         """
         self._heartbeat.requeue_killed(self._study)
-        count = min(batch, total - self.num_told - self.num_elsewhere)
+        count = min(batch, total - self.num_finished - self.num_elsewhere)
         proposals = self._unfinished() or [self._ask() for _ in range(count)]
         self._flush()
         return [

@@ -32,7 +32,7 @@ from runners.training.held_out import Places, evaluate_held_out, report_held_out
 from runners.training.race import START, check_race
 from runners.training.report import write_training_report
 from runners.training.search_and_race import (
-    Found,
+    SearchResult,
     evaluation_places,
     search_and_race,
     search_space,
@@ -117,7 +117,7 @@ def _announce(job: Job[TrainConfig], trained: Families) -> None:
 
 
 def _evaluate(
-    job: Job[TrainConfig], held_out: Places, search_result: Found
+    job: Job[TrainConfig], held_out: Places, search_result: SearchResult
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Evaluate start and result on held-out worlds, and print the table; return the records with rewards.
 
@@ -137,14 +137,14 @@ def _evaluate(
 
 
 def _write_weights(
-    job: Job[TrainConfig], trained: Families, search_result: Found, verdict: Verdict | None = None
+    job: Job[TrainConfig], trained: Families, search_result: SearchResult, verdict: Verdict | None = None
 ) -> Path:
     config, name = job.config, weights_name(job)
     metadata: dict[str, Any] = {
         "map": "+".join(trained),
         "configurations": search_result.configurations,
         "search": job.choices["search"],
-        "trials": len(search_result.told),
+        "trials": len(search_result.trials),
         "trial": _START if search_result.number == START else search_result.number,
         "reward": search_result.reward,
         "worlds": search_result.worlds,
@@ -157,7 +157,7 @@ def _write_weights(
     return weight_file.write_weights(config, search_result.values, metadata, job.run_dir, name, note)
 
 
-def _usage(job: Job[TrainConfig], search_result: Found) -> str:
+def _usage(job: Job[TrainConfig], search_result: SearchResult) -> str:
     """Return the command that drives with the values found."""
     words = driven(job, "train", search_result.values)
     if weight_file.best_parameters(job.config, search_result.values):
@@ -165,11 +165,13 @@ def _usage(job: Job[TrainConfig], search_result: Found) -> str:
     return lme_command("eval", *words, *weight_file.settings(search_result.values), folders=job.folders)
 
 
-def _advise(job: Job[TrainConfig], search_result: Found, verdict: Verdict) -> None:
+def _advise(job: Job[TrainConfig], search_result: SearchResult, verdict: Verdict) -> None:
     """Print the result and what to do with it."""
     whose = "the start" if search_result.number == START else f"trial {search_result.number}"
     worlds = f"{search_result.worlds} worlds" + ("" if job.config.map else " of each family")
-    print(f"Best of {len(search_result.told)} trials: reward {search_result.reward:.3f} ({whose}), {worlds}")
+    print(
+        f"Best of {len(search_result.trials)} trials: reward {search_result.reward:.3f} ({whose}), {worlds}"
+    )
     for key, value in search_result.values.items():
         print(f"  {key.removeprefix(PARAMETERS)} = {value:.4g}")
     if search_result.num_elsewhere:
@@ -184,7 +186,7 @@ def _advise(job: Job[TrainConfig], search_result: Found, verdict: Verdict) -> No
         print(f"Trained on {job.choices['map']} alone, they may be worse elsewhere: {elsewhere}")
 
 
-def _elsewhere(job: Job[TrainConfig], search_result: Found) -> str:
+def _elsewhere(job: Job[TrainConfig], search_result: SearchResult) -> str:
     """Return the command that drives weights trained on one map on the families that any robot can drive.
 
     It compares them with the starting weights, unless values were also found for other keys.
@@ -214,10 +216,10 @@ def _elsewhere(job: Job[TrainConfig], search_result: Found) -> str:
     return lme_command("eval", "-m", *words, folders=job.folders)
 
 
-def _pictures(search_result: Found, run_dir: Path) -> list[Path]:
+def _pictures(search_result: SearchResult, run_dir: Path) -> list[Path]:
     from runners.training.pictures import training_figures, write_race, write_trials
 
-    trials = search_result.told
+    trials = search_result.trials
     tables = [
         write_trials(trials, run_dir),
         *([write_race(search_result.race, run_dir)] if search_result.race else []),
@@ -225,11 +227,11 @@ def _pictures(search_result: Found, run_dir: Path) -> list[Path]:
     return [*tables, *training_figures(trials, search_result.importances, run_dir)]
 
 
-def _track(tracking: Any, search_result: Found, frame: pd.DataFrame, files: list[Path]) -> None:
+def _track(tracking: Any, search_result: SearchResult, frame: pd.DataFrame, files: list[Path]) -> None:
     """Track one run with a series of rewards. A tracked run for each trial would take longer than the trial."""
     from runners.reports.analysis.summary import metrics_by_map
 
-    rewards = [trial.reward for trial in search_result.told]
+    rewards = [trial.reward for trial in search_result.trials]
     series = {"reward": rewards, "best_reward": np.maximum.accumulate(rewards).tolist()}
     numbers = {"train_reward": search_result.reward, "trials": float(len(rewards))}
     numbers |= metrics_by_map(frame)

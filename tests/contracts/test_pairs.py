@@ -138,7 +138,7 @@ def made(robot, guide, planner, margin=0.0):
     machine = without_errors(shipped(robot))
     machine.contact = None  # planners are judged by the footprint that they believe in
     if margin:
-        machine.collision_radius = machine.footprint.r_max + margin
+        machine.collision_radius = machine.footprint.circumscribed_radius + margin
     return machine, navigator_of(machine, guide, planner)
 
 
@@ -267,7 +267,7 @@ def test_a_clockwise_scan_says_the_same(robot, guide, planner):
 @pytest.mark.usefixtures("drives")
 def test_a_sealed_box_ends_in_time_out(robot, guide, planner):
     machine, navigator = made(robot, guide, planner, MARGIN_M)
-    job = task(room(8.0 * machine.footprint.r_max), goal=(6.0, 0.3), time_limit=12.0)
+    job = task(room(8.0 * machine.footprint.circumscribed_radius), goal=(6.0, 0.3), time_limit=12.0)
     episode = run_episode(
         job, navigator, FastSimulator(load_settings("sim/fast"), machine), np.random.default_rng(0)
     )

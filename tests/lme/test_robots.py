@@ -99,12 +99,12 @@ def test_a_footprint_is_either_a_disc_or_a_rectangle(sides, says):
 def test_inner_and_outer_radius():
     # Half of 0.42 × 0.31: min is 0.155, diagonal √(0.21² + 0.155²) = 0.26101.
     disc, rectangle = Footprint(radius=0.2), Footprint(length=0.42, width=0.31)
-    assert (disc.r_min, disc.r_max) == (0.2, 0.2)
+    assert (disc.inscribed_radius, disc.circumscribed_radius) == (0.2, 0.2)
     assert disc.box == (0.0, 0.0, 0.2)
-    assert rectangle.r_min == pytest.approx(0.155, abs=KERNEL)
-    assert rectangle.r_max == pytest.approx(0.26101, abs=1e-5)
+    assert rectangle.inscribed_radius == pytest.approx(0.155, abs=KERNEL)
+    assert rectangle.circumscribed_radius == pytest.approx(0.26101, abs=1e-5)
     assert rectangle.box == (0.21, 0.155, 0.0)
-    assert Footprint(length=0.31, width=0.42).r_min == pytest.approx(0.155, abs=KERNEL)
+    assert Footprint(length=0.31, width=0.42).inscribed_radius == pytest.approx(0.155, abs=KERNEL)
 
 
 @given(st.floats(0.01, 3), st.floats(0.01, 3), st.floats(0, 2 * math.pi))
@@ -112,7 +112,7 @@ def test_the_outline_lies_between_the_two_radii(length, width, bearing):
     footprint = Footprint(length=length, width=width)
     cos, sin = abs(math.cos(bearing)), abs(math.sin(bearing))
     to_outline = min(length / 2 / cos if cos else math.inf, width / 2 / sin if sin else math.inf)
-    assert footprint.r_min - KERNEL <= to_outline <= footprint.r_max + KERNEL
+    assert footprint.inscribed_radius - KERNEL <= to_outline <= footprint.circumscribed_radius + KERNEL
 
 
 BODY = {"length": 0.42, "width": 0.31}
@@ -138,7 +138,7 @@ def test_a_collision_radius_between_the_radii_has_a_note(radius, says):
 def test_a_collision_radius_that_covers_the_footprint_or_is_not_set_passes_in_silence(radius):
     robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
     assert robot.radius_note == ""
-    assert robot.r == (robot.footprint.r_max if radius is None else radius)
+    assert robot.r == (robot.footprint.circumscribed_radius if radius is None else radius)
 
 
 @pytest.mark.parametrize("radius", [math.nan, math.inf])

@@ -366,7 +366,7 @@ def _read_study(folder: Path) -> None:
     study = open_study(None, None, folder, identity(config), read_space(config), search, {})
     trained = families(config, job.choices)
     check_configurations(study, trained, world_numbers(job, trained)[0], folder)
-    _ = study.told, study.num_told, study.best
+    _ = study.finished_trials, study.num_finished, study.best
     study.importances()
 
 

@@ -186,7 +186,7 @@ class GlobalPath:
         ahead = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]
         points = obstacle_points(observation.scan, robot.lidar.mount)
         room = math.sqrt((points * points).sum(axis=1).min(initial=math.inf)) * (1.0 - 1e-9)
-        for radius in (robot.r + padding, robot.r, robot.footprint.r_min):
+        for radius in (robot.r + padding, robot.r, robot.footprint.inscribed_radius):
             free = np.flatnonzero(~fan_blocked(_ORIGIN, ahead, points, min(radius, room)))
             if len(free):
                 return np.array(ahead[free[-1]])

@@ -13,7 +13,7 @@ from lme.errors import require
 from lme.geometry.straight_ways import straight_ways
 from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, bearings, candidates
 from lme.guides.learned_subgoal.kernels import nearest_by_sector
-from lme.guides.learned_subgoal.weights import TOLD
+from lme.guides.learned_subgoal.weights import REPORTED
 from lme.guides.lme.maintenance import carried
 from lme.perception.dead_reckoning import DeadReckoning
 from lme.perception.scan_points import obstacle_points
@@ -121,15 +121,18 @@ class SubgoalInterface:
         return np.array([*here, *twist, *shares, *last])
 
 
-def told_values(robot: Robot) -> Floats:
-    """Values of `TOLD` for a robot: (6,)."""
+def reported_values(robot: Robot) -> Floats:
+    """Values of `REPORTED` for a robot: (6,)."""
     half_length, half_width, rounding = robot.footprint.box
     return np.array([*robot.limits.bounds, 2 * (half_length + rounding), 2 * (half_width + rounding)])
 
 
 def warn_if_untrained(robot: Robot, trained: Floats) -> None:
-    """Warn if the network was not trained for such a robot. trained: (6, 2), lowest and highest values of `TOLD`."""
-    for key, value, (low, high) in zip(TOLD, told_values(robot), trained, strict=True):
+    """Warn if the network was not trained for such a robot.
+
+    trained: (6, 2), lowest and highest values of `REPORTED`.
+    """
+    for key, value, (low, high) in zip(REPORTED, reported_values(robot), trained, strict=True):
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
             warnings.warn(

@@ -24,13 +24,13 @@ def _shapes() -> dict[str, Shape]:
 
 
 SHAPES = _shapes()  # of every array of the network by its name; a kernel is (inputs, outputs)
-TOLD = ("v_max", "omega_max", "alpha_v", "alpha_omega", "length", "width")  # of a robot, SI units
+REPORTED = ("v_max", "omega_max", "alpha_v", "alpha_omega", "length", "width")  # of a robot, SI units
 SIGNATURE = Signature(
     "learned_subgoal",
     "a subgoal network",
     {"scan": (BEARINGS,), "free": (CANDIDATES,), "state": (STATE_INPUTS,)},
     {"logits": (CANDIDATES,)},  # −inf for candidates that are not free
-    (len(TOLD), 2),  # lowest and highest values of TOLD
+    (len(REPORTED), 2),  # lowest and highest values of REPORTED
 )
 
 

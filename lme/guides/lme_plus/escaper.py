@@ -15,7 +15,7 @@ from lme.guides.lme.criteria import View
 from lme.guides.lme.explanation import Decision, Explanation, Step, explain
 from lme.guides.lme.maintenance import Choice, choose
 from lme.guides.lme.score import Parameters
-from lme.guides.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
+from lme.guides.lme_plus.criteria import CRITERIA, NARROW_SHARE, Perception, ranked
 from lme.guides.lme_plus.learned_times import OTHER_TARGET, LearnedTimes, StuckPlaces
 from lme.guides.lme_plus.memory import Memory
 from lme.guides.lme_plus.travel import NARROW, Field, Travel, TravelConfig, apart
@@ -89,7 +89,7 @@ class LocalMinimumEscaperPlus:
         self._age = 0  # decisions made with the field
         self._time_at_passages = 0.0  # [s] spent before narrow passages on the way to the target
         self._stuck = StuckPlaces(self._robot.dt)  # on the way to the target
-        self.sight: Sight | None = None  # of the last decision
+        self.sight: Perception | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last_step: Step | None = None
 
@@ -113,7 +113,7 @@ class LocalMinimumEscaperPlus:
         """All quantities behind the last decision; None before the first."""
         return None if self._last_step is None else explain(self._last_step)
 
-    def _step(self, observation: Observation, sight: Sight, route: Floats) -> Step:
+    def _step(self, observation: Observation, sight: Perception, route: Floats) -> Step:
         """Run one step of Algorithm 1 with the criteria of LME+. route (K, 2): places on the fastest way."""
         subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
         pool = self._generate(observation, route, subgoal)
@@ -127,7 +127,7 @@ class LocalMinimumEscaperPlus:
         assert subgoal is not None
         decision = Decision(subgoal, choice, blocked)
         # View for the explanation: the points of the scan and the target, without a history or a blockage.
-        radius = self._robot.footprint.r_min + self._config.margin
+        radius = self._robot.footprint.inscribed_radius + self._config.margin
         view = View(self._memory.seen, observation.target, radius, _NO_POINTS, None, "every")
         parameters = self._parameters
         return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
@@ -139,14 +139,14 @@ class LocalMinimumEscaperPlus:
         distance, parameters = math.hypot(*subgoal.tolist()), self._parameters
         return choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
 
-    def _look(self, observation: Observation) -> tuple[Sight, Floats]:
+    def _look(self, observation: Observation) -> tuple[Perception, Floats]:
         """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
         config, robot, pose = self._config, self._robot, self._memory.pose
         field = self._times(to_world(observation.target, pose), pose)
         route, ahead = field.descent(pose, self._reach(observation))
         self._time_at_passages += robot.dt if ahead < _PASSAGE_AHEAD else 0.0
         margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
-        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), route
+        return Perception(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), route
 
     def _reach(self, observation: Observation) -> float:
         """Greatest distance of a candidate [m]."""

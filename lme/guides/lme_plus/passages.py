@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.guides.lme_plus.travel_grid import HALF_DIAGONAL, Grid, Pace
+from lme.guides.lme_plus.travel_grid import HALF_DIAGONAL, Grid, SpeedProfile
 from lme.types import Floats
 
 _ONE_SIDED = 0.9  # share of a step away from points on one side alone by which they become farther, at least
@@ -20,7 +20,7 @@ def half_width(
     border: int,
     obstacles: tuple[Floats, NDArray[np.int32], NDArray[np.int32]],
     grid: Grid,
-    pace: Pace,
+    pace: SpeedProfile,
 ) -> float:
     """Half of the distance between the points on both sides of a cell [m]; 0 if it is in no narrow passage.
 
@@ -66,7 +66,9 @@ def half_width(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def may_be_passage(squares, i, j, tight, comfort):
-    """Return whether a cell can be in a narrow passage; tight, comfort: as in `Pace`, in cells; i, j: in `squares`.
+    """Return whether a cell can be in a narrow passage.
+
+    tight, comfort: as in `SpeedProfile`, in cells. i, j: the cell, in `squares`.
 
     It cannot if all places in it are less than `tight` from a point, or if the points are on one side alone: then the
     nearest is farther from one of twelve cells about 2 cells away, by nearly all of the way there.

@@ -10,7 +10,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.guides.lme_plus.learned_times import LearnedTimes
-from lme.guides.lme_plus.travel_grid import Grid, Pace, descend, rest_at, workspace
+from lme.guides.lme_plus.travel_grid import Grid, SpeedProfile, cost_to_go_at, descend, workspace
 from lme.guides.lme_plus.travel_time import travel_times
 from lme.robots import Robot
 from lme.types import Bools, Floats, Pose
@@ -56,14 +56,14 @@ class Field(NamedTuple):
     target: Floats
     v_max: float
 
-    def rest(self, positions: Floats, pose: Pose = _ORIGIN) -> Floats:
+    def cost_to_go(self, positions: Floats, pose: Pose = _ORIGIN) -> Floats:
         """T at (N, 2) positions in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
 
         If the robot has no way to the target, such positions have the time of the straight line to it.
         """
         frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
         ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
-        costs: Floats = rest_at(self.times, positions, frame, grid, *ends)
+        costs: Floats = cost_to_go_at(self.times, positions, frame, grid, *ends)
         return costs
 
     def kept(self) -> Field:
@@ -87,13 +87,13 @@ class Travel:
         self, config: TravelConfig, robot: Robot, reach: float, margin: float, narrow: bool = True
     ) -> None:
         """margin: distance that passages leave on each side [m]; narrow: those that leave less are not closed."""
-        inner = robot.footprint.r_min + margin
-        tight = robot.footprint.r_min if narrow else inner
-        comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
-        room = robot.footprint.r_max + _CELL
+        inner = robot.footprint.inscribed_radius + margin
+        tight = robot.footprint.inscribed_radius if narrow else inner
+        comfort = max(robot.footprint.inscribed_radius + config.comfort, inner + _LEAST_BAND)
+        room = robot.footprint.circumscribed_radius + _CELL
         self._reach = reach
         self._berth, self._patience = inner + config.personal_space, config.patience
-        self._pace = Pace(robot.v_max, tight, inner, comfort, config.slowdown, NARROW, room)
+        self._pace = SpeedProfile(robot.v_max, tight, inner, comfort, config.slowdown, NARROW, room)
         self._size = math.ceil(2.0 * reach / _CELL) + 1
         self._workspace = workspace(self._size, _CELL, comfort)
 

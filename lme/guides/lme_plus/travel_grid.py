@@ -14,7 +14,7 @@ from lme.types import Bools, Floats
 
 HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
 GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
-PaceNumbers = tuple[float, float, float, float, float, float, float]  # a Pace as a plain tuple
+PaceNumbers = tuple[float, float, float, float, float, float, float]  # a SpeedProfile as a plain tuple
 _STEP = 4  # cells between a place and those from which the slope of T there is taken
 
 
@@ -30,7 +30,7 @@ class Grid(NamedTuple):
     size: int
 
 
-class Pace(NamedTuple):
+class SpeedProfile(NamedTuple):
     """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
@@ -116,7 +116,7 @@ def disc_radius(size: int) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def rest_at(
+def cost_to_go_at(
     times: Floats,
     positions: Floats,
     pose: tuple[float, float, float],

@@ -22,8 +22,8 @@ from lme.guides.lme_plus.travel_grid import (
     HALF_DIAGONAL,
     Grid,
     GridNumbers,
-    Pace,
     PaceNumbers,
+    SpeedProfile,
     Workspace,
     disc_radius,
 )
@@ -43,7 +43,7 @@ def travel_times(
     target: Floats,
     robot: Floats,
     grid: Grid | GridNumbers,
-    pace: Pace | PaceNumbers,
+    pace: SpeedProfile | PaceNumbers,
     people: Floats,
     learned: Floats,
     corner: tuple[int, int],
@@ -61,7 +61,17 @@ def travel_times(
     cells on no such way are inf, as are those without passage. Python passes plain tuples: Numba needs 5 µs more to
     recognise each named one.
     """
-    arguments = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people, learned, corner
+    arguments = (
+        Workspace(*work),
+        points,
+        target,
+        robot,
+        Grid(*grid),
+        SpeedProfile(*pace),
+        people,
+        learned,
+        corner,
+    )
     time: float = _solve(*arguments, slack, leave)
     return time
 

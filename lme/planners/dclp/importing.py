@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.inputs.onnx_file import TRAINED, Shape
 from lme.inputs.onnx_graph import check_finite
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
-from lme.planners.dclp.weights import LAYERS, SHAPES, SIGNATURE, TOLD
+from lme.planners.dclp.weights import LAYERS, REPORTED, SHAPES, SIGNATURE
 
 _POLICY = "main/pi"  # the scope of the policy; the checkpoint also has critics and target networks
 _LAYERS = ("conv1d", "conv1d_1", "conv1d_2", "dense", "dense_1", "dense_2", "dense_3", "dense_4")
@@ -44,7 +44,7 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
     path: as for `read_policy`, whose errors are raised.
     """
     weights = read_policy(path, tensor_names(), SHAPES, SIGNATURE.what)
-    return {**weights, TRAINED: np.array([_PUBLISHED[key] for key in TOLD], np.float32)}
+    return {**weights, TRAINED: np.array([_PUBLISHED[key] for key in REPORTED], np.float32)}
 
 
 def read_policy(

@@ -12,7 +12,7 @@ import numpy as np
 from lme.errors import config_key, require
 from lme.planners.commands import limited
 from lme.planners.dclp.observation import nearest_by_direction
-from lme.planners.dclp.weights import DIRECTION_INPUTS, DIRECTIONS, TOLD
+from lme.planners.dclp.weights import DIRECTION_INPUTS, DIRECTIONS, REPORTED
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
@@ -20,7 +20,7 @@ _ROUNDING = 1e-4  # of a bound, which a file holds as float32
 
 
 @dataclass(slots=True)
-class Told:
+class ReportedLimits:
     """The robot as described to the network, where that differs from the robot; null: the robot's own value."""
 
     v_max: float | None
@@ -33,19 +33,23 @@ class Told:
     lidar_x: float | None
 
     def __post_init__(self) -> None:
-        for key in TOLD:
+        for key in REPORTED:
             if getattr(self, key) is not None:
                 require(key, getattr(self, key), above=0.0)
         if self.lidar_x is not None:
             require("lidar_x", self.lidar_x)
 
-    def filled_from(self, robot: Robot) -> Told:
+    def filled_from(self, robot: Robot) -> ReportedLimits:
         """Return these values, with the robot's own in place of nulls."""
         half_length, half_width, rounding = robot.footprint.box
         length, width = half_length + rounding, half_width + rounding
-        own = Told(*robot.limits.bounds, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x)
+        own = ReportedLimits(
+            *robot.limits.bounds, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x
+        )
         given = {each.name: getattr(self, each.name) for each in fields(self)}
-        return Told(**{name: getattr(own, name) if value is None else value for name, value in given.items()})
+        return ReportedLimits(
+            **{name: getattr(own, name) if value is None else value for name, value in given.items()}
+        )
 
 
 @dataclass(slots=True)
@@ -58,7 +62,7 @@ class DclpConfig:
     lookahead: float
     full_v: float | None
     full_omega: float | None
-    told: Told
+    reported_limits: ReportedLimits
 
     def __post_init__(self) -> None:
         for key in ("no_return", "blind_range", "lookahead"):
@@ -85,10 +89,14 @@ class DclpInterface:
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
         self._config = config
         self._dt = robot.dt
-        self.told = told = config.told.filled_from(robot)
-        self._mount = robot.lidar.mount._replace(x=_number(told.lidar_x))
+        self.reported_limits = reported = config.reported_limits.filled_from(robot)
+        self._mount = robot.lidar.mount._replace(x=_number(reported.lidar_x))
         self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
-        self._directions[:, 3:] = [_number(told.front), _number(told.rear), _number(told.half_width)]
+        self._directions[:, 3:] = [
+            _number(reported.front),
+            _number(reported.rear),
+            _number(reported.half_width),
+        ]
 
     def features(self, observation: Observation, subgoal: Floats) -> DclpFeatures:
         """Return the inputs of the network. subgoal: (2,) in the robot frame [m]."""
@@ -132,8 +140,8 @@ class DclpInterface:
 
     def _limits(self, own: Limits) -> Limits:
         """Limits that the network is given."""
-        told = self._config.told
-        given = {name: getattr(told, name, None) for name in Limits._fields}
+        reported = self._config.reported_limits
+        given = {name: getattr(reported, name, None) for name in Limits._fields}
         return own._replace(**{name: value for name, value in given.items() if value is not None})
 
 
@@ -142,20 +150,20 @@ def _number(value: float | None) -> float:
     return float(value)
 
 
-def told_values(told: Told) -> Floats:
-    """Return the values of `TOLD` for a robot as described to the network: (7,)."""
-    return np.array([_number(getattr(told, key)) for key in TOLD])
+def reported_values(reported: ReportedLimits) -> Floats:
+    """Return the values of `REPORTED` for a robot as described to the network: (7,)."""
+    return np.array([_number(getattr(reported, key)) for key in REPORTED])
 
 
-def warn_if_untrained(told: Told, trained: Floats) -> None:
+def warn_if_untrained(reported: ReportedLimits, trained: Floats) -> None:
     """Warn if the network was not trained for a robot as described to it.
 
-    trained: (7, 2), lowest and highest values of `TOLD`.
+    trained: (7, 2), lowest and highest values of `REPORTED`.
     """
-    for key, value, (low, high) in zip(TOLD, told_values(told), trained, strict=True):
+    for key, value, (low, high) in zip(REPORTED, reported_values(reported), trained, strict=True):
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
             warnings.warn(
-                f"{config_key(f'told.{key}')} is {value:g}: this DCLP network was trained for {span}",
+                f"{config_key(f'reported_limits.{key}')} is {value:g}: this DCLP network was trained for {span}",
                 stacklevel=4,
             )

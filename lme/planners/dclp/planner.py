@@ -32,7 +32,7 @@ class Dclp:
         self._network = SignedNetwork(shipped if config.weights is None else Path(config.weights), SIGNATURE)
         self.interface = DclpInterface(config, robot)
         self.seen: DclpFeatures | None = None  # inputs of the network at the last step
-        warn_if_untrained(self.interface.told, self._network.trained)
+        warn_if_untrained(self.interface.reported_limits, self._network.trained)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode with the generator that draws the mixture's components."""

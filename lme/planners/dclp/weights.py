@@ -30,13 +30,21 @@ def _shapes() -> dict[str, Shape]:
 
 
 SHAPES = _shapes()  # of every array of the network by its name; a kernel is (inputs, outputs)
-TOLD = ("v_max", "omega_max", "alpha_v", "alpha_omega", "front", "rear", "half_width")  # of a robot, SI units
+REPORTED = (
+    "v_max",
+    "omega_max",
+    "alpha_v",
+    "alpha_omega",
+    "front",
+    "rear",
+    "half_width",
+)  # of a robot, SI units
 SIGNATURE = Signature(
     "dclp",
     "a DCLP network",
     {"directions": (DIRECTIONS, DIRECTION_INPUTS), "state": (STATE_INPUTS,)},
     {"logits": (COMPONENTS,), "means": (COMPONENTS, 2)},
-    (len(TOLD), 2),  # lowest and highest values of TOLD
+    (len(REPORTED), 2),  # lowest and highest values of REPORTED
 )
 
 

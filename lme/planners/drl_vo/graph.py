@@ -17,7 +17,7 @@ from lme.inputs.onnx_graph import read_weights as read_arrays
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual
 
-TOLD = ("v_max", "omega_max")  # of the planner: the greatest commands that it gives
+REPORTED = ("v_max", "omega_max")  # of the planner: the greatest commands that it gives
 SIGNATURE = Signature(
     "drl_vo",
     "a DRL-VO network",
@@ -26,7 +26,7 @@ SIGNATURE = Signature(
         "goal": (net.GOAL,),
     },  # `observation.image_of`; look-ahead distances
     {"means": (net.ACTIONS,), "deviations": (net.ACTIONS,)},
-    (len(TOLD),),  # the greatest values of TOLD
+    (len(REPORTED),),  # the greatest values of REPORTED
 )
 _EPSILON = 1e-5  # of the norms, PyTorch's default
 

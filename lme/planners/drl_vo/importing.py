@@ -15,7 +15,7 @@ from lme.inputs.guarded_file import check_regular
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import check_finite
 from lme.planners.drl_vo.architecture import Shape, checked_sizes, shapes
-from lme.planners.drl_vo.graph import TOLD
+from lme.planners.drl_vo.graph import REPORTED
 from lme.planners.drl_vo.torch_file import DAMAGE, DamagedError, TorchFile
 
 POLICY = "policy.pth"
@@ -57,5 +57,5 @@ def _weights(saved: TorchFile, path: Path) -> dict[str, NDArray[np.float32]]:
     found: Mapping[str, Shape] = {name: tensor.shape for name, tensor in saved.tensors.items()}
     weights = {name: saved.read(name) for name in shapes(checked_sizes(found, f"{path}: {POLICY}"))}
     check_finite(weights, f"{path}: {POLICY}")
-    weights[TRAINED] = np.array([_PUBLISHED[key] for key in TOLD], np.float32)
+    weights[TRAINED] = np.array([_PUBLISHED[key] for key in REPORTED], np.float32)
     return weights

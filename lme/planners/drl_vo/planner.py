@@ -11,7 +11,7 @@ from lme.errors import argument_error, config_key
 from lme.inputs.onnx_file import SignedNetwork
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
-from lme.planners.drl_vo.graph import SIGNATURE, TOLD
+from lme.planners.drl_vo.graph import REPORTED, SIGNATURE
 from lme.planners.drl_vo.interface import DrlVoFeatures, DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
 from lme.robots import Robot
@@ -74,7 +74,7 @@ def _path(path: str | None) -> Path:
 
 
 def _warn_if_untrained(config: DrlVoConfig, robot: Robot, trained: Floats) -> None:
-    for key, limit in zip(TOLD, trained.tolist(), strict=True):
+    for key, limit in zip(REPORTED, trained.tolist(), strict=True):
         commanded, reached = getattr(config, key), getattr(robot, key)
         said = f"this DRL-VO network was trained for commands of up to {limit:.3g}"
         if commanded > limit * (1.0 + 1e-6):  # float32

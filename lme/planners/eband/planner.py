@@ -63,8 +63,10 @@ class EBand:
         self._config = config
         self._robot = robot
         self._margin = config.margin + 2.0 * robot.lidar.noise_std
-        self._reach = config.horizon + config.max_radius + robot.footprint.r_max  # [m] of known points
-        self.band = Band(config, robot.footprint.r_min)
+        self._reach = (
+            config.horizon + config.max_radius + robot.footprint.circumscribed_radius
+        )  # [m] of known points
+        self.band = Band(config, robot.footprint.inscribed_radius)
         self._known: Floats = np.empty((0, 2))  # obstacle points near the robot, odometry frame [m]
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -102,7 +104,7 @@ class EBand:
         # Aim at the point where the band leaves the bubble around the robot; `remaining` is the length of the band to
         # its end or tear. A band that is torn at the robot still includes the next bubble.
         line = to_robot(self.band.centres[: max(self.band.chain, 2)], observation.odometry)
-        x, y, remaining = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
+        x, y, remaining = exit_point(line, max(self.band.radii[0], self._robot.footprint.inscribed_radius))
         if math.hypot(x, y) < _ARRIVED:
             return 0.0, 0.0
         error, omega_max = math.atan2(y, x), min(config.omega_max, limits.omega_max)

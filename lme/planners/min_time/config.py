@@ -13,7 +13,7 @@ class MinTimeParts:
     """Parts of the planner; False leaves one out, for an ablation."""
 
     calm: bool
-    back: bool
+    backing_up: bool
     multi_point: bool
 
 
@@ -24,7 +24,7 @@ class MinTimeConfig:
     margin: float
     margin_time: float
     brake: float
-    grip: float
+    max_lateral_accel: float
     latency: float
     lag: float
     parts: MinTimeParts
@@ -32,7 +32,7 @@ class MinTimeConfig:
     def __post_init__(self) -> None:
         for key in ("margin", "margin_time", "latency", "lag"):
             require(key, getattr(self, key), at_least=0.0)
-        for key in ("brake", "grip"):
+        for key in ("brake", "max_lateral_accel"):
             require(key, getattr(self, key), above=0.0)
         for key in ("latency", "lag"):
             plausibility.check(config_key(key), getattr(self, key))

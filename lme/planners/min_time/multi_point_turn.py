@@ -46,7 +46,7 @@ class MultiPointTurn:
         self._dt = dt
         self._box = footprint.box
         self._reduced_margin = _CLOSE * margin
-        self._room = footprint.r_max + _ROOM * margin
+        self._room = footprint.circumscribed_radius + _ROOM * margin
         self.reset()
         _load()
 

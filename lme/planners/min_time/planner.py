@@ -112,7 +112,9 @@ class MinTime:
         sees_back = guidance.points is not None or is_full_circle(observation.scan)
         # Choose a command: a multi-point turn, backing up, or the best arc.
         turn = self._multi_point_turn(guidance, situation, limits)
-        desired = turn or self._desired(guidance, situation, limits, self._config.parts.back and sees_back)
+        desired = turn or self._desired(
+            guidance, situation, limits, self._config.parts.backing_up and sees_back
+        )
         reached = reachable(*desired, situation.twist, limits, self._robot.dt)
         self._commanded_omega = float(reached.omega)
         dt = self._robot.dt
@@ -221,7 +223,7 @@ class MinTime:
                 (*reached,),
                 limits.bounds,
             )  # plain tuples, as in `FastSimulator.step`
-            poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
+            poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.circumscribed_radius)
             pose, start = Pose(*poses[-1].tolist()), Twist(*twist)
         return pose, without_tiny_rates(start)
 
@@ -239,7 +241,7 @@ class MinTime:
                 for i in range(len(v))
             ]
         )
-        costs[(v[:, None] * np.abs(omega) > self._config.grip) & (v > v[0])[:, None]] = np.inf
+        costs[(v[:, None] * np.abs(omega) > self._config.max_lateral_accel) & (v > v[0])[:, None]] = np.inf
         commands = np.stack(np.broadcast_arrays(v[:, None], omega), axis=-1).reshape(-1, 2)
         return Weighed(commands, costs.ravel(), _HORIZON)
 
@@ -261,7 +263,7 @@ class MinTime:
         window = (*twist,), (*lowest,), (*highest,), limits.bounds[2:], calm, _NEAR, self._commanded_omega
         estimate = limits.v_max, _TURN, dt, max(_HORIZON, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = config.margin, config.margin_time, brake, config.grip, self._extra_stop_time
+        safety = config.margin, config.margin_time, brake, config.max_lateral_accel, self._extra_stop_time
         return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:
@@ -284,7 +286,7 @@ class MinTime:
     def _turns_back(self, speed: float, omega: float, limits: Limits) -> Floats:
         """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s], with 0 if possible."""
         (_, lowest), (_, highest) = self._lag.reach(Twist(0.0, omega), limits)
-        change, grip = limits.alpha_omega * self._robot.dt, self._config.grip / speed
+        change, grip = limits.alpha_omega * self._robot.dt, self._config.max_lateral_accel / speed
         low, high = max(omega - change, lowest, -grip), min(omega + change, highest, grip)
         turns = np.linspace(low, high, _ARCS) if low < high else np.array([omega])
         if low <= 0.0 <= high:

@@ -262,7 +262,7 @@ class MotionTubes:
         """Return whether the circle that the footprint sweeps in a turn is free; a disc needs no room."""
         footprint = self._robot.footprint
         min_distance = float(np.hypot(*scene.points.T).min(initial=math.inf))
-        return footprint.radius is not None or min_distance > footprint.r_max + margin
+        return footprint.radius is not None or min_distance > footprint.circumscribed_radius + margin
 
     def _has_backed_off(self, scene: _Scene) -> bool:
         """Return whether the robot is far enough from where it got stuck and can turn or drive ahead."""

@@ -25,7 +25,7 @@ class Critics:
     def __init__(self, config: MppiConfig, costmap: LocalCostmap, robot: Robot) -> None:
         self._config = config
         self._costmap = costmap
-        inscribed = robot.footprint.r_min + config.costmap.footprint_padding
+        inscribed = robot.footprint.inscribed_radius + config.costmap.footprint_padding
         self._possible = _cost_at_corner(config, costmap.outline, inscribed)
 
     def score(

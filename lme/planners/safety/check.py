@@ -54,7 +54,7 @@ class StoppingCheck:
         """dt: control period; latency: known delay of commands; lag: known time constant of the drive [s]."""
         half_length, half_width, rounding = outline.box
         self._box = float(half_length), float(half_width), float(rounding)
-        self._r_max = outline.r_max
+        self._r_max = outline.circumscribed_radius
         periods = math.ceil(latency / dt - _ROUNDING)
         delay = periods * dt - latency
         self._times = dt, delay if delay > _ROUNDING else 0.0, lag

@@ -16,7 +16,7 @@ from lme.types import Floats, Limits, Pose, Twist
 _MAX_PASSED = 10  # samples, at most, that the robot leaves behind in one period
 
 
-class Way(NamedTuple):
+class LocalPath(NamedTuple):
     """Path ahead in the odometry frame.
 
     points (P, 2), P ≥ 1, from the robot to the local goal, via (V, 2): points to pass [m]. yaw: at the goal [rad].
@@ -45,7 +45,7 @@ class TimedBand:
         self.poses: Floats = np.empty((0, 3))
         self.times: Floats = np.empty(0)
 
-    def follow(self, route: Way, robot: Pose, limits: Limits) -> None:
+    def follow(self, route: LocalPath, robot: Pose, limits: Limits) -> None:
         """Move the ends to the robot and to the local goal, or start anew if the local goal has jumped."""
         goal = np.append(route.points[-1], route.yaw)
         if len(self.poses) == 0 or self._jumped(goal):

@@ -12,7 +12,7 @@ from lme.grids.obstacle_grid import TOUCHING
 from lme.mapping.local_costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
-from lme.planners.teb.band import TimedBand, Way
+from lme.planners.teb.band import LocalPath, TimedBand
 from lme.planners.teb.config import TebConfig
 from lme.planners.teb.recovery import Horizon, Oscillation
 from lme.robots import Robot
@@ -35,7 +35,7 @@ class Teb:
     def __init__(self, config: TebConfig, robot: Robot) -> None:
         self._config = config
         self._dt = robot.dt
-        self._check_spacing = robot.footprint.r_min + config.costmap.footprint_padding  # [m]
+        self._check_spacing = robot.footprint.inscribed_radius + config.costmap.footprint_padding  # [m]
         self.costmap = LocalCostmap(config.costmap, robot)
         self.band = TimedBand(config, robot.footprint.box)
         self._horizon = Horizon(config, robot.dt)
@@ -72,7 +72,7 @@ class Teb:
         max_chi_squared = self._config.divergence_detection_max_chi_squared
         return math.isfinite(total) and (max_chi_squared is None or total <= max_chi_squared) and self._free()
 
-    def _route(self, observation: Observation, guidance: Guidance) -> Way:
+    def _route(self, observation: Observation, guidance: Guidance) -> LocalPath:
         """Return the path ahead up to the horizon; a straight line to the subgoal if there is no path."""
         config, line = self._config, guidance.path
         if line is None or len(line) == 0:
@@ -84,7 +84,7 @@ class Teb:
         yaw = observation.odometry.yaw + math.atan2(direction[1], direction[0])
         step = max(round(config.global_plan_viapoint_sep / spacing), 1)
         ahead = to_world(points, observation.odometry)
-        return Way(ahead[1:] if len(ahead) > 1 else ahead, ahead[step::step], yaw)
+        return LocalPath(ahead[1:] if len(ahead) > 1 else ahead, ahead[step::step], yaw)
 
     def _obstacles(self, pose: Pose) -> Floats:
         """Centres (M, 2) of the occupied cells, without those far behind the robot, in the odometry frame [m]."""

@@ -111,7 +111,9 @@ class SkidSimulator:
         """Take over the obstacles, movers and goal of a task."""
         self._task = task
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
-        self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        self._crowd = Crowd(
+            task.world.movers, task.world, self._robot.collision_footprint.circumscribed_radius
+        )
         self._pieces = 1
         if len(self._crowd) or self._config.latency or self._config.has_gait:
             self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
@@ -129,7 +131,7 @@ class SkidSimulator:
 
     def _state(self, poses: Floats, time: float, duration: float) -> State:
         """The state at contact, at arrival or after the last of the poses, which took `duration` [s] from `time`."""
-        box = self._robot.hull.box
+        box = self._robot.collision_footprint.box
         travel, clearance, contact, arrived = until_event(poses, self._task, box, *self.obstacles)
         end = time + duration * len(travel) / len(poses)
         return State(Pose(*travel[-1].tolist()), self._base.twist, end, travel, clearance, contact, arrived)

@@ -71,7 +71,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     """Explain a recording by `lme eval` or `lme live`, on the terminal or as a page."""
     from lme.errors import InputError
     from runners.recordings.retrace import retrace
-    from runners.records.whole_file import output_path
+    from runners.records.atomic_write import output_path
     from runners.reports.explainer.encode import title
     from runners.reports.explainer.pages import make_folder
     from runners.reports.explainer.write import write_page
@@ -176,7 +176,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
 def _page_paths(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
     """Return the path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
-    from runners.records.whole_file import output_path
+    from runners.records.atomic_write import output_path
     from runners.reports.analysis.failures import page_path
 
     if output is None:

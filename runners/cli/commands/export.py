@@ -32,8 +32,8 @@ _EPISODE = re.compile(r"\d+(/\d+)?|failures")
 def main(argv: list[str]) -> int:
     """Write the rows to the file or to standard output. Raises InputError."""
     from runners.records import export
+    from runners.records.atomic_write import is_standard_output
     from runners.records.records import find_runs
-    from runners.records.whole_file import is_standard_output
 
     arguments = _parsed(argv)
     style = _format(arguments.format, arguments.output)
@@ -145,7 +145,7 @@ def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
     """Write a whole file and return the number of its rows. Raises InputError where it cannot be written."""
     from lme.errors import InputError
     from runners.records import export
-    from runners.records.whole_file import output_file
+    from runners.records.atomic_write import output_file
 
     try:
         with output_file(path) as draft:

@@ -19,8 +19,8 @@ NAME = "leaderboard.html"
 
 def main(argv: list[str]) -> int:
     """Write the page and print its path. Raises InputError if there are no records or the page cannot be written."""
+    from runners.records.atomic_write import output_path
     from runners.records.collect import collect
-    from runners.records.whole_file import output_path
     from runners.reports.analysis.leaderboard import entries
     from runners.reports.explainer.leaderboard import write_leaderboard
 

@@ -17,7 +17,7 @@ from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
     from lme.worlds.world import Task
-    from runners.config.map_sets import Chosen
+    from runners.config.map_sets import MapSetChoice
 
 EXAMPLES = (
     "lme maps",
@@ -138,7 +138,7 @@ def _measures(task: Task) -> dict[str, str]:
     return {"world": str(task.number), "optimal_time_s": optimal, **measures, "time_limit_s": limit}
 
 
-def _saved(choice: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:
+def _saved(choice: MapSetChoice, tasks: Sequence[Task], output: Path | None) -> Path | None:
     """Draw the named worlds into a file. Return its path, or None if no world or too many worlds are named.
 
     Raises InputError if the file cannot be written, or if a file was requested for too many worlds.

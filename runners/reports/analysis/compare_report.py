@@ -9,7 +9,7 @@ from pathlib import Path
 
 from runners.config.escaping import markdown_text, visible
 from runners.config.wording import markdown_table
-from runners.records.whole_file import write_atomically
+from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.reports.analysis.paired import METRIC, SUCCESS, interval, p_value, signed

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from runners.records.whole_file import write_atomically
+from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.tables import csv_text
 

@@ -14,7 +14,7 @@ from lme.metrics import interval_over_worlds
 from lme.worlds.cold_trial import STAND_IN
 from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
 from runners.config.wording import markdown_table
-from runners.records.whole_file import write_atomically
+from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import published
 from runners.reports.analysis.failures import failed_section, timeouts_section
 from runners.reports.analysis.summary import (

@@ -11,7 +11,7 @@ from pathlib import Path
 from lme.errors import InputError
 from lme.guides.lme.reasons import reason
 from runners.config.escaping import html_text
-from runners.records.whole_file import write_atomically
+from runners.records.atomic_write import write_atomically
 from runners.reports.explainer.encode import encode, title
 from runners.workers.trace import Trace
 

@@ -48,7 +48,7 @@ class StepConfig:
             require("step", self.step, at_least=0)
 
 
-class Shot(NamedTuple):
+class DecisionView(NamedTuple):
     """One decision of an episode. label: of the system. why: explains the decision."""
 
     label: str
@@ -92,7 +92,7 @@ LME = Guided(Lme, "LME", "lme", telling_step)
 
 def shots(
     runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str, guided_by: Guided = LME
-) -> list[Shot]:
+) -> list[DecisionView]:
     """Return the decision to draw for every run and world. Runs with another guide are skipped.
 
     step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if no
@@ -120,7 +120,7 @@ def candidate_reach(trace: Trace) -> float:
     return float(min(candidates.max_range, trace.robot.lidar.range_max))
 
 
-def heading(shot: Shot) -> list[str]:
+def heading(shot: DecisionView) -> list[str]:
     """Return the lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
     trace = shot.trace
     episode = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
@@ -143,7 +143,10 @@ def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
 
 
 def draw_shots(
-    decisions: Sequence[Shot], figure_of: Callable[[Shot], Figure], stem: Path, formats: Sequence[str]
+    decisions: Sequence[DecisionView],
+    figure_of: Callable[[DecisionView], Figure],
+    stem: Path,
+    formats: Sequence[str],
 ) -> list[Path]:
     """Save one picture per decision, numbered from 1 if there are several; return the paths."""
     numbered_stems = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(decisions) + 1)]
@@ -155,7 +158,7 @@ def draw_shots(
     ]
 
 
-def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided_by: Guided) -> Shot:
+def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided_by: Guided) -> DecisionView:
     world, run = chosen_world(driven_run, worlds)
     trace = driven_run.trace(world, run)
     number = guided_by.telling(trace) if step is None else step
@@ -169,7 +172,7 @@ def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided
         raise InputError(
             f"figure.step is {number}: {_target(driven_run.config)} did not ask {guided_by.label} for a subgoal then"
         )
-    return Shot(driven_run.label, trace, number, explanation)
+    return DecisionView(driven_run.label, trace, number, explanation)
 
 
 def _signs(explanation: Explanation, reach: float) -> list[bool]:

@@ -13,15 +13,15 @@ from scipy.spatial import cKDTree
 from lme.geometry.frames import to_robot
 from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.maintenance import Choice
-from lme.guides.lme_plus.criteria import Sight
+from lme.guides.lme_plus.criteria import Perception
 from lme.guides.lme_plus.guide import LmePlus
 from lme.types import Floats
 from runners.config import build
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
+    DecisionView,
     DrivenRun,
     Guided,
-    Shot,
     StepConfig,
     candidate_reach,
     draw_heading,
@@ -79,7 +79,7 @@ class ExpectedTime:
         return draw_shots(decisions, expected_time_figure, stem, formats)
 
 
-def sights(trace: Trace, last_step: int) -> list[Sight]:
+def sights(trace: Trace, last_step: int) -> list[Perception]:
     """Recompute the input of the criteria at each step up to the `last_step`, from the observations."""
     guide = build.navigator(trace.config).guide
     assert isinstance(guide, LmePlus)
@@ -93,7 +93,7 @@ def sights(trace: Trace, last_step: int) -> list[Sight]:
     return all_sights
 
 
-def expected_time_figure(shot: Shot) -> Figure:
+def expected_time_figure(shot: DecisionView) -> Figure:
     """Draw the page of one decision."""
     explanation, sight = shot.why, sights(shot.trace, shot.step)[-1]
     lines, box = heading(shot), _box(shot)
@@ -115,7 +115,7 @@ def expected_time_figure(shot: Shot) -> Figure:
     return figure
 
 
-def _box(shot: Shot) -> Box:
+def _box(shot: DecisionView) -> Box:
     """Return the range of candidates ahead, part of it to the sides, and less behind unless the target is there."""
     extent = view.MARGIN * candidate_reach(shot.trace)
     rear = min(1.1 * float(shot.why.view.target[0]), -BEHIND * extent)
@@ -127,13 +127,13 @@ def _switched(trace: Trace, step: int) -> bool:
     return explanation is not None and explanation.decision.choice is Choice.BETTER
 
 
-def _detour(sight: Sight) -> float:
+def _detour(sight: Perception) -> float:
     """Return the expected time beyond that of the straight line to the target [s]; 0 if no way is known."""
     straight = math.dist(sight.field.here, sight.field.target) / sight.v_max
     return sight.field.robot_time - straight if math.isfinite(sight.field.robot_time) else 0.0
 
 
-def _draw_field(axes: Axes, sight: Sight) -> Any:
+def _draw_field(axes: Axes, sight: Perception) -> Any:
     """Draw T in colours with lines of equal time, and the fastest way; return what the colour bar shows."""
     times, grid = sight.field.times[1:-1, 1:-1], sight.field.grid
     edges = grid.cell * np.arange(grid.size + 1)
@@ -157,7 +157,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     return mesh
 
 
-def _on_page(sight: Sight, offset: Any) -> Floats:
+def _on_page(sight: Perception, offset: Any) -> Floats:
     """Return (K, K, 2) page coordinates of the points at these (K,) distances from the grid's corner on both axes."""
     grid = sight.field.grid
     positions = np.stack(np.meshgrid(grid.x + offset, grid.y + offset, indexing="ij"), axis=-1)
@@ -190,7 +190,7 @@ def _draw_candidates(axes: Axes, explanation: Explanation) -> Any:
     return axes.scatter(x[reachable], y[reachable], s=22, c=score_gap, cmap=CANDIDATES, **style)
 
 
-def _draw_points(axes: Axes, explanation: Explanation, sight: Sight) -> None:
+def _draw_points(axes: Axes, explanation: Explanation, sight: Perception) -> None:
     """Draw the points of the scan, and those that are remembered."""
     scan = explanation.view.points
     remembered = sight.points

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runners.reports.figures import robot_view as view
-from runners.reports.figures.driven_runs import Shot, candidate_reach, draw_heading, heading, heading_height
+from runners.reports.figures.driven_runs import (
+    DecisionView,
+    candidate_reach,
+    draw_heading,
+    heading,
+    heading_height,
+)
 from runners.reports.figures.robot_view import draw_key, key
 from runners.reports.figures.scene import frame_panel
 from runners.reports.figures.style import INK, new_figure
@@ -31,7 +37,7 @@ def columns(panels: int) -> int:
 class FeaturePage:
     """A page of equal panels, each with a title above and a colour bar below."""
 
-    def __init__(self, shot: Shot, panels: int) -> None:
+    def __init__(self, shot: DecisionView, panels: int) -> None:
         self._shot = shot
         self._panels, self._columns = panels, columns(panels)
         self._box = view.reach_box(shot.why.candidates, candidate_reach(shot.trace))

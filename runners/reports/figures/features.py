@@ -17,8 +17,8 @@ from lme.types import Bools, Floats
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
     LME,
+    DecisionView,
     DrivenRun,
-    Shot,
     StepConfig,
     candidate_reach,
     draw_shots,
@@ -94,7 +94,7 @@ class Features:
         return draw_shots(decisions, lambda decision: features_figure(decision, self._config), stem, formats)
 
 
-def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
+def features_figure(shot: DecisionView, config: FeaturesConfig) -> Figure:
     """Draw the page of one decision. Raises InputError for an unknown criterion."""
     layers = [_layer(shot.why, name, config.values) for name in chosen_criteria(shot.why, config.criteria)]
     layers.append(_Layer("$S$, the weighted sum", shot.why.scores, lettered=True))
@@ -152,7 +152,7 @@ def _is_two(name: str, raw: Floats) -> bool:
     return values == {0.0, 1.0} or (name in TWO_NAMES and values <= {0.0, 1.0})
 
 
-def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
+def _draw_scene(axes: Axes, shot: DecisionView, lettered: bool) -> None:
     """Draw what all panels share."""
     explanation, scene = shot.why, shot.why.view
     view.draw_range(axes, explanation, candidate_reach(shot.trace))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.requirements import install
-from runners.records.whole_file import replacing
+from runners.records.atomic_write import replacing
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -12,7 +12,7 @@ from lme.geometry.frames import to_world
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.world import Task
-from runners.config.map_sets import Chosen
+from runners.config.map_sets import MapSetChoice
 from runners.reports.figures.scene import Box, extremes, frame_panel
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def metres(task: Task) -> str:
     return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
 
 
-def describe_set(chosen: Chosen, task: Task) -> str:
+def describe_set(chosen: MapSetChoice, task: Task) -> str:
     """Return two lines: the size of the world shown, and the number of worlds."""
     count = len(chosen.maps.numbers)
     choice = f", {chosen.choice}" if chosen.choice else ""

@@ -17,7 +17,7 @@ from lme.types import Floats
 from lme.worlds.world import Task
 from runners.config.catalogue import Catalogue, shipped
 from runners.config.escaping import plot_text
-from runners.config.map_sets import GRAMMAR, Chosen, choose, known_path
+from runners.config.map_sets import GRAMMAR, MapSetChoice, choose, known_path
 from runners.reports.figures.driven_runs import DrivenRun
 from runners.reports.figures.layout import describe_set, extent, metres, mover_outline
 from runners.reports.figures.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
@@ -111,14 +111,14 @@ class Maps:
                 choose([name], self._robot, self._configs)
                 yield [name]
 
-    def _choose(self, entry: Sequence[str]) -> Chosen:
+    def _choose(self, entry: Sequence[str]) -> MapSetChoice:
         try:
             return choose(entry, self._robot, self._configs)
         except InputError as error:
             raise InputError(f"figure.maps holds {' '.join(entry)!r}: {error}") from error
 
 
-def panels_of(chosen: Chosen) -> list[MapPanel]:
+def panels_of(chosen: MapSetChoice) -> list[MapPanel]:
     """Return one panel per chosen world; if none is chosen, the first world represents the whole set."""
     maps = chosen.maps
     if not chosen.worlds:

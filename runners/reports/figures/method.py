@@ -17,8 +17,8 @@ from lme.types import Floats, Pose
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
     LME,
+    DecisionView,
     DrivenRun,
-    Shot,
     StepConfig,
     candidate_reach,
     draw_heading,
@@ -60,7 +60,7 @@ class Method:
         return draw_shots(decisions, method_figure, stem, formats)
 
 
-def method_figure(shot: Shot) -> Figure:
+def method_figure(shot: DecisionView) -> Figure:
     """Draw the page of one decision."""
     side = (PAGE_IN - 2 * EDGE_IN - 2 * GAP_IN) / 3
     lines = heading(shot)
@@ -80,7 +80,7 @@ def method_figure(shot: Shot) -> Figure:
     return figure
 
 
-def _panels(shot: Shot) -> list[tuple[Box, Any]]:
+def _panels(shot: DecisionView) -> list[tuple[Box, Any]]:
     """Return (box, drawing function) of each panel; the function returns the caption."""
     reach = candidate_reach(shot.trace)
     reach_box = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
@@ -104,7 +104,7 @@ def _square(points: Floats, margin: float, beyond_m: float = 0.0) -> Box:
     return Box(x - half, y - half, x + half, y + half)
 
 
-def _draw_candidates(axes: Axes, shot: Shot) -> str:
+def _draw_candidates(axes: Axes, shot: DecisionView) -> str:
     explanation, reach = shot.why, candidate_reach(shot.trace)
     view.draw_range(axes, explanation, reach)
     axes.plot(
@@ -127,7 +127,7 @@ def _draw_candidates(axes: Axes, shot: Shot) -> str:
     )
 
 
-def _draw_sectors(axes: Axes, shot: Shot) -> str:
+def _draw_sectors(axes: Axes, shot: DecisionView) -> str:
     explanation, scene = shot.why, shot.why.view
     view.draw_scan(axes, explanation, 2.6, markers=True)
     for sector, (colour, _) in zip(
@@ -141,7 +141,7 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
     view.draw_target(axes, scene.target, VERMILION, written=True)
     view.draw_robot(axes, shot.trace.robot.footprint)
     ends = [] if scene.blockage is None else [scene.blockage.E1, scene.blockage.E2]
-    radius_pt = _in_points(axes, shot.trace.robot.footprint.r_max)
+    radius_pt = _in_points(axes, shot.trace.robot.footprint.circumscribed_radius)
     view.write(axes, view.Letter("$O$", np.zeros(2), _free_side([scene.target, *ends])), radius_pt + 5)
     return (
         f"Points nearer to each other than 2r join, {len(explanation.sectors)} sectors in all. "
@@ -203,7 +203,7 @@ def _angle_between(a: Floats, b: Floats) -> float:
     return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 
 
-def _draw_history(axes: Axes, shot: Shot) -> str:
+def _draw_history(axes: Axes, shot: DecisionView) -> str:
     explanation, scene = shot.why, shot.why.view
     free = explanation.features[explanation.names.index("c_h")] > 0
     style: dict[str, Any] = {"markersize": 3.2, "markeredgecolor": BLUE, "markeredgewidth": 0.5}

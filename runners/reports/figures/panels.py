@@ -47,7 +47,7 @@ class Panel(NamedTuple):
     runs: tuple[DrivenRun, ...]
 
 
-class Look(NamedTuple):
+class TrajectoryStyle(NamedTuple):
     """The parts of a panel that are shown besides the paths.
 
     moment: a step, or seconds since the start; None: no scan. subgoals: none, faded or numbered. systems: style of
@@ -69,7 +69,7 @@ def steps_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
     return run.steps(place.numbers)
 
 
-def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
+def draw_panel(axes: Axes, panel: Panel, look: TrajectoryStyle, box: Box) -> None:
     """Draw everything inside a panel and, below it, the outcomes of each system."""
     draw_task(axes, panel.place.task)
     runs_here = [run for run in panel.runs if not episodes_of(run, panel.place).empty]
@@ -82,7 +82,7 @@ def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
         axes.text(0.5, 0.5, "not driven", fontsize=9, color=INK, backgroundcolor="white", zorder=9, **middle)
 
 
-def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: Look) -> None:
+def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: TrajectoryStyle) -> None:
     """Write the outcomes at the lower right of the panel, one line per system."""
     for line, run in enumerate(runs):
         style = look.systems.get(run.label)
@@ -101,26 +101,26 @@ def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: L
         )
 
 
-def scale_drop_pt(panels: Sequence[Panel], look: Look, width_in: float) -> float:
+def scale_drop_pt(panels: Sequence[Panel], look: TrajectoryStyle, width_in: float) -> float:
     """Return the distance of the scale bar below a panel [pt]: next to the first line of text, or below the last."""
     labels = [run.label for panel in panels for run in panel.runs]
     is_beside = width_in * (1 - SCALE) - METRES_IN >= least_in(labels, look)
     return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels, look)
 
 
-def footer_height_in(panels: Sequence[Panel], look: Look, width_in: float) -> float:
+def footer_height_in(panels: Sequence[Panel], look: TrajectoryStyle, width_in: float) -> float:
     """Return the height of the texts and the scale bar below each panel [in]."""
     last_line_pt = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
     return (last_line_pt + LINE_PT / 2) / 72
 
 
-def least_in(labels: Sequence[str], look: Look) -> float:
+def least_in(labels: Sequence[str], look: TrajectoryStyle) -> float:
     """Return the least width of a panel that holds the text below it [in]."""
     longest = max((len(label) + 2 for label in labels if label in look.systems), default=0)
     return LETTER_IN * (longest + len("collision, 100.0 s"))
 
 
-def _lines(panels: Sequence[Panel], look: Look) -> int:
+def _lines(panels: Sequence[Panel], look: TrajectoryStyle) -> int:
     return max(len(panel.runs) for panel in panels) if look.systems else 1
 
 
@@ -140,7 +140,7 @@ def ends_before(panels: Sequence[Panel], moment: float) -> bool:
     return moment > min(durations, default=0.0)
 
 
-def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: Look, box: Box) -> None:
+def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: TrajectoryStyle, box: Box) -> None:
     """Draw the paths of all episodes, and subgoals, scan and movers of the first one."""
     episodes, steps = episodes_of(run, place), steps_of(run, place)
     style = look.systems.get(run.label)
@@ -157,7 +157,7 @@ def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: Look, box: B
         _draw_moment(axes, trace, look, (style or STYLES[Outcome(trace.episode.outcome)]).colour)
 
 
-def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
+def _draw_moment(axes: Axes, trace: Trace, look: TrajectoryStyle, colour: str) -> None:
     """Draw the robot, its scan and movers at the moment or at an earlier end. Overlaid systems get no scans."""
     assert look.moment is not None
     is_time = isinstance(look.moment, float)

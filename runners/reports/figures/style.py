@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runners.config.escaping import plot_text
-from runners.records.whole_file import output_file, replacing
+from runners.records.atomic_write import output_file, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,8 +21,8 @@ from runners.reports.figures.layout import Around, aspect_of, best_columns, lay_
 from runners.reports.figures.panels import (
     SCALE,
     SYSTEMS,
-    Look,
     Panel,
+    TrajectoryStyle,
     draw_panel,
     ends_before,
     episodes_of,
@@ -92,7 +92,9 @@ class Trajectories:
         worlds: one row or panel each; empty: a sample. Raises InputError if the panels do not fit on a page.
         """
         overlaid = self._config.layout == "overlaid"
-        look = Look(moment(self._config.moment), self._config.subgoals, _styles(runs) if overlaid else {})
+        look = TrajectoryStyle(
+            moment(self._config.moment), self._config.subgoals, _styles(runs) if overlaid else {}
+        )
         rows = _rows(runs, places(runs, worlds), look, self._config.width)
         return save(_draw_page(rows, look, self._config.width), stem, formats)
 
@@ -112,8 +114,8 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
     columns = len(_labels(runs))
     if not 1 < columns <= COLUMNS or without_steps(run_dirs):
         return []
-    rows = _rows(runs, places(runs)[:ROWS], Look())
-    return save(_draw_page(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
+    rows = _rows(runs, places(runs)[:ROWS], TrajectoryStyle())
+    return save(_draw_page(rows, TrajectoryStyle(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
 
 
 def moment(value: Any) -> int | float | None:
@@ -143,7 +145,10 @@ def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
 
 
 def _rows(
-    runs: Sequence[DrivenRun], scenes: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
+    runs: Sequence[DrivenRun],
+    scenes: Sequence[DrivenPlace],
+    look: TrajectoryStyle,
+    width_in: float = math.inf,
 ) -> list[list[Panel]]:
     """Return rows of panels for a page of this width. Raises InputError for too many rows."""
     labels = _labels(runs)
@@ -171,7 +176,7 @@ def _rows(
     return rows
 
 
-def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
+def _draw_page(rows: Sequence[Sequence[Panel]], look: TrajectoryStyle, width_in: float) -> Figure:
     panels = [panel for row in rows for panel in row]
     # Find the box of each place; panels of different places share one scale.
     boxes = {panel.place: _box(panel.place) for panel in panels}
@@ -207,7 +212,7 @@ class _Page(NamedTuple):
 def _widest_page(
     rows: Sequence[Sequence[Panel]],
     row_boxes: Sequence[Sequence[Box]],
-    look: Look,
+    look: TrajectoryStyle,
     keys: Sequence[Line2D],
     width_in: float,
 ) -> _Page:
@@ -250,7 +255,7 @@ def _is_repeated(rows: Sequence[Sequence[Panel]]) -> bool:
     return all([panel.title for panel in row] == [panel.title for panel in rows[0]] for row in rows)
 
 
-def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
+def _keys(panels: Sequence[Panel], look: TrajectoryStyle) -> list[Line2D]:
     """Return the entries of the key, for the lines and markers that occur."""
     from matplotlib.lines import Line2D
 
@@ -278,7 +283,7 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
     return keys
 
 
-def _subgoal_key(look: Look) -> Line2D:
+def _subgoal_key(look: TrajectoryStyle) -> Line2D:
     """Return the entry for subgoals. Overlaid systems colour those along the path; that of a moment is yellow."""
     from matplotlib.lines import Line2D
 
@@ -288,7 +293,7 @@ def _subgoal_key(look: Look) -> Line2D:
     return Line2D([], [], marker="*", linestyle="", label=ORDERS[look.subgoals], **star)
 
 
-def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str) -> list[Line2D]:
+def _moment_keys(panels: Sequence[Panel], look: TrajectoryStyle, moment: float, colour: str) -> list[Line2D]:
     """Return the entries for the robot, its scan and movers."""
     time_text = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
     qualifier = " or its end" if ends_before(panels, moment) else ""

@@ -48,7 +48,7 @@ class Alone:
         numbers = self.map_set.numbers
         self.task = self.map_set.task(numbers[self.rng.integers(len(numbers))])
         robot = self.robot(self.rng) if callable(self.robot) else self.robot
-        self.box = robot.hull.box
+        self.box = robot.collision_footprint.box
         self.simulator = FastSimulator(self.config, robot)
         seen = self.simulator.reset(self.task, self.rng)
         self.progress, self.steps = Progress(self.task, self.simulator.state), 0

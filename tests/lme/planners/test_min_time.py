@@ -40,7 +40,9 @@ def ring(radius, count=90):
 
 def moved(robot, pose, twist, command):
     """Poses on the way, and pose and twist a period later."""
-    way, after = moved_by(pose, twist, command, robot.limits[:4], robot.dt, STEP, robot.footprint.r_max)
+    way, after = moved_by(
+        pose, twist, command, robot.limits[:4], robot.dt, STEP, robot.footprint.circumscribed_radius
+    )
     return way, Pose(*way[-1].tolist()), Twist(*after)
 
 
@@ -74,7 +76,7 @@ def follow(planner, robot, subgoal, points=NOTHING, steps=40, delay=0, blocked=F
 def test_min_time_touches_nothing_and_can_always_stop(robot, seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-3.0, 3.0, (25, 2))
-    points = points[np.hypot(*points.T) > robot.footprint.r_max + 0.1]
+    points = points[np.hypot(*points.T) > robot.footprint.circumscribed_radius + 0.1]
     commands, twists, ways = follow(made(robot), robot, rng.uniform(-3.0, 3.0, 2), points, 30)
     for (v, omega), way in zip([*twists[1:], (0.0, 0.0)], ways, strict=True):
         assert not touches(robot, way, points)
@@ -104,7 +106,7 @@ def test_min_time_turns_to_a_subgoal_behind():
 
 
 def test_min_time_stands_when_enclosed():
-    points = ring(JACKAL.footprint.r_max + 0.005)
+    points = ring(JACKAL.footprint.circumscribed_radius + 0.005)
     commands, _, ways = follow(made(), JACKAL, (3.0, 0.0), points, 5)
     assert np.abs(commands[:, 0]).max() == 0.0
     assert not any(touches(JACKAL, way, points) for way in ways)
@@ -172,13 +174,13 @@ def test_min_time_backs_up_only_as_the_robot_can(v_min, slowest):
 
 
 def test_without_backing_up_min_time_never_does():
-    commands, _, _ = follow(made(parts={"back": False}), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True)
+    commands, _, _ = follow(made(parts={"backing_up": False}), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True)
     assert commands[:, 0].min() >= 0.0
 
 
 @pytest.mark.parametrize(("way", "person"), [(True, False), (False, False), (True, True)])
 def test_min_time_makes_a_multi_point_turn_if_the_guide_tells_the_way_and_nobody_is_near(way, person):
-    planner = made(parts={"back": False})
+    planner = made(parts={"backing_up": False})
     people = np.array([[1.0, 0.0, 0.0, 0.0]]) if person else NOBODY
     guidance = Guidance(np.array([3.0, 0.0]), blocked=True, points=wedge())
     guidance = guidance._replace(way=np.array([[-0.5, 0.0], [-1.0, 0.0]]) if way else None)
@@ -222,7 +224,7 @@ def first_turn(points=NOTHING, people=NOBODY, robot=AGILE, **config):
 
 
 def test_min_time_turns_calmly_in_the_open_and_with_all_it_has_near_obstacles_and_people():
-    behind = AGILE.footprint.r_max + np.array([0.14, 0.16])
+    behind = AGILE.footprint.circumscribed_radius + np.array([0.14, 0.16])
     assert first_turn() == pytest.approx(10.0, abs=KERNEL)
     assert first_turn(np.array([[-behind[1], 0.0]])) == pytest.approx(10.0, abs=KERNEL)
     assert first_turn(np.array([[-behind[0], 0.0]])) > 15.0

@@ -34,7 +34,7 @@ def test_it_drives_around_posts_with_room_to_spare():
     assert episode.outcome is Outcome.SUCCESS
     track = episode.trajectory[:, 1:3]
     for x, y, radius in posts:
-        assert np.hypot(*(track - [x, y]).T).min() > radius + JACKAL.footprint.r_min + 0.05
+        assert np.hypot(*(track - [x, y]).T).min() > radius + JACKAL.footprint.inscribed_radius + 0.05
 
 
 def test_it_follows_a_path_that_leads_back():

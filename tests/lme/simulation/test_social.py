@@ -63,9 +63,11 @@ def test_someone_who_stands_aside_is_passed_at_a_distance():
     robot = stage()
     episode, found = drive(someone((2.0, 1.5)))
     assert episode.outcome is Outcome.SUCCESS
-    assert found.minimum_distance_to_people_m == pytest.approx(1.5 - 0.25 - robot.hull.r_max, abs=2e-3)
+    assert found.minimum_distance_to_people_m == pytest.approx(
+        1.5 - 0.25 - robot.collision_footprint.circumscribed_radius, abs=2e-3
+    )
     # Within 1.2 m while |x − 2| < √((1.2 + .25 + r)² − 1.5²).
-    reach = math.sqrt((1.45 + robot.hull.r_max) ** 2 - 1.5**2)
+    reach = math.sqrt((1.45 + robot.collision_footprint.circumscribed_radius) ** 2 - 1.5**2)
     share = 2 * reach / robot.v_max / episode.time
     assert found.personal_space_intrusions == pytest.approx(share, abs=0.05)
     assert found.intimate_space_intrusions == 0.0

@@ -119,7 +119,9 @@ def test_every_robot_can_begin(robot):
     check_task(all_tasks("hard")[0], machine)  # walls and start are the same in all
     for task in all_tasks("hard"):
         for mover in task.world.movers:
-            assert math.dist(mover.path[0, :2], task.start[:2]) > RADIUS + machine.footprint.r_max
+            assert (
+                math.dist(mover.path[0, :2], task.start[:2]) > RADIUS + machine.footprint.circumscribed_radius
+            )
 
 
 def test_a_number_means_the_same_whatever_else_is_chosen():
@@ -143,7 +145,7 @@ def test_the_simulated_robot_meets_the_cylinders():
         if episode.outcome is Outcome.COLLISION:
             hit.append(point_clearance(task.world, simulator.state.pose[:2]))
     assert len(hit) >= 3
-    assert min(hit) > robot.footprint.r_max  # no wall is near
+    assert min(hit) > robot.footprint.circumscribed_radius  # no wall is near
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,9 @@ def machine(name):
 
 
 def scene(name, **keys):
-    return Scene(load_settings("map/_scene", name=name, radius=machine(name).footprint.r_max, **keys))
+    return Scene(
+        load_settings("map/_scene", name=name, radius=machine(name).footprint.circumscribed_radius, **keys)
+    )
 
 
 def lme(robot):
@@ -112,8 +114,10 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
 
 def test_no_robot_fits_through_the_second_gap_of_real1_and_the_turtlebot_through_the_first():
     world = scene("real1").task(0).world
-    assert point_clearance(world, np.array(GAP_1)) < min(shipped(name).footprint.r_min for name in SHIPPED)
-    assert point_clearance(world, np.array(OPENING_1)) > machine("real1").footprint.r_max
+    assert point_clearance(world, np.array(GAP_1)) < min(
+        shipped(name).footprint.inscribed_radius for name in SHIPPED
+    )
+    assert point_clearance(world, np.array(OPENING_1)) > machine("real1").footprint.circumscribed_radius
 
 
 def test_the_dynamic_scene_is_real1_and_a_pedestrian():
@@ -132,7 +136,7 @@ def test_the_pedestrian_closes_the_passage_and_another_way_is_left(tmp_path):
     pillar = tmp_path / "pillar.yaml"
     circles = f"circles:\n  - {{centre: [{x}, {y}], radius: {pedestrian.radius}}}"
     pillar.write_text(text.replace("circles:", circles), "utf-8")
-    radius = machine("real1").footprint.r_max
+    radius = machine("real1").footprint.circumscribed_radius
     blocked = Scene(load_settings("map/_scene", path=str(pillar), radius=radius)).task(0)
     assert blocked.shortest_path_length > scene("real1").task(0).shortest_path_length + 0.1
     assert blocked.map_name == "pillar"
@@ -168,7 +172,10 @@ def test_in_real1_dwa_passes_the_first_opening_and_is_trapped_at_the_second_gap(
 def test_lme_meets_the_pedestrian_and_takes_another_way():
     """He sets out in most episodes; LME gets round him, while what it drove without him leads through him."""
     (pedestrian,) = scene(DYNAMIC).task(0).world.movers
-    place, reach = pedestrian.path[-1, :2], pedestrian.radius + machine(DYNAMIC).footprint.r_max
+    place, reach = (
+        pedestrian.path[-1, :2],
+        pedestrian.radius + machine(DYNAMIC).footprint.circumscribed_radius,
+    )
     met = [
         number
         for number, episode in enumerate(episodes("real1", lme))

@@ -48,7 +48,7 @@ def bug(robot):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_robot_can_begin_and_a_way_exists(kind, name):
     robot = shipped(name)
-    chosen = traps(kind=kind, radius=robot.footprint.r_max)
+    chosen = traps(kind=kind, radius=robot.footprint.circumscribed_radius)
     assert chosen.numbers == tuple(range(20))
     for number in (0, 7, 19):
         task = chosen.task(number)

@@ -82,7 +82,7 @@ def test_a_key_that_an_ablation_sets_is_not_searched():
     with jobs_of("train") as job:
         whole, without = search_space(job(*words)), search_space(job(*words, "ablation=no_grip"))
         assert whole == read_space(job(*words).config)
-    assert whole.keys() - without.keys() == {"planner.grip"}
+    assert whole.keys() - without.keys() == {"planner.max_lateral_accel"}
 
 
 @pytest.mark.parametrize(

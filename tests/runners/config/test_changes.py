@@ -48,10 +48,13 @@ lidar: {num_beams: 90, fov: 6, range_min: 0.1, range_max: 5}
         (["ablation=no_c_o", "weights=published", "scale={a_dev:2}"], {}),  # parameters have columns
         (["ablation.c_t=0.5"], {"ablation.c_t": 0.5}),
         (["system=lme_plus", "ablation=no_memory"], {}),  # what an ablation sets
-        (["system=lme_plus", "ablation=[no_memory,no_back]", "planner.grip=2"], {"planner.grip": 2.0}),
         (
-            ["system=lme_plus", "ablation=no_back", "planner.parts.back=1"],
-            {"planner.parts.back": True},
+            ["system=lme_plus", "ablation=[no_memory,no_back]", "planner.max_lateral_accel=2"],
+            {"planner.max_lateral_accel": 2.0},
+        ),
+        (
+            ["system=lme_plus", "ablation=no_back", "planner.parts.backing_up=1"],
+            {"planner.parts.backing_up": True},
         ),  # it is last
         (["ablation=[no_c_t,no_c_h]"], {}),
         (["ablation=[no_c_t,no_c_h]", "ablation.d1=3"], {"ablation.d1": 3.0}),

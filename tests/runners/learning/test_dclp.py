@@ -9,7 +9,7 @@ from lme.config.presets import load_robot, load_settings
 from lme.inputs.onnx_file import TRAINED
 from lme.planners.dclp.interface import DclpInterface
 from lme.planners.dclp.network import Mixture
-from lme.planners.dclp.weights import SHAPES, SIGNATURE, TOLD, write_weights
+from lme.planners.dclp.weights import REPORTED, SHAPES, SIGNATURE, write_weights
 from lme.robots import Footprint
 from lme.types import Twist
 from runners.config.schema import RobotRanges
@@ -53,7 +53,7 @@ def test_the_file_says_what_the_network_was_trained_for(network):
     robot = load_robot("jackal")
     ranges = RobotRanges(v_max=[0.5, 1.5], length=[0.3, 0.6], width=[0.2, 0.4])
     network.trained_for(load_settings("planner/dclp"), extremes(robot, ranges))
-    spans = dict(zip(TOLD, network.weights()[TRAINED].tolist(), strict=True))
+    spans = dict(zip(REPORTED, network.weights()[TRAINED].tolist(), strict=True))
     assert spans["v_max"] == [0.5, 1.5]
     assert spans["omega_max"] == [robot.omega_max, robot.omega_max]
     assert spans["front"] == pytest.approx([0.15, 0.3])

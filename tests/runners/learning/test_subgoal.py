@@ -6,7 +6,7 @@ import pytest
 from lme.config.presets import load_robot, load_settings
 from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES, RANGES, candidates
 from lme.guides.learned_subgoal.interface import SubgoalInterface
-from lme.guides.learned_subgoal.weights import SHAPES, SIGNATURE, STATE_INPUTS, TOLD, write_weights
+from lme.guides.learned_subgoal.weights import REPORTED, SHAPES, SIGNATURE, STATE_INPUTS, write_weights
 from lme.inputs.onnx_file import TRAINED
 from lme.simulation.fast import FastSimulator
 from lme.worlds.world import World
@@ -51,7 +51,7 @@ def test_weights_go_in_and_come_out_unchanged(network):
 def test_the_file_says_what_the_network_was_trained_for(network):
     ranges = RobotRanges(v_max=[0.5, 1.5], length=[0.3, 0.6], width=[0.2, 0.4])
     network.trained_for(load_settings("guide/learned_subgoal"), extremes(load_robot("jackal"), ranges))
-    spans = dict(zip(TOLD, network.weights()[TRAINED].tolist(), strict=True))
+    spans = dict(zip(REPORTED, network.weights()[TRAINED].tolist(), strict=True))
     assert spans["v_max"] == [0.5, 1.5]
     assert spans["omega_max"] == [4.0, 4.0]
     assert spans["length"] == pytest.approx([0.3, 0.6])

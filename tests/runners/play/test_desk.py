@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from lme.navigation.episode import RunningEpisode
-from runners.play.desk import Desk
+from runners.play.desk import MessageHandler
 from runners.play.fields import LONGEST_MESSAGE
 from tests.runners.play.conftest import drive, ways
 
 
 @pytest.fixture
 def desk(session_of, tmp_path):
-    made = Desk(session_of(), tmp_path)
+    made = MessageHandler(session_of(), tmp_path)
     list(made.welcome())
     return made
 
@@ -38,7 +38,7 @@ def of(kind, found):
 
 
 def test_a_page_is_told_everything_when_it_comes(session_of, tmp_path):
-    desk = Desk(drive(session_of("system=lme,lme_plus"), 20), tmp_path)
+    desk = MessageHandler(drive(session_of("system=lme,lme_plus"), 20), tmp_path)
     for _ in range(2):  # also when it comes again
         found = [read(reply) for reply in desk.welcome()]
         (options,), (situation,), (world,) = (of(kind, found) for kind in ("options", "situation", "world"))
@@ -176,7 +176,7 @@ def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(desk, monke
     def fail(self):
         raise MemoryError("no 7 GiB")
 
-    expected = ways(drive(Desk(desk.session, desk._root).session, 20))
+    expected = ways(drive(MessageHandler(desk.session, desk._root).session, 20))
     before = desk.session.state()
     message = {
         "put": {"step": 9, "name": "d1", "kind": "circles", "entry": {"centre": [6, 4], "radius": 0.3}},

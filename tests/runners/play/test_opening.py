@@ -10,7 +10,7 @@ import pytest
 from lme.errors import InputError
 from lme.types import Outcome
 from runners.cli import main
-from runners.play.desk import Desk
+from runners.play.desk import MessageHandler
 from runners.play.from_log import is_log, words_of_log
 from runners.play.opening import open_episode, words_of
 from runners.play.session import Session, Source
@@ -105,7 +105,9 @@ def test_a_recording_opens_and_keeps_its_config(run_dir, tmp_path):
     assert main.main(["eval", *WORDS, *more]) == 0
     session = open_episode(tmp_path / "run" / "recordings" / "world-1-run-0.mcap", None, 5)
     assert ways(session) == ways(open_episode(tmp_path / "run", "1/0", 5))
-    error, *_ = Desk(session, tmp_path).answer('{"type": "words", "step": 0, "set": {"system": "lme"}}')
+    error, *_ = MessageHandler(session, tmp_path).answer(
+        '{"type": "words", "step": 0, "set": {"system": "lme"}}'
+    )
     assert "own config alone" in error
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runners.cli import main
-from runners.play.desk import Desk
+from runners.play.desk import MessageHandler
 from runners.play.page import OWN, SHARED, own
 from runners.reports.explainer.write import asset
 from tests.runners.reports.explainer.conftest import browser, settle, until  # noqa: F401 - a fixture
@@ -27,7 +27,7 @@ class Served:
 
         self.session = session
         config = uvicorn.Config(
-            application(Desk(session, folder), TOKEN),
+            application(MessageHandler(session, folder), TOKEN),
             log_level="error",
             ws="websockets-sansio",
             lifespan="off",

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from runners.play.desk import Desk
+from runners.play.desk import MessageHandler
 
 testclient = pytest.importorskip("starlette.testclient", reason="needs starlette and httpx: the extra play")
 
@@ -16,7 +16,9 @@ TOKEN = "secret"
 def client(session_of, tmp_path):
     from runners.play.server import application
 
-    return testclient.TestClient(application(Desk(session_of(), tmp_path), TOKEN), base_url=f"http://{HOST}")
+    return testclient.TestClient(
+        application(MessageHandler(session_of(), tmp_path), TOKEN), base_url=f"http://{HOST}"
+    )
 
 
 def headers(host=HOST, origin=f"http://{HOST}"):

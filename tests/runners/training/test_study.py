@@ -65,7 +65,7 @@ def run(study, search="tpe", total=TRIALS, order=iter):
     run_trials(
         study, total, batch, PLACES, lambda attempts: map(score, order(list(attempts))), lambda *_: None
     )
-    return [(trial.number, trial.reward, trial.values, trial.scores) for trial in study.told]
+    return [(trial.number, trial.reward, trial.values, trial.scores) for trial in study.finished_trials]
 
 
 @pytest.fixture(scope="module")
@@ -276,7 +276,7 @@ def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
     assert all(proposal.values in values for proposal in left)
     away.store_scores(0, [Score(0, world, "success", 1, 9.0, family) for family, world in PLACES])
     away.tell(0)
-    assert away.num_told == 10
+    assert away.num_finished == 10
     assert away.best == second.best < 9.0
 
 

@@ -38,14 +38,15 @@ class Safety(NamedTuple):
     """Conditions under which a command is safe.
 
     Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the
-    time to stop, at `brake` [m/s²] and the turn acceleration in use [rad/s²]. v · |ω| is at most `grip` [m/s²], if a
-    slower command is in reach. The drive answers with a time constant of `lag` [s], by which the robot stops later.
+    time to stop, at `brake` [m/s²] and the turn acceleration in use [rad/s²]. v · |ω| is at most `max_lateral_accel`
+    [m/s²], if a slower command is in reach. The drive answers with a time constant of `lag` [s], by which the robot stops
+    later.
     """
 
     margin: float
     margin_time: float
     brake: float
-    grip: float
+    max_lateral_accel: float
     lag: float = 0.0
 
 
@@ -166,7 +167,7 @@ def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers)
     # Keep the points that some arc may meet, and bound every expected time from below, as if no point were there.
     reachable = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
     durations, moves = _hold_moves(omega, estimate, alpha_omega)
-    bounds = _least_times(v, omega, subgoal, durations, moves, estimate, safety.grip)
+    bounds = _least_times(v, omega, subgoal, durations, moves, estimate, safety.max_lateral_accel)
     best, best_index = np.inf, 0
     reach = r_max + box[2] + safety.margin
     while True:  # the most promising one first, so that few arcs are checked

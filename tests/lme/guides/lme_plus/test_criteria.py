@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.guides.lme.score import rank
-from lme.guides.lme_plus.criteria import CRITERIA, Sight, ranked
+from lme.guides.lme_plus.criteria import CRITERIA, Perception, ranked
 from lme.guides.lme_plus.travel import Travel
 from lme.types import Pose
 from tests.builders import stage
@@ -22,7 +22,7 @@ def test_a_dev_counts_the_turn_to_a_place_and_the_turn_at_it():
     field = Travel(load_settings("guide/lme_plus").travel, robot, 8.0, 0.08).field(
         np.empty((0, 2)), target, np.zeros(2)
     )
-    sight = Sight(np.empty((0, 2)), Pose(0.0, 0.0, 0.0), field, robot.footprint.box, 0.08, robot.v_max)
+    sight = Perception(np.empty((0, 2)), Pose(0.0, 0.0, 0.0), field, robot.footprint.box, 0.08, robot.v_max)
     ahead, behind, target_itself = CRITERIA["a_dev"](np.array([[0.15, 0.0], [-1.0, 0.0], target]), sight)
     assert ahead == pytest.approx(-math.pi, abs=0.1)  # the turn is put off
     assert behind == pytest.approx(-math.pi, abs=0.1)  # it comes first
@@ -37,7 +37,7 @@ def test_one_call_ranks_the_candidates_by_all_criteria(seed):
     field = Travel(load_settings("guide/lme_plus").travel, robot, 4.0, 0.08).field(
         points, target, np.array(pose[:2])
     )
-    sight = Sight(points, pose, field, robot.footprint.box, 0.08, robot.v_max)
+    sight = Perception(points, pose, field, robot.footprint.box, 0.08, robot.v_max)
     pool = rng.uniform(-4.0, 4.0, (12, 2))
     features, scores, new, blocked = ranked(pool, sight.plain(), WEIGHTS, 11)
     expected = np.array([criterion(pool, sight) for criterion in CRITERIA.values()])

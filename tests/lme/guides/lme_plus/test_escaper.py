@@ -54,7 +54,7 @@ def driven(name, walls, start, goal, seed=0, time_limit=60.0):
 
 @pytest.mark.parametrize("name", ["jackal", "turtlebot2"])
 def test_lme_plus_drives_through_a_door_that_leaves_less_than_its_margin(name):
-    walls = wall_with_door(shipped(name).footprint.r_min + 0.07)
+    walls = wall_with_door(shipped(name).footprint.inscribed_radius + 0.07)
     there = Pose(2.0, 4.0, 0.0), (10.0, 6.0)
     outcomes = [driven(name, walls, *there, seed, time_limit=120.0)[0] for seed in range(3)]
     assert outcomes == [Outcome.SUCCESS] * 3
@@ -64,7 +64,7 @@ def test_lme_plus_drives_through_a_door_that_leaves_less_than_its_margin(name):
 def test_lme_plus_drives_through_a_narrow_door_in_a_slanted_wall(turn):
     """The cells of its grid lie across the wall, and the door leaves 5 cm on each side."""
     cos, sin = np.cos(turn), np.sin(turn)
-    half = shipped("turtlebot2").footprint.r_min + 0.05
+    half = shipped("turtlebot2").footprint.inscribed_radius + 0.05
     sides = [(6 - away * sin, 5 + away * cos) for away in (-4.9, -half, half, 4.9)]
     walls = [*HALL, (*sides[0], *sides[1]), (*sides[2], *sides[3])]
     outcome, _ = driven("turtlebot2", walls, Pose(3.0, 3.0, 0.0), (9.0, 7.0), time_limit=120.0)
@@ -74,7 +74,7 @@ def test_lme_plus_drives_through_a_narrow_door_in_a_slanted_wall(turn):
 @pytest.mark.parametrize("more", [0.01, 0.035])
 def test_lme_plus_goes_round_where_it_cannot_pass_a_door(more):
     """The way round, by a wide door 18 m away, leaves the disc in which the target is."""
-    half = shipped("jackal").footprint.r_min + more
+    half = shipped("jackal").footprint.inscribed_radius + more
     walls = [(-2, -16, 20, -16), (20, -16, 20, 26), (20, 26, -2, 26), (-2, 26, -2, -16)]
     walls += [(6, -13, 6, 5.075 - half), (6, 5.075 + half, 6, 26)]
     outcome, _ = driven("jackal", walls, Pose(2.0, 5.0, 0.0), (10.0, 6.0), time_limit=120.0)

@@ -30,14 +30,14 @@ def near(time):
 def test_in_the_open_the_rest_is_the_straight_way(target):
     found = field(target=target)
     straight = math.hypot(target[0] - 3.0, target[1] + 7.0) / stage().v_max
-    assert found.rest(HERE[None])[0] == pytest.approx(straight, abs=near(straight))
+    assert found.cost_to_go(HERE[None])[0] == pytest.approx(straight, abs=near(straight))
 
 
 def test_where_the_search_did_not_reach_the_rest_is_its_lower_bound():
     found = field()
     far = HERE + np.array([[-6.0, 0.0], [0.0, 6.0], [100.0, 0.0]])
-    assert found.rest(far[:2]) == pytest.approx(max(found.robot_time + BEYOND - 12.0, 0.0))
-    assert np.isfinite(found.rest(far)).all()
+    assert found.cost_to_go(far[:2]) == pytest.approx(max(found.robot_time + BEYOND - 12.0, 0.0))
+    assert np.isfinite(found.cost_to_go(far)).all()
 
 
 def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
@@ -45,7 +45,7 @@ def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
     found = field(HERE + np.column_stack((np.cos(turn), np.sin(turn))))
     assert math.isinf(found.robot_time)
     inside = HERE + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
-    assert found.rest(inside) == pytest.approx([4.0, 3.0, math.hypot(2.0, 0.5) / 0.5])
+    assert found.cost_to_go(inside) == pytest.approx([4.0, 3.0, math.hypot(2.0, 0.5) / 0.5])
 
 
 def test_the_way_down_ends_at_the_target():
@@ -60,10 +60,10 @@ def test_the_way_down_ends_at_the_target():
 def test_a_kept_field_stays_when_the_next_one_is_found():
     travel = Travel(CONFIG, stage(), 8.0, 0.08)
     found = travel.field(NOTHING, np.array([5.0, -7.0]), HERE)
-    kept, before = found.kept(), found.rest(HERE[None])
+    kept, before = found.kept(), found.cost_to_go(HERE[None])
     travel.field(NOTHING, np.array([3.0, -1.0]), HERE)
-    assert kept.rest(HERE[None]) == before
-    assert found.rest(HERE[None]) != before  # the arrays are used again
+    assert kept.cost_to_go(HERE[None]) == before
+    assert found.cost_to_go(HERE[None]) != before  # the arrays are used again
 
 
 def closed_room(half):
@@ -77,7 +77,7 @@ def closed_room(half):
 
 @pytest.mark.parametrize("narrow", [True, False])
 def test_a_passage_that_leaves_less_than_the_margin_is_narrow_or_closed(narrow):
-    points = closed_room(stage().footprint.r_min + 0.04)
+    points = closed_room(stage().footprint.inscribed_radius + 0.04)
     found = Travel(CONFIG, stage(), 8.0, 0.08, narrow).field(points, BEYOND_DOOR, HERE)
     assert math.isfinite(found.robot_time) == narrow
     places, ahead = found.descent(Pose(*HERE, 0.0), 5.0)
@@ -86,13 +86,16 @@ def test_a_passage_that_leaves_less_than_the_margin_is_narrow_or_closed(narrow):
 
 
 def test_a_narrow_passage_takes_as_long_as_is_asked_for():
-    points, travel = closed_room(stage().footprint.r_min + 0.04), Travel(CONFIG, stage(), 8.0, 0.08)
+    points, travel = (
+        closed_room(stage().footprint.inscribed_radius + 0.04),
+        Travel(CONFIG, stage(), 8.0, 0.08),
+    )
     times = [travel.field(points, BEYOND_DOOR, HERE, narrow=narrow).robot_time for narrow in (100.0, 200.0)]
     assert times[1] - times[0] == pytest.approx(times[0], rel=0.3)  # nearly all of it is that of the passage
 
 
 def test_a_way_round_outside_the_grid_is_better_than_a_narrow_passage():
-    half = stage().footprint.r_min + 0.04
+    half = stage().footprint.inscribed_radius + 0.04
     beside = np.concatenate((np.arange(half, 7.0, 0.05), -np.arange(half, 30.0, 0.05)))
     wall = HERE + np.column_stack((np.full(len(beside), 1.0), beside))
     found = field(wall)

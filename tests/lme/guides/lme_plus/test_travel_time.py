@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_world
-from lme.guides.lme_plus.travel_grid import Grid, Pace, descend, times_at, turns_at, workspace
+from lme.guides.lme_plus.travel_grid import Grid, SpeedProfile, descend, times_at, turns_at, workspace
 from lme.guides.lme_plus.travel_time import BUCKETS, travel_times
 from lme.types import Pose
 from tests import oracles
@@ -16,7 +16,7 @@ from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
 
 CELL, SIZE = 0.1, 50
 GRID = Grid(-2.5, -2.5, CELL, SIZE)
-PACE = Pace(v_max=2.0, tight=0.25, inner=0.25, comfort=0.5, slowdown=2.0, narrow=100.0, room=0.3)
+PACE = SpeedProfile(v_max=2.0, tight=0.25, inner=0.25, comfort=0.5, slowdown=2.0, narrow=100.0, room=0.3)
 EVEN = PACE._replace(comfort=0.2501, slowdown=0.0)  # one speed wherever there is passage
 CELL_TIME = CELL / PACE.v_max
 NOTHING, NOBODY, UNKNOWN = np.empty((0, 2)), np.empty((0, 6)), np.zeros((SIZE + 2, SIZE + 2))

@@ -20,7 +20,7 @@ from tests.builders import observation, stage
 from tests.networks import network_file, random_weights, signed
 from tests.tolerances import KERNEL, NETWORK
 
-TOLD = {"alpha_v": 3.0, "alpha_omega": 2.5}
+REPORTED = {"alpha_v": 3.0, "alpha_omega": 2.5}
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_the_network_gets_the_goal_twist_limits_and_footprint(file):
 
 def test_a_disc_is_given_to_the_network_as_a_square_and_settings_win(file):
     robot = stage()
-    planner, network = made(file, robot, told={"v_max": 0.4, "rear": 0.3, **TOLD})
+    planner, network = made(file, robot, reported_limits={"v_max": 0.4, "rear": 0.3, **REPORTED})
     planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
     assert network.directions[0, 3:] == pytest.approx([0.2, 0.3, 0.2])
     assert network.state[4:] == pytest.approx([0.4, robot.omega_max, 3.0, 2.5])
@@ -101,10 +101,10 @@ def test_a_disc_is_given_to_the_network_as_a_square_and_settings_win(file):
 
 def test_the_output_is_scaled_by_the_limits_given_and_limited_to_the_robots(file):
     robot = stage()  # 0.4 m/s and 0.4 rad/s in a period
-    planner, _ = made(file, robot, told={"v_max": 0.4})
+    planner, _ = made(file, robot, reported_limits={"v_max": 0.4})
     command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
     assert command == pytest.approx((0.5 * 0.4, -0.25 * robot.omega_max), abs=KERNEL)
-    planner, _ = made(file, robot, (-1.0, 1.0), told={"v_max": 2.0})
+    planner, _ = made(file, robot, (-1.0, 1.0), reported_limits={"v_max": 2.0})
     command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
     assert command == pytest.approx((-0.4, 0.4), abs=KERNEL)
 
@@ -135,7 +135,10 @@ def test_weights_that_do_not_exist(tmp_path, says):
 
 @pytest.mark.parametrize(
     ("settings", "said"),
-    [({"lookahead": 0.0}, "planner.lookahead is 0"), ({"told": {"front": -1.0}}, "planner.told.front is -1")],
+    [
+        ({"lookahead": 0.0}, "planner.lookahead is 0"),
+        ({"reported_limits": {"front": -1.0}}, "planner.reported_limits.front is -1"),
+    ],
 )
 def test_settings_that_cannot_be(settings, said):
     with pytest.raises(InputError, match=said):
@@ -148,4 +151,6 @@ def test_a_robot_outside_of_the_training_is_named(tmp_path, says):
         Dclp(load_settings("planner/dclp", weights=file), stage(alpha_v=20.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Dclp(load_settings("planner/dclp", weights=file, told={"alpha_v": 5.0}), stage(alpha_v=20.0))
+        Dclp(
+            load_settings("planner/dclp", weights=file, reported_limits={"alpha_v": 5.0}), stage(alpha_v=20.0)
+        )

@@ -12,7 +12,7 @@ NOTHING = np.empty((0, 2))
 
 
 def band(robot=None, **settings):
-    return Band(load_settings("planner/eband", **settings), (robot or stage()).footprint.r_min)
+    return Band(load_settings("planner/eband", **settings), (robot or stage()).footprint.inscribed_radius)
 
 
 def update(made, path, robot=(0.0, 0.0), points=NOTHING, planned=True, times=1):

@@ -15,7 +15,7 @@ from tests.lme.planners.min_time.kernels.test_way_out import LONG, dead_end, poc
 
 LIMITS = Limits(v_max=0.66, omega_max=1.0, alpha_v=1.0, alpha_omega=2.0)
 DT, MARGIN = 0.125, 0.05
-ROOM = LONG.r_max + 2.0 * MARGIN
+ROOM = LONG.circumscribed_radius + 2.0 * MARGIN
 BACK = np.column_stack((-0.45 * np.arange(1, 12), np.zeros(11)))  # a way back along −x
 DOWN = BACK[:, ::-1]  # along −y
 STILL, NO_WAY = Twist(0.0, 0.0), np.empty((0, 2))
@@ -43,7 +43,9 @@ def follow(points, way, steps=400, limits=LIMITS, appears=None, lag=0.0, noise=0
         if command is not None:
             commands.append(reachable(*command, twist, limits, DT))
             reached = np.add(twist, share * np.subtract(commands[-1], twist))
-            driven, twist = drive(pose, twist, (*reached,), limits.bounds, DT, 0.01, LONG.r_max)
+            driven, twist = drive(
+                pose, twist, (*reached,), limits.bounds, DT, 0.01, LONG.circumscribed_radius
+            )
             poses.extend(driven)
             pose, twist = Pose(*driven[-1].tolist()), Twist(*twist)
     return commands, np.array(poses)

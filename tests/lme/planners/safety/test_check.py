@@ -80,8 +80,8 @@ def test_the_nearest_command_stops_and_is_no_farther_than_zero_if_zero_stops(see
     if found is None or not check.stops(STILL, now):
         assert not check.stops(STILL, now)
         return
-    away = abs(found.v - wanted.v) + robot.footprint.r_max * abs(found.omega - wanted.omega)
+    away = abs(found.v - wanted.v) + robot.footprint.circumscribed_radius * abs(found.omega - wanted.omega)
     reach = robot.dt * np.array([robot.alpha_v, robot.alpha_omega])
     step = 2 * reach / [8, 14]  # between the commands that are tried
-    still = abs(wanted.v) + robot.footprint.r_max * abs(wanted.omega)
-    assert away <= still + step @ [1.0, robot.footprint.r_max]
+    still = abs(wanted.v) + robot.footprint.circumscribed_radius * abs(wanted.omega)
+    assert away <= still + step @ [1.0, robot.footprint.circumscribed_radius]

@@ -98,7 +98,7 @@ def test_the_motion_is_that_of_the_simulator(seed, delays):
         simulator.step(command)
         poses.extend(simulator.state.travel)
     points = random_points(rng, robot)
-    points = points[np.hypot(*points.T) > robot.footprint.r_max + 0.001]
+    points = points[np.hypot(*points.T) > robot.footprint.circumscribed_radius + 0.001]
     circles = np.column_stack([points, np.zeros(len(points))])
     driven = min(oracles.sweep(poses, robot.footprint.box, circles, [])[0], FAR)  # there may be no point
     periods = math.ceil(latency / 0.1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.planners.teb.band import TimedBand, Way
+from lme.planners.teb.band import LocalPath, TimedBand
 from lme.types import Limits, Pose, Twist
 
 BOX = (0.21, 0.155, 0.0)
@@ -15,7 +15,7 @@ NOTHING = np.empty((0, 2))
 
 def way(length=2.0, yaw=0.0, via=NOTHING):
     xs = np.arange(0.05, length + 0.01, 0.05)
-    return Way(np.column_stack([xs, np.zeros(len(xs))]), via, yaw)
+    return LocalPath(np.column_stack([xs, np.zeros(len(xs))]), via, yaw)
 
 
 REST = Twist(0.0, 0.0)
@@ -52,7 +52,7 @@ def test_points_of_the_path_attract_the_band():
 
 
 def test_a_wanted_direction_of_turns_keeps_the_band_from_turning_the_other_way():
-    aside = Way(np.linspace([0.05, -0.03], [2.5, -1.5], 50), NOTHING, -0.6)
+    aside = LocalPath(np.linspace([0.05, -0.03], [2.5, -1.5], 50), NOTHING, -0.6)
     turns = {
         side: optimized(aside, turn=side, weight_prefer_rotdir=1e4)[0].command()[1]
         for side in (-1.0, 0.0, 1.0)

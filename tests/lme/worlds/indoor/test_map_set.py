@@ -28,7 +28,7 @@ def indoor(**keys):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_robot_can_begin_and_a_way_exists(kind, name):
     robot = shipped(name)
-    radius = robot.footprint.r_max
+    radius = robot.footprint.circumscribed_radius
     chosen = indoor(kind=kind, radius=radius)
     assert chosen.numbers == tuple(range(100))
     for number in (0, 99):
@@ -56,7 +56,7 @@ def test_a_number_means_the_same_whatever_else_is_chosen(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_tangent_bug_arrives(kind):
     robot = stage()
-    task = indoor(kind=kind, radius=robot.footprint.r_max).task(1)
+    task = indoor(kind=kind, radius=robot.footprint.circumscribed_radius).task(1)
     bug = Navigator(
         TangentBug(load_settings("guide/tangent_bug"), robot), Simple(load_settings("planner/simple"), robot)
     )

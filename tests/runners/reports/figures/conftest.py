@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runners.cli.main import main
-from runners.reports.figures.driven_runs import Shot, read_runs, telling_step
+from runners.reports.figures.driven_runs import DecisionView, read_runs, telling_step
 
 WORDS = ["eval", "map=env2", "robot=stage", "map.worlds=[11]", "runs=1", "executor=serial", "tracking=none"]
 
@@ -40,7 +40,7 @@ def shot(trace):
 
 
 def shot_of(trace, step):
-    return Shot("LME", trace, step, trace.steps[step].explanation)
+    return DecisionView("LME", trace, step, trace.steps[step].explanation)
 
 
 def with_criteria(shot, **values):

@@ -39,7 +39,7 @@ def figure(plus_trace):
 def test_the_field_is_the_one_that_was_decided_on(plus_trace, seen):
     for step, sight in zip(plus_trace.steps, seen, strict=True):
         why, row = step.explanation, step.explanation.names.index("a_rest")
-        again = -sight.field.rest(to_world(why.candidates, sight.pose))
+        again = -sight.field.cost_to_go(to_world(why.candidates, sight.pose))
         assert again == pytest.approx(why.features[row], abs=KERNEL)
 
 

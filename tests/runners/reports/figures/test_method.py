@@ -53,7 +53,7 @@ def test_the_letter_of_the_robot_is_next_to_it(trace, step):
     figure.draw_without_rendering()
     (letter,) = [text for text in figure.findobj(Text) if text.get_text() == "$O$"]
     origin = letter.axes.transData.transform((0.0, 0.0))
-    radius = letter.axes.transData.transform((trace.robot.footprint.r_max, 0.0))[0] - origin[0]
+    radius = letter.axes.transData.transform((trace.robot.footprint.circumscribed_radius, 0.0))[0] - origin[0]
     box = letter.get_window_extent()
     away = np.maximum(0.0, np.maximum(np.array(box.min) - origin, origin - np.array(box.max)))
     assert 0.5 * radius < np.hypot(*away) < radius + 10 * figure.dpi / 72

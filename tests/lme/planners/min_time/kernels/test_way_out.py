@@ -15,7 +15,7 @@ from lme.types import Pose
 from tests.tolerances import KERNEL
 
 LONG = Footprint(length=0.7, width=0.31)
-MARGIN, ROOM = 0.02, LONG.r_max + 0.1
+MARGIN, ROOM = 0.02, LONG.circumscribed_radius + 0.1
 NOWHERE = np.full(2, np.inf)
 HALF = LONG.length / 2
 
@@ -55,7 +55,7 @@ def check(points, steps):
 )
 def test_a_robot_across_a_pocket_in_which_it_cannot_turn_gets_out_by_strokes(half, depth, aside):
     points = np.add(pocket(half, depth), [aside, 0.0])
-    assert depth < LONG.r_max  # so that it cannot turn where it is
+    assert depth < LONG.circumscribed_radius  # so that it cannot turn where it is
     steps, room = out(points)
     check(points, steps)
     last = poses_after(steps)[-1]
@@ -154,5 +154,5 @@ def test_a_stroke_is_free_as_far_as_small_steps_on_it_are(seed):
             for share in np.linspace(0.0, 1.0, 400)[1:]
         )
         free = keeps_on_stroke(points, LONG.box, MARGIN, *stroke)
-        if slack > 1e-5 or slack < -0.5 * STROKE - 0.5 * TURN * LONG.r_max:
+        if slack > 1e-5 or slack < -0.5 * STROKE - 0.5 * TURN * LONG.circumscribed_radius:
             assert free == (slack > 0.0)

@@ -52,7 +52,7 @@ class NetworkPlanner(Planner, Protocol):
     seen: tuple[Floats, ...] | None
 
 
-class Lesson(NamedTuple):
+class ImitationRollout(NamedTuple):
     """One episode. maps: name of a training map set. world: its number. guide: gives the network its subgoals.
 
     network: path of its weights. beta: share of the steps that the expert drives, or None to evaluate the network,
@@ -70,14 +70,14 @@ class Lesson(NamedTuple):
         return f"world {self.world} of {self.maps} under {self.guide}"
 
 
-class LessonResult(NamedTuple):
-    """Result of a lesson of T steps.
+class RolloutResult(NamedTuple):
+    """Result of a rollout of T steps.
 
     features: one array (T, …) for each input of the network; actions: the expert's, (T, A). Both are empty if the
     network was evaluated.
     """
 
-    lesson: Lesson
+    rollout: ImitationRollout
     outcome: str
     features: Arrays
     actions: NDArray[np.float32]
@@ -95,7 +95,7 @@ class Expert:
 
 
 @dataclass(frozen=True, slots=True)
-class LessonPayload:
+class RolloutPayload:
     """Everything that a worker needs. guides: their configs by name. expert: None if networks are only evaluated.
 
     learned: the part that has the network, "guide" or "planner".
@@ -107,30 +107,30 @@ class LessonPayload:
     learned: str = "planner"
 
 
-def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
-    """Return the function that runs one lesson. Raises InputError."""
+def initialise(payload: RolloutPayload) -> Callable[[ImitationRollout], RolloutResult]:
+    """Return the function that runs one rollout. Raises InputError."""
     config = payload.config
 
     @lru_cache(maxsize=WORLDS_KEPT)  # every evaluation of a network drives the same validation worlds
     def task_of(maps: str, world: int) -> Task:
         return build.map_set(replace(config, map=config.training[maps]), [world]).task(world)
 
-    def run(lesson: Lesson) -> LessonResult:
-        task = task_of(lesson.maps, lesson.world)
-        rng = np.random.default_rng(np.random.SeedSequence([config.seed, lesson.world, 0]))
+    def run(rollout: ImitationRollout) -> RolloutResult:
+        task = task_of(rollout.maps, rollout.world)
+        rng = np.random.default_rng(np.random.SeedSequence([config.seed, rollout.world, 0]))
         # Evaluation: the network alone, on the job's own robot.
-        if lesson.beta is None:
+        if rollout.beta is None:
             check_task(task, config.robot)
-            navigator = Navigator(*_student(payload, lesson, config.robot))
+            navigator = Navigator(*_student(payload, rollout, config.robot))
             episode = run_episode(task, navigator, build.simulator(config), rng)
-            return LessonResult(lesson, str(episode.outcome), (), np.empty((0, 0), np.float32))
-        # Lesson: the network and the expert together, on a robot drawn for this world.
-        task = replace(task, time_limit=lesson.time_limit or task.time_limit)
-        robot = draw_robot(config.robot, config.robots, _rng(config.seed, lesson.world, _ROBOT))
-        pair = TeachingNavigator(payload, lesson, robot)
+            return RolloutResult(rollout, str(episode.outcome), (), np.empty((0, 0), np.float32))
+        # ImitationRollout: the network and the expert together, on a robot drawn for this world.
+        task = replace(task, time_limit=rollout.time_limit or task.time_limit)
+        robot = draw_robot(config.robot, config.robots, _rng(config.seed, rollout.world, _ROBOT))
+        pair = TeachingNavigator(payload, rollout, robot)
         simulator = build.simulator(replace(config, robot=robot))
         outcome = run_episode(task, pair, simulator, rng).outcome
-        return LessonResult(lesson, str(outcome), *pair.labels())
+        return RolloutResult(rollout, str(outcome), *pair.labels())
 
     return run
 
@@ -138,21 +138,21 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
 class TeachingNavigator(Navigator):
     """Navigator of a network and an expert: both decide at every step, one drives, and everything is recorded."""
 
-    def __init__(self, payload: LessonPayload, lesson: Lesson, robot: Robot) -> None:
-        guide, student = _student(payload, lesson, robot)
+    def __init__(self, payload: RolloutPayload, rollout: ImitationRollout, robot: Robot) -> None:
+        guide, student = _student(payload, rollout, robot)
         super().__init__(guide, student)
         expert = payload.expert
         assert expert is not None
         self._student = cast(NetworkPlanner, student)
         with _without_warnings():
             self._expert: Planner = instantiate.build(with_network(expert.planner), "learner.expert", robot)
-        expert_guide = expert.guide if lesson.guide == "target" else None
+        expert_guide = expert.guide if rollout.guide == "target" else None
         self._guide: Guide | None = (
             None if expert_guide is None else instantiate.build(expert_guide, "learner.expert.guide", robot)
         )
-        self._beta = lesson.beta or 0.0
+        self._beta = rollout.beta or 0.0
         self._expert_drives, self._remaining_steps = False, 0
-        self._driver = _rng(payload.config.seed, lesson.world, _DRIVER)
+        self._driver = _rng(payload.config.seed, rollout.world, _DRIVER)
         self._features: list[tuple[Floats, ...]] = []
         self._actions: list[Floats] = []
 
@@ -198,10 +198,10 @@ class TeachingNavigator(Navigator):
         return features, np.array(self._actions, np.float32)
 
 
-def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, Planner]:
-    """Build guide and planner, one of which uses the lesson's network."""
-    nodes = {"guide": payload.guides[lesson.guide], "planner": payload.config.planner}
-    nodes[payload.learned] = {**nodes[payload.learned], "weights": lesson.network}
+def _student(payload: RolloutPayload, rollout: ImitationRollout, robot: Robot) -> tuple[Guide, Planner]:
+    """Build guide and planner, one of which uses the rollout's network."""
+    nodes = {"guide": payload.guides[rollout.guide], "planner": payload.config.planner}
+    nodes[payload.learned] = {**nodes[payload.learned], "weights": rollout.network}
     with _without_warnings():
         guide, planner = (
             instantiate.build(with_network(node, group), group, robot) for group, node in nodes.items()

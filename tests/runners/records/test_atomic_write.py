@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lme.errors import InputError
-from runners.records.whole_file import output_file, output_path, replacing, write_atomically
+from runners.records.atomic_write import output_file, output_path, replacing, write_atomically
 from tests.places import ROOT
 
 
@@ -79,7 +79,7 @@ def test_the_draft_of_a_process_at_work_stays(tmp_path):
 KILLED = """
     import os, signal, sys
     from pathlib import Path
-    from runners.records.whole_file import replacing
+    from runners.records.atomic_write import replacing
     with replacing(Path(sys.argv[1])) as draft, draft.open("w") as file:
         file.write("half")
         file.flush()
