@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import user_error
-from runners.config import arguments, diagnosis, worlds
+from runners.config import arguments, conflicting_overrides, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
 from runners.config.job import Job

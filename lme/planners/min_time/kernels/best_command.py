@@ -39,8 +39,8 @@ class Safety(NamedTuple):
 
     Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the
     time to stop, at `brake` [m/s²] and the turn acceleration in use [rad/s²]. v · |ω| is at most `max_lateral_accel`
-    [m/s²], if a slower command is in reach. The drive answers with a time constant of `lag` [s], by which the robot stops
-    later.
+    [m/s²], if a slower command is in reach. The drive answers with a time constant of `lag` [s], by which the robot
+    stops later.
     """
 
     margin: float
