@@ -15,7 +15,7 @@ from lme.live.frames import Carrier
 from lme.live.messages import planar_matrix, stamp_of
 from lme.live.poses import Posture
 from lme.perception.point_cloud import cloud_points, point_times, rigid_transform
-from lme.perception.projection import Projection, to_scan
+from lme.perception.projection import Projection, to_scan, without_unmeasured
 from lme.perception.scan_check import FAR, ScanFault
 from lme.robots import Robot
 from lme.types import Floats, LaserScan, Pose
@@ -49,6 +49,10 @@ class CloudReader:
         cloud, lidar = config.cloud, robot.lidar
         self.carrier, self._levels = carrier, cloud.level and carrier is Carrier.BASE
         self.mounted_by, self._mount, self._base_height = _place(config, by_tf, robot, frame_id, carrier)
+        # A cloud in the odometry frame does not tell where its lidar is: above the base.
+        height = self._base_height if lidar.cloud is None else lidar.cloud.height
+        at_base = np.array((0.0, 0.0, height))
+        self._sensor = at_base if carrier is Carrier.ODOMETRY else np.ascontiguousarray(self._mount[:3, 3])
         self._heights, self._outline = _heights(cloud, robot), robot.footprint.circumscribed_radius
         farthest = cloud.range_max if config.range_max is None else config.range_max
         self._projection = Projection(
@@ -65,6 +69,8 @@ class CloudReader:
         """
         points, upright = self._upright(message, posture)
         scan = to_scan(points, self._projection, upright)
+        level_points = points @ upright[:3, :3].T + upright[:3, 3]
+        scan = without_unmeasured(scan, level_points, self._sensor, self._projection)
         middle = scan.angle_min + scan.angle_increment / 2.0  # of the first bin, which begins at angle_min
         return scan._replace(ranges=np.asarray(scan.ranges, np.float32), angle_min=middle)
 

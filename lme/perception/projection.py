@@ -19,6 +19,7 @@ from lme.types import Floats, LaserScan
 
 _MOST_BEAMS = 100_000
 _ROUNDING = 1e-6  # for π written with six digits or as float32
+CLEARED = 3.0  # [m] ASSUMED: a level Mid-360, .45 m high, sees the floor from 3.7 m on
 
 
 @dataclass(slots=True)
@@ -88,6 +89,49 @@ def to_scan(points: ArrayLike, projection: Projection, mount: ArrayLike = (0, 0,
         math.inf if p.use_inf else p.range_max + p.inf_epsilon,
     )
     return LaserScan(ranges, p.angle_min, p.angle_increment, p.range_min, p.range_max)
+
+
+def without_unmeasured(scan: LaserScan, points: Floats, sensor: Floats, projection: Projection) -> LaserScan:
+    """Replace the inf of a bin that the cloud says nothing about by NaN, as REP-117 has it for a failed measurement.
+
+    A lidar that tilts, or whose pattern is sparse, sends no ray between the two heights in some directions, and a near
+    wall then leaves no point there. Such a bin is not free. It is free if the ray to another point, such as one on
+    the floor, is between the heights for at least `CLEARED` from the sensor. scan: of `to_scan` with `use_inf`.
+    points (N, 3) and sensor (3,): in the frame of the scan [m].
+    """
+    heights = float(projection.min_height), float(projection.max_height)
+    angles = float(projection.angle_min), float(projection.angle_increment), projection.num_beams
+    cleared = cleared_per_bin(np.ascontiguousarray(points, dtype=np.float64), sensor, heights, angles)
+    is_unmeasured = np.isposinf(scan.ranges) & (cleared < CLEARED)
+    return scan._replace(ranges=np.where(is_unmeasured, np.float32(np.nan), scan.ranges))
+
+
+@njit(cache=True, error_model="numpy")
+def cleared_per_bin(
+    points: Floats, sensor: Floats, heights: tuple[float, float], angles: tuple[float, float, int]
+) -> Floats:
+    """Greatest distance from the sensor at which a ray to a point is between the heights, per bin: (B,) [m]; 0: none.
+
+    points (N, 3), sensor (3,) [m]; heights: (lowest, highest) [m]; angles: first bearing, increment [rad] and number
+    of the bins. Each ray is cut where it leaves the heights, and counts in the bin of that place.
+    """
+    cleared = np.zeros(angles[2])
+    sx, sy, sz = sensor[0], sensor[1], sensor[2]
+    for k in range(len(points)):
+        dx, dy, dz = points[k, 0] - sx, points[k, 1] - sy, points[k, 2] - sz
+        # Share of the ray until it leaves the heights; a ray that never is between them has none.
+        end = 1.0
+        if sz + dz < heights[0]:
+            end = (heights[0] - sz) / dz
+        elif sz + dz > heights[1]:
+            end = (heights[1] - sz) / dz
+        if not 0.0 < end <= 1.0:  # also drops NaN
+            continue
+        bearing = math.atan2(sy + end * dy, sx + end * dx)
+        i = int((bearing - angles[0]) / angles[1])
+        if 0 <= i < len(cleared):
+            cleared[i] = max(cleared[i], end * math.hypot(dx, dy))
+    return cleared
 
 
 @njit(cache=True, error_model="numpy")

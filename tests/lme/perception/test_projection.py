@@ -2,12 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.perception.point_cloud import rigid_transform
-from lme.perception.projection import Projection, to_scan
+from lme.perception.projection import Projection, cleared_per_bin, to_scan, without_unmeasured
 from lme.perception.scan_points import is_full_circle, obstacle_points
 from lme.types import Pose
 from tests.tolerances import KERNEL, RANGE
@@ -230,3 +230,55 @@ def test_points_of_another_shape_are_refused(points, says):
 def test_bad_projections_are_named(key, value, says):
     with says.raises(InputError, match=key):
         Projection(**{key: value})
+
+
+# Bins without points
+
+
+LOW, HIGH, SENSOR = 0.05, 0.5, np.array([0.0, 0.0, 0.45])
+BAND = Projection(min_height=LOW, max_height=HIGH, angle_increment=math.pi / 2, range_max=20.0)
+
+
+def ray_ends(bearing, elevations, distance):
+    """Where rays of a lidar at `SENSOR` meet the floor, or a high wall at a distance [m]."""
+    ends = []
+    for elevation in elevations:
+        reach = distance if elevation >= 0.0 else min(distance, SENSOR[2] / math.tan(-elevation))
+        height = SENSOR[2] + reach * math.tan(elevation)
+        ends.append((reach * math.cos(bearing), reach * math.sin(bearing), height))
+    return np.array(ends)
+
+
+@pytest.mark.parametrize(
+    ("elevations", "distance", "expected"),
+    [
+        ((-0.12, 0.0, 0.3), 1.9, 1.9),  # a level lidar sees the wall
+        ((0.03, 0.1, 0.3), 1.9, math.nan),  # one that is tilted up sees only what is too high
+        ((-0.12, 0.03, 0.3), 15.0, math.inf),  # one ray meets the floor 3.7 m away: free
+        ((0.3, 0.6), 15.0, math.nan),
+    ],
+)
+def test_a_bin_that_no_ray_crosses_is_not_measured(elevations, distance, expected):
+    cloud = ray_ends(-3.0, elevations, distance)  # in the first of four bins
+    scan = without_unmeasured(to_scan(cloud, BAND), cloud, SENSOR, BAND)
+    np.testing.assert_allclose(scan.ranges[0], expected, rtol=1e-6)
+    assert np.isnan(scan.ranges[1:]).all()
+
+
+@given(
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-0.5, 2.0)), min_size=1, max_size=20),
+    st.floats(0.06, 0.49),
+)
+def test_the_cleared_distance_is_that_of_the_slow_twin(points, height):
+    """Walk along each ray in short steps, and note where it was last between the heights."""
+    sensor, cloud = np.array([0.1, -0.2, height]), np.array(points)
+    cleared = cleared_per_bin(cloud, sensor, (LOW, HIGH), (-math.pi, math.pi / 2, 4))
+    expected = np.zeros(4)
+    for point in cloud:
+        track = sensor + np.linspace(0.0, 1.0, 4001)[:, None] * (point - sensor)
+        last = track[(track[:, 2] >= LOW - 1e-9) & (track[:, 2] <= HIGH + 1e-9)][-1]
+        bearing = (math.atan2(last[1], last[0]) + math.pi) / (math.pi / 2)
+        assume(abs(bearing - round(bearing)) > 0.02)
+        bin_number = int(bearing)
+        expected[bin_number] = max(expected[bin_number], math.dist(last[:2], sensor[:2]))
+    np.testing.assert_allclose(cleared, expected, atol=0.005)
