@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.records.episode_record import EpisodeKey, RunLabels
@@ -55,7 +56,7 @@ def address():
 
 @pytest.fixture
 def executor(address):
-    return module.DaskExecutor(module.DaskConfig(address=address))
+    return module.DaskExecutor(load_settings("executor/dask", address=address))
 
 
 def test_the_records_are_those_of_a_serial_run_bit_for_bit(executor):
@@ -63,7 +64,7 @@ def test_the_records_are_those_of_a_serial_run_bit_for_bit(executor):
         config = job_of().config
     payload = episodes.EpisodePayload(config, LABELS, None)
     keys = [EpisodeKey(world, run) for world in range(3) for run in range(2)]
-    one_worker = module.DaskExecutor(module.DaskConfig(workers=1))
+    one_worker = module.DaskExecutor(load_settings("executor/dask", workers=1))
     serial, *others = (
         {result.record.key: result for result in each.map(episodes.initialise, payload, keys)}
         for each in (SerialExecutor(SerialConfig()), executor, one_worker)
@@ -146,7 +147,7 @@ def test_a_worker_of_several_threads_is_named():
     with LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
     ) as cluster:
-        threads = module.DaskExecutor(module.DaskConfig(address=cluster.scheduler_address))
+        threads = module.DaskExecutor(load_settings("executor/dask", address=cluster.scheduler_address))
         with pytest.raises(InputError, match=r"has 2 threads: must have one; start it with --nthreads 1"):
             list(threads.map(multiply, {"factor": 1}, ITEMS))
 
@@ -178,7 +179,7 @@ def test_a_cluster_whose_processes_die_ends_the_run(tmp_path, monkeypatch, lives
     (tmp_path / "dying.py").write_text(DYING)
     monkeypatch.setenv("LIVES", str(lives))
     monkeypatch.setattr(module, "_NO_WORKER_S", 1)
-    dying = module.DaskExecutor(module.DaskConfig(workers=2))
+    dying = module.DaskExecutor(load_settings("executor/dask", workers=2))
     preload = {"distributed.worker.preload": [str(tmp_path / "dying.py")]}
     with dask.config.set(preload), pytest.raises(WorkerDiedError, match=message):
         list(dying.map(sleep_long, None, ITEMS))
@@ -186,7 +187,7 @@ def test_a_cluster_whose_processes_die_ends_the_run(tmp_path, monkeypatch, lives
 
 def test_an_address_where_nobody_answers(monkeypatch, says):
     monkeypatch.setattr(module, "_CONNECT_S", 0.3)
-    nobody = module.DaskExecutor(module.DaskConfig(address="tcp://127.0.0.1:9"))
+    nobody = module.DaskExecutor(load_settings("executor/dask", address="tcp://127.0.0.1:9"))
     with says.raises(InputError):
         list(nobody.map(multiply, {"factor": 1}, ITEMS))
 
@@ -212,7 +213,7 @@ def test_a_connection_that_ends_during_a_result_is_reported():
 )  # fmt: skip
 def test_settings_are_checked(settings, says):
     with says.raises(InputError):
-        module.DaskConfig(**settings)
+        load_settings("executor/dask", **settings)
 
 
 def test_a_short_list_goes_to_every_worker():

@@ -208,7 +208,8 @@ def test_number_of_workers(says):
 
 COORDINATOR = """
 import time
-from runners.workers.executor import ProcessConfig, ProcessExecutor
+from lme.config.presets import load_settings
+from runners.workers.executor import ProcessExecutor
 from tests.runners.workers.test_executor import name_itself_and_sleep, sleep_long, worker_environment
 
 if __name__ == "__main__":

@@ -31,11 +31,11 @@ def test_a_file_of_something_else_is_refused(tmp_path):
         (np.zeros((7, 32), np.float32), "has the shape (7, 32): must be float32 (6, 32)"),
     ],
 )
-def test_weights_of_another_kind(tmp_path, array, says):
+def test_weights_of_another_kind(tmp_path, array, said):
     weights = {} if array is None else {**random_weights(), "convolution_1.kernel": array}
     path = tmp_path / "w.onnx"
     path.write_bytes(OnnxGraph(weights).model(SIGNATURE))
-    assert says in refused(read, path)
+    assert said in refused(read, path)
 
 
 def test_writing_needs_every_array(tmp_path):

@@ -6,13 +6,11 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.planners.drl_vo import DrlVo
-from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.graph import write_weights
 from lme.types import Guidance, Twist
-from runners.config.catalogue import shipped as catalogue
-from runners.config.instantiate import fill_dataclass
 from tests.builders import observation, shipped, stage
 from tests.networks import drl_vo_file, network_file, random_drl_vo
 from tests.tolerances import KERNEL
@@ -31,7 +29,7 @@ class Recorder:
 
     def __init__(self, means):
         self._means = np.array(means)
-        self.deviations = np.array([0.3, 0.1])
+        self.deviations, self.trained = np.array([0.3, 0.1]), np.full(2, np.inf)
         self.goal = None
 
     def answer(self, image, goal):
@@ -40,13 +38,12 @@ class Recorder:
 
 
 def config(name, file, **settings):
-    values = {key: value for key, value in catalogue().values(f"planner/{name}").items() if key != "_target_"}
-    return fill_dataclass(DrlVoConfig, {**values, "weights": file, **settings}, "planner")
+    return load_settings(f"planner/{name}", weights=file, **settings)
 
 
 def made(file, name="drl_vo_barn", means=(0.5, -0.25), robot=ROBOT, **settings):
     network = Recorder(means)
-    with mock.patch("lme.planners.drl_vo.planner.DrlVoPolicy", return_value=network):
+    with mock.patch("lme.planners.drl_vo.planner.SignedNetwork", return_value=network):
         planner = DrlVo(config(name, file, **settings), robot)
     planner.reset(np.random.default_rng(0))
     return planner, network
@@ -187,23 +184,23 @@ def test_sample_and_running_norms_differ(tmp_path):
 )
 def test_settings_that_cannot_be(settings, says):
     with says.raises(InputError):
-        DrlVoConfig(**settings)
+        load_settings("planner/drl_vo", **settings)
 
 
 def test_missing_weights_and_those_of_another_network_are_refused(tmp_path, says):
     with says.raises(InputError, match="weights.*null"):
-        DrlVo(DrlVoConfig(), ROBOT)
+        DrlVo(load_settings("planner/drl_vo"), ROBOT)
     other = network_file(tmp_path / "dclp.onnx")
     with says.raises(InputError):
-        DrlVo(DrlVoConfig(weights=str(other)), ROBOT)
+        DrlVo(load_settings("planner/drl_vo", weights=str(other)), ROBOT)
 
 
 def test_speeds_outside_of_the_training_are_named(file, says):
     with says.warns():
-        DrlVo(DrlVoConfig(weights=file, v_max=1.0), ROBOT)
+        DrlVo(load_settings("planner/drl_vo", weights=file, v_max=1.0), ROBOT)
     slow = stage(omega_max=1.0)
     with says.warns():
-        DrlVo(DrlVoConfig(weights=file), slow)
+        DrlVo(load_settings("planner/drl_vo", weights=file), slow)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         DrlVo(config("drl_vo_barn", file), slow)

@@ -173,37 +173,29 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "settings",
-    [
-        ({"path": None}, "path is null: must be the path of an .onnx file"),
-        ({"path": "missing.onnx"}, "path is missing.onnx: cannot be read"),
-        ({"scan": {"beams": 7}}, f"scan.beams is 7: must divide the lidar's {BEAMS}"),
-    ],
-    ids=str,
+    "settings", [{"path": None}, {"path": "missing.onnx"}, {"scan": {"beams": 7}}], ids=str
 )
-def test_a_mistake_is_named(file, settings, message):
-    with pytest.raises(InputError, match=message):
+def test_a_mistake_is_named(file, settings, says):
+    with says.raises(InputError):
         OnnxPolicy(load_settings("planner/onnx", **{"path": file, **settings}), ROBOT)
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    "settings",
     [
-        ({"inputs": ["scam"]}, "planner.inputs has 'scam': did you mean scan"),
-        ({"inputs": []}, r"planner.inputs is \[\]: must name at least one part"),
-        ({"inputs": ["scan", "scan"]}, "each once"),
-        ({"scan": {"clip": 0.0}}, "planner.scan.clip is 0: must be greater than 0"),
-        ({"scan": {"scaled": [1.0]}}, r"planner.scan.scaled is \[1.0\]: must be two different numbers"),
-        ({"target": {"form": "round"}}, "planner.target.form is 'round': must be one of xy, polar"),
-        ({"twist": {"v": -1.0}}, "planner.twist.v is -1: must be greater than 0"),
-        (
-            {"action": {"v": [1.0, 1.0]}},
-            r"planner.action.v is \[1.0, 1.0\]: must be two different numbers",
-        ),
+        {"inputs": ["scam"]},
+        {"inputs": []},
+        {"inputs": ["scan", "scan"]},
+        {"scan": {"clip": 0.0}},
+        {"scan": {"scaled": [1.0]}},
+        {"target": {"form": "round"}},
+        {"twist": {"v": -1.0}},
+        {"action": {"v": [1.0, 1.0]}},
     ],
+    ids=str,
 )
-def test_a_wrong_value_is_named(settings, message):
-    with pytest.raises(InputError, match=message):
+def test_a_wrong_value_is_named(settings, says):
+    with says.raises(InputError):
         load_settings("planner/onnx", **settings)
 
 

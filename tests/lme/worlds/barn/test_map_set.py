@@ -7,7 +7,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn
 
 
 def barn(**keys):
@@ -22,12 +22,6 @@ def test_a_subset_has_its_worlds():
     assert barn(subset="fresh_hard", count=3).numbers == (1000, 1001, 1002)
     assert barn(worlds=[7, 3]).numbers == (7, 3)
     assert barn(subset="fresh", worlds=[1500]).numbers == (1500,)
-
-
-def test_schema_composes_with_omegaconf():
-    omegaconf = pytest.importorskip("omegaconf")
-    config = omegaconf.OmegaConf.merge(omegaconf.OmegaConf.structured(BarnConfig), {"worlds": [1, 2]})
-    assert omegaconf.OmegaConf.to_object(config) == load_settings("map/barn", worlds=[1, 2])
 
 
 @pytest.mark.parametrize(

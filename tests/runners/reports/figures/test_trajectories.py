@@ -12,6 +12,7 @@ import pytest
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.robots import Footprint
+from runners.config.catalogue import shipped
 from runners.config.instantiate import build
 from runners.reports.figures import trajectories
 from runners.reports.figures.driven_runs import DrivenRun
@@ -206,7 +207,7 @@ def test_a_moment_after_every_end_is_refused(tmp_path, value, says):
     ("key", "value"), [("layout", "stacked"), ("subgoals", "all"), ("width", 0.5), ("witdh", 3)]
 )
 def test_a_setting_that_makes_no_sense_is_named(key, value):
-    node = {"_target_": "runners.reports.figures.trajectories.Trajectories", key: value}
+    node = {**shipped().values("figure/trajectories"), key: value}
     with pytest.raises(InputError, match=f"figure.{key}"):
         build(node, "figure")
 

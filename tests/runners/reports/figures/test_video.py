@@ -11,6 +11,7 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from runners.cli.main import main
+from runners.config.catalogue import shipped
 from runners.config.instantiate import build
 from runners.reports.figures import film
 from runners.reports.figures.animation import Screen
@@ -217,6 +218,6 @@ def test_a_film_that_is_broken_off_leaves_the_one_before(tmp_path):
     ("key", "value"), [("format", "avi"), ("speed", 0), ("fps", 0), ("fps", 1000), ("width", 10), ("sped", 2)]
 )
 def test_a_setting_that_makes_no_sense_is_named(key, value):
-    node = {"_target_": "runners.reports.figures.video.Video", key: value}
+    node = {**shipped().values("figure/video"), key: value}
     with pytest.raises(InputError, match=f"figure.{key}"):
         build(node, "figure")
