@@ -213,8 +213,8 @@ class Fleet:
         if self.num_envs < 1:
             raise InputError(f"num_envs is {self.num_envs}: must be at least 1")
         config, lidar = self._config, self.robot.lidar
-        values = {f"config.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
-        values |= {"config.goal_rate": config.goal_rate}
+        values = {f"sim.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
+        values |= {"sim.goal_rate": config.goal_rate}
         values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
         for key, value in values.items():
             if value is not None:

@@ -192,15 +192,15 @@ def test_angles_are_wrapped_as_in_python(angle):
 def test_what_the_compiled_step_does_not_cover_is_refused(says):
     stage, jackal = load_robot("stage"), load_robot("jackal")
     for config, key in (
-        (load_settings("sim/fast", latency=0.1), "config.latency is 0.1"),
-        (load_settings("sim/fast", slip=0.1), "config.slip is 0.1"),
-        (load_settings("sim/fast", natural_frequency_v=7.0), "config.natural_frequency_v is 7.0"),
-        (load_settings("sim/fast", tilt=0.1), "config.tilt is 0.1"),
-        (load_settings("sim/fast", odometry_error=0.1), "config.odometry_error is 0.1"),
-        (load_settings("sim/fast", scan_noise=0.1), "config.scan_noise is 0.1"),
-        (load_settings("sim/fast", scan_dropout=0.1), "config.scan_dropout is 0.1"),
-        (load_settings("sim/fast", goal_noise_yaw=0.1), "config.goal_noise_yaw is 0.1"),
-        (load_settings("sim/fast", goal_rate=0.0), "config.goal_rate is 0.0"),
+        (load_settings("sim/fast", latency=0.1), "sim.latency is 0.1"),
+        (load_settings("sim/fast", slip=0.1), "sim.slip is 0.1"),
+        (load_settings("sim/fast", natural_frequency_v=7.0), "sim.natural_frequency_v is 7.0"),
+        (load_settings("sim/fast", tilt=0.1), "sim.tilt is 0.1"),
+        (load_settings("sim/fast", odometry_error=0.1), "sim.odometry_error is 0.1"),
+        (load_settings("sim/fast", scan_noise=0.1), "sim.scan_noise is 0.1"),
+        (load_settings("sim/fast", scan_dropout=0.1), "sim.scan_dropout is 0.1"),
+        (load_settings("sim/fast", goal_noise_yaw=0.1), "sim.goal_noise_yaw is 0.1"),
+        (load_settings("sim/fast", goal_rate=0.0), "sim.goal_rate is 0.0"),
     ):
         with pytest.raises(InputError, match=f'{key}: .* vectorization_mode="sync"'):
             Fleet(HARD, jackal, 2, config)
