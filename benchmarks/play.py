@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command import run_main
-from runners.play.desk import MessageHandler
+from runners.play.message_handler import MessageHandler
 from runners.play.run import bound
 from runners.play.server import application
 from runners.play.session import Session, Source
@@ -66,9 +66,9 @@ def _served(words: tuple[str, ...]) -> Iterator[str]:
     """The address of a session's page."""
     import uvicorn
 
-    desk = MessageHandler(Session(setup_of(Source(words))), Path("/tmp"))
+    handler = MessageHandler(Session(setup_of(Source(words))), Path("/tmp"))
     config = uvicorn.Config(
-        application(desk, "token"), log_level="error", ws="websockets-sansio", lifespan="off"
+        application(handler, "token"), log_level="error", ws="websockets-sansio", lifespan="off"
     )
     server, listener = uvicorn.Server(config), bound(0)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})

@@ -10,7 +10,7 @@ import numpy as np
 from lme.geometry.frames import to_world
 from lme.perception.scan_points import obstacle_points
 from runners.play.drawing import MOVERS, Sketch
-from runners.play.lane import Frame, SimulationTrack
+from runners.play.simulation_track import Frame, SimulationTrack
 from runners.reports.explainer.encode import (
     Stretch,
     add_seen,

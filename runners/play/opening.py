@@ -15,10 +15,10 @@ from lme.types import Outcome
 from lme.worlds.world import Task
 from runners.config import build
 from runners.config.schema import DriveConfig, RecordedConfig
-from runners.play.lane import SimulationTrack
 from runners.play.script_file import SCRIPT, read_script
 from runners.play.session import Entrant, Script, Session, Setup, Source
 from runners.play.setups import explicit
+from runners.play.simulation_track import SimulationTrack
 from runners.records import inputs, trust
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import LAUNCH, Launch, read_launch

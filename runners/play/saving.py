@@ -17,10 +17,10 @@ from lme.worlds.world import Task, World
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer
 from runners.config.quoting import lme_command, override
-from runners.play.lane import SimulationTrack
 from runners.play.map_writer import shape_file
 from runners.play.script_file import SCRIPT, write_script
 from runners.play.session import Session
+from runners.play.simulation_track import SimulationTrack
 from runners.records import inputs
 from runners.records.atomic_write import write_atomically
 from runners.records.episode_record import EpisodeKey, EpisodeResult

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from runners.play.desk import MessageHandler, Reply
+from runners.play.message_handler import MessageHandler, Reply
 from runners.play.page import PARTS, POLICY
 
 if TYPE_CHECKING:
@@ -38,13 +38,13 @@ _HEADERS = {
 }
 
 
-def application(desk: MessageHandler, token: str) -> Starlette:
+def application(handler: MessageHandler, token: str) -> Starlette:
     """Return the application of one session. token: part of every path."""
     from starlette.applications import Starlette
     from starlette.responses import PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
 
-    seats = _Seats(desk)
+    seats = _Seats(handler)
 
     # The page, or one of its scripts.
     async def part(request: Request) -> Response:
@@ -94,8 +94,8 @@ def _name(address: str) -> str:
 class _Seats:
     """The single seat of the session: the newest page takes it, and the page that had it is told."""
 
-    def __init__(self, desk: MessageHandler) -> None:
-        self._desk = desk
+    def __init__(self, handler: MessageHandler) -> None:
+        self._handler = handler
         self._turn = threading.Lock()  # one message at a time
         self._seated: WebSocket | None = None
 
@@ -106,12 +106,12 @@ class _Seats:
         if previous is not None:
             await _close(previous)
         try:
-            is_open = await self._reply(websocket, self._desk.welcome())
+            is_open = await self._reply(websocket, self._handler.welcome())
             while is_open and self._seated is websocket:
                 text = await _heard(websocket)
                 is_open = text is not None
                 if text is not None and self._seated is websocket:
-                    is_open = await self._reply(websocket, self._desk.answer(text))
+                    is_open = await self._reply(websocket, self._handler.answer(text))
         finally:
             if self._seated is websocket:
                 self._seated = None

@@ -16,7 +16,7 @@ from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config.schema import DriveConfig
 from runners.play.drawing import Item, Sketch
-from runners.play.lane import SimulationTrack
+from runners.play.simulation_track import SimulationTrack
 from runners.records.episode_record import RunLabels
 from runners.workers.episodes import episode_rng
 

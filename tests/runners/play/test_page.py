@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runners.cli import main
-from runners.play.desk import MessageHandler
+from runners.play.message_handler import MessageHandler
 from runners.play.page import OWN, SHARED, own
 from runners.reports.explainer.write import asset
 from tests.runners.reports.explainer.conftest import browser, settle, until  # noqa: F401 - a fixture

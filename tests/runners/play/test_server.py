@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from runners.play.desk import MessageHandler
+from runners.play.message_handler import MessageHandler
 
 testclient = pytest.importorskip("starlette.testclient", reason="needs starlette and httpx: the extra play")
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from lme.navigation.episode import RunningEpisode
-from runners.play.desk import MessageHandler
 from runners.play.fields import LONGEST_MESSAGE
+from runners.play.message_handler import MessageHandler
 from tests.runners.play.conftest import drive, ways
 
 
 @pytest.fixture
-def desk(session_of, tmp_path):
+def handler(session_of, tmp_path):
     made = MessageHandler(session_of(), tmp_path)
     list(made.welcome())
     return made
 
 
-def replies(desk, kind, /, **fields):
-    return [read(reply) for reply in desk.answer(json.dumps({"type": kind, **fields}))]
+def replies(handler, kind, /, **fields):
+    return [read(reply) for reply in handler.answer(json.dumps({"type": kind, **fields}))]
 
 
 def read(reply):
@@ -38,9 +38,9 @@ def of(kind, found):
 
 
 def test_a_page_is_told_everything_when_it_comes(session_of, tmp_path):
-    desk = MessageHandler(drive(session_of("system=lme,lme_plus"), 20), tmp_path)
+    handler = MessageHandler(drive(session_of("system=lme,lme_plus"), 20), tmp_path)
     for _ in range(2):  # also when it comes again
-        found = [read(reply) for reply in desk.welcome()]
+        found = [read(reply) for reply in handler.welcome()]
         (options,), (situation,), (world,) = (of(kind, found) for kind in ("options", "situation", "world"))
         assert {"lme_plus", "dwa"} <= options["system"].keys()
         assert "barn" in options["map"]
@@ -51,22 +51,24 @@ def test_a_page_is_told_everything_when_it_comes(session_of, tmp_path):
         assert all(len(each["sentences"]) == each["count"] == len(each["decision_us"]) for each in frames)
 
 
-def test_frames_are_sent_once_and_again_after_a_change(desk):
-    (frames, done) = replies(desk, "advance", until=12, ticket=7)
+def test_frames_are_sent_once_and_again_after_a_change(handler):
+    (frames, done) = replies(handler, "advance", until=12, ticket=7)
     assert (frames["from"], done) == (1, {"type": "done", "ticket": 7})
-    while desk.session.last < 12:
-        replies(desk, "advance", until=12)
-    found = replies(desk, "put", step=5, name="d1", kind="circles", entry={"centre": [6, 4], "radius": 0.3})
+    while handler.session.last < 12:
+        replies(handler, "advance", until=12)
+    found = replies(
+        handler, "put", step=5, name="d1", kind="circles", entry={"centre": [6, 4], "radius": 0.3}
+    )
     assert of("situation", found)[0]["kept"] == 5
     assert of("world", found)[0]["step"] == 5
     assert [(each["from"], each["count"]) for each in of("frames", found)] == [(5, 1)]
-    assert replies(desk, "advance", until=5) == []
+    assert replies(handler, "advance", until=5) == []
 
 
-def test_nothing_is_computed_that_was_not_asked_for(desk):
-    before = desk.session.last
-    replies(desk, "detail", lane=0, step=0, layers=["memory"])
-    assert desk.session.last == before == 0
+def test_nothing_is_computed_that_was_not_asked_for(handler):
+    before = handler.session.last
+    replies(handler, "detail", lane=0, step=0, layers=["memory"])
+    assert handler.session.last == before == 0
 
 
 DISC = '{"type": "put", "step": 0, "name": "d1", "kind": "circles", "entry": {"centre": %s, "radius": %s}}'
@@ -116,12 +118,12 @@ DISC = '{"type": "put", "step": 0, "name": "d1", "kind": "circles", "entry": {"c
         ('{"type": "goal", "step": 0, "goal": [1, 1%s]}' % ("0" * 400), "goal is"),
     ],
 )  # fmt: skip
-def test_a_bad_message_is_an_error_and_loses_nothing(desk, text, problem):
-    script, way = desk.session.script, ways(desk.session)
-    (error,) = [read(reply) for reply in desk.answer(text)]
+def test_a_bad_message_is_an_error_and_loses_nothing(handler, text, problem):
+    script, way = handler.session.script, ways(handler.session)
+    (error,) = [read(reply) for reply in handler.answer(text)]
     assert error["type"] == "error"
     assert problem in error["text"]
-    assert (desk.session.script, ways(desk.session)) == (script, way)
+    assert (handler.session.script, ways(handler.session)) == (script, way)
 
 
 def put(kind, entry):
@@ -159,25 +161,25 @@ MANY = json.dumps([[math.cos(i / 200), math.sin(i / 200)] for i in range(1200)])
         ('{"type": "goal", "step": 20001, "goal": [1, 1]}', "step is 20001"),
     ],
 )
-def test_a_hostile_value_is_one_line_and_the_drive_goes_on(desk, text, problem):
-    script, way = desk.session.script, ways(desk.session)
-    (error,) = [read(reply) for reply in desk.answer(text)]
+def test_a_hostile_value_is_one_line_and_the_drive_goes_on(handler, text, problem):
+    script, way = handler.session.script, ways(handler.session)
+    (error,) = [read(reply) for reply in handler.answer(text)]
     assert error["type"] == "error"
     assert problem in error["text"]
     assert "\n" not in error["text"]
-    assert (desk.session.script, ways(desk.session)) == (script, way)
-    assert of("frames", replies(desk, "advance", until=2))
+    assert (handler.session.script, ways(handler.session)) == (script, way)
+    assert of("frames", replies(handler, "advance", until=2))
 
 
 @pytest.mark.parametrize("kind", ["put", "words", "start", "reset", "clear"])
-def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(desk, monkeypatch, kind):
+def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(handler, monkeypatch, kind):
     """Whatever fails, and also if it is no mistake of the user."""
 
     def fail(self):
         raise MemoryError("no 7 GiB")
 
-    expected = ways(drive(MessageHandler(desk.session, desk._root).session, 20))
-    before = desk.session.state()
+    expected = ways(drive(MessageHandler(handler.session, handler._root).session, 20))
+    before = handler.session.state()
     message = {
         "put": {"step": 9, "name": "d1", "kind": "circles", "entry": {"centre": [6, 4], "radius": 0.3}},
         "words": {"step": 9, "set": {"robot.v_max": 0.7}},
@@ -185,36 +187,36 @@ def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(desk, monke
         "reset": {},
         "clear": {"step": 9},
     }[kind]
-    list(desk._changes())
+    list(handler._changes())
     with monkeypatch.context() as patch:
         patch.setattr(RunningEpisode, "decide", fail)
-        (error,) = replies(desk, kind, **message)
+        (error,) = replies(handler, kind, **message)
     assert error["type"] == "error"
     assert error["text"].endswith("MemoryError: no 7 GiB")
-    assert ways(desk.session) == expected
-    assert {**desk.session.state(), **before} == desk.session.state()
-    drive(desk.session, 40)
-    assert ways(desk.session)[0][:21] == expected[0]
+    assert ways(handler.session) == expected
+    assert {**handler.session.state(), **before} == handler.session.state()
+    drive(handler.session, 40)
+    assert ways(handler.session)[0][:21] == expected[0]
 
 
-def test_what_cannot_be_sent_is_taken_back(desk, monkeypatch):
+def test_what_cannot_be_sent_is_taken_back(handler, monkeypatch):
     def fail(*_):
         raise ValueError("not a number")
 
-    script = desk.session.script
+    script = handler.session.script
     with monkeypatch.context() as patch:
-        patch.setattr("runners.play.desk.world_message", fail)
-        patch.setattr(desk, "_situation", desk._situation)
+        patch.setattr("runners.play.message_handler.world_message", fail)
+        patch.setattr(handler, "_situation", handler._situation)
         with contextlib.suppress(ValueError):
-            replies(desk, "goal", step=0, goal=[2.0, 2.0])
-    assert desk.session.script is script
-    assert of("situation", replies(desk, "goal", step=0, goal=[2.0, 2.0]))
+            replies(handler, "goal", step=0, goal=[2.0, 2.0])
+    assert handler.session.script is script
+    assert of("situation", replies(handler, "goal", step=0, goal=[2.0, 2.0]))
 
 
-def test_a_drawing_has_limits(desk, says):
+def test_a_drawing_has_limits(handler, says):
     line = [[x / 100, 1.0] for x in range(900)]
     found = [
-        replies(desk, "put", step=0, name=f"d{i}", kind="walls", entry={"points": line}) for i in range(6)
+        replies(handler, "put", step=0, name=f"d{i}", kind="walls", entry={"points": line}) for i in range(6)
     ]
     assert [bool(of("error", each)) for each in found] == [False] * 5 + [True]
     says(of("error", found[-1])[0]["text"])
@@ -229,46 +231,50 @@ def test_a_drawing_has_limits(desk, says):
         ("guide.margin", 0.1, None),
     ],
 )
-def test_numbers_that_the_page_has_no_slider_for_are_tried_first(desk, key, value, problem):
-    script = desk.session.script
-    errors = of("error", replies(desk, "words", step=0, set={key: value}))
+def test_numbers_that_the_page_has_no_slider_for_are_tried_first(handler, key, value, problem):
+    script = handler.session.script
+    errors = of("error", replies(handler, "words", step=0, set={key: value}))
     assert bool(errors) == (problem is not None)
-    assert (desk.session.script is script) == bool(errors)
+    assert (handler.session.script is script) == bool(errors)
     assert all(problem in error["text"] for error in errors)
 
 
-def test_a_message_that_is_too_long_is_not_read(desk, says):
-    (error,) = [read(reply) for reply in desk.answer(" " * (LONGEST_MESSAGE + 1))]
+def test_a_message_that_is_too_long_is_not_read(handler, says):
+    (error,) = [read(reply) for reply in handler.answer(" " * (LONGEST_MESSAGE + 1))]
     says(error["text"])
 
 
-def test_words_change_what_drives(desk):
-    replies(desk, "put", step=0, name="d1", kind="circles", entry={"centre": [6, 4], "radius": 0.3})
-    found = of("situation", replies(desk, "words", step=0, set={"system": "lme,dwa", "sim.latency": 0.1}))[0]
+def test_words_change_what_drives(handler):
+    replies(handler, "put", step=0, name="d1", kind="circles", entry={"centre": [6, 4], "radius": 0.3})
+    found = of("situation", replies(handler, "words", step=0, set={"system": "lme,dwa", "sim.latency": 0.1}))[
+        0
+    ]
     assert [lane["system"] for lane in found["lanes"]] == ["LME", "DWA (textbook)"]
     assert (found["words"], found["values"]["sim.latency"]) == (["system=lme,dwa", "sim.latency=0.1"], 0.1)
-    assert "d1" in desk.session.script.at(0).items
-    found = of("situation", replies(desk, "words", step=0, set={"sim": "skid", "robot": "jackal_gazebo"}))[0]
+    assert "d1" in handler.session.script.at(0).items
+    found = of("situation", replies(handler, "words", step=0, set={"sim": "skid", "robot": "jackal_gazebo"}))[
+        0
+    ]
     assert found["words"] == ["system=lme,dwa", "sim=skid", "robot=jackal_gazebo"]
-    found = of("situation", replies(desk, "words", step=0, set={"map": "barn", "map.worlds": "[282]"}))[0]
+    found = of("situation", replies(handler, "words", step=0, set={"map": "barn", "map.worlds": "[282]"}))[0]
     assert (found["map"], found["world"]) == ("barn", 282)
-    assert desk.session.script.at(0).items == {}
-    assert of("situation", replies(desk, "undo"))[0]["map"] == "empty"
+    assert handler.session.script.at(0).items == {}
+    assert of("situation", replies(handler, "undo"))[0]["map"] == "empty"
 
 
-def test_a_map_of_the_folder_can_be_opened(desk, tmp_path):
+def test_a_map_of_the_folder_can_be_opened(handler, tmp_path):
     (tmp_path / "mine.yaml").write_text("bounds: [0, 0, 6, 6]\nstart: [1, 1, 0.5]\ngoal: [5, 5]\n")
     (tmp_path / "other.yaml").write_text("seed: 3\n")
-    assert of("options", [read(reply) for reply in desk.welcome()])[0]["files"] == ["mine.yaml"]
-    found = replies(desk, "words", step=0, set={"map": "file", "map.path": "mine.yaml"})
+    assert of("options", [read(reply) for reply in handler.welcome()])[0]["files"] == ["mine.yaml"]
+    found = replies(handler, "words", step=0, set={"map": "file", "map.path": "mine.yaml"})
     assert of("situation", found)[0]["map"] == "mine"
     assert of("world", found)[0]["start"] == [1, 1, 0.5]
 
 
-def test_what_a_decision_was_made_of_is_told_when_it_is_asked_for(desk):
-    drive(desk.session, 15)
+def test_what_a_decision_was_made_of_is_told_when_it_is_asked_for(handler):
+    drive(handler.session, 15)
     (detail,) = of(
-        "detail", replies(desk, "detail", lane=0, step=11, layers=["memory", "times", "arcs", "x"])
+        "detail", replies(handler, "detail", lane=0, step=11, layers=["memory", "times", "arcs", "x"])
     )
     assert {"memory", "times", "arcs", "costs"} == detail["arrays"].keys()
     assert detail["layers"] == ["memory", "times", "arcs"]
@@ -293,7 +299,7 @@ def test_the_arcs_are_those_that_the_planner_chose_from(session_of):
             assert best == pytest.approx(moment.command, abs=1e-9)
 
 
-def test_saving_says_where_it_is_and_how_it_is_used(desk, tmp_path):
-    (saved,) = of("saved", replies(desk, "save", step=0, kind="map", name="mine"))
+def test_saving_says_where_it_is_and_how_it_is_used(handler, tmp_path):
+    (saved,) = of("saved", replies(handler, "save", step=0, kind="map", name="mine"))
     assert (tmp_path / saved["path"]).is_file()
     assert saved["command"].startswith("lme eval map=file map.path=outputs/play/mine.yaml")
