@@ -81,6 +81,7 @@ SLOW_M_S = {
     "teb": 0.7,
 }  # their own limit, which noise about it does not quite reach
 ON_CELLS = ("move_base", "nav2", "global_planner")
+FREE_PERIODS = 30  # of MPPI before it is near obstacles, where a line of cells is another one backwards
 HANDED = {
     "ros_dwa": "as in ROS, the first of equal scores wins, and turns to the right come first",
     "mppi_tuned": "a line of cells is another one backwards, so near obstacles other samples touch one",
@@ -213,7 +214,8 @@ def test_a_mirrored_world_is_driven_through_mirrored(robot, guide, planner, monk
     monkeypatch.setattr(lme.planners.mppi.planner, "draw", lambda *given: noise(*given) * turned)
     *_, other = drive(machine, navigator, mirrored, (5.0, -0.8), 4.0 / machine.v_max)
     tolerance = MIRROR_ON_CELLS if guide in ON_CELLS else MIRROR
-    assert other * [1, -1, -1] == pytest.approx(poses, abs=tolerance)
+    compared = FREE_PERIODS if planner.startswith("mppi") else len(poses)
+    assert other[:compared] * [1, -1, -1] == pytest.approx(poses[:compared], abs=tolerance)
 
 
 def test_a_seed_decides_everything(robot, guide, planner):
