@@ -136,7 +136,7 @@ def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
 
     run_trials(again, 4, 4, PLACES, note, lambda *_: None)
     assert set(seen) == {0, 2, 3}
-    assert again.told[1].reward == 0.5
+    assert again.finished_trials[1].reward == 0.5
 
 
 def test_the_order_in_which_episodes_end_changes_nothing(whole, tmp_path):
