@@ -15,8 +15,10 @@ import ast
 import json
 import os
 import random
+import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -56,6 +58,7 @@ def main() -> None:
         "--limit", type=float, default=900.0, help="[s] for the tests of a mutant; more: found"
     )
     given = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the mutated file is put back
 
     # Match the functions, and draw a place in them: functions with more places are drawn more often.
     before = {(each.name, each.shape): each for each in functions(given.before)}
@@ -180,14 +183,35 @@ def tests_of(checkout: Path, file: str) -> list[str]:
 
 def first_failure(checkout: Path, tests: list[str], limit: float) -> str | None:
     """Return the first test that fails, "time" beyond the limit, or None if all pass."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--no-header", *tests]
-    environment = {**os.environ, "PYTHONPATH": str(checkout.resolve())}
-    try:
-        done = subprocess.run(
-            command, cwd=checkout, env=environment, capture_output=True, text=True, timeout=limit, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return "time"
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "--hypothesis-seed=0",
+        *tests,
+    ]
+    with tempfile.TemporaryDirectory() as examples:  # none of an earlier mutant's
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(checkout.resolve()),
+            "HYPOTHESIS_STORAGE_DIRECTORY": examples,
+        }
+        try:
+            done = subprocess.run(
+                command,
+                cwd=checkout,
+                env=environment,
+                capture_output=True,
+                text=True,
+                timeout=limit,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return "time"
     if done.returncode == 0:
         return None
     failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
