@@ -143,11 +143,8 @@ class Fleet:
         task, robot = self._episodes.draw(self._rngs[i], world)
         self._copy_world(i, task)
         hull, bodies, states = robot.collision_footprint, self._bodies, self._states
-        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = (
-            robot.limits.bounds,
-            hull.box,
-            hull.circumscribed_radius,
-        )
+        bodies.limits[i], bodies.boxes[i] = robot.limits.bounds, hull.box
+        bodies.reaches[i] = hull.circumscribed_radius
         self._slowest[i] = robot.limits.v_min
         states.poses[i], states.twists[i] = task.start, 0.0
         states.times[i] = states.lengths[i] = 0.0

@@ -20,10 +20,8 @@ Arrays = Mapping[str, NDArray[np.float32]]
 Shape = tuple[int, ...]
 
 NETWORK_BYTES = 2**28  # greatest size of a file; the largest published network has 11 MB
-KIND, TRAINED = (
-    "network",
-    "trained",
-)  # metadata of lme's own files: which network, and what it was trained for
+# Metadata of lme's own files: which network, and what it was trained for.
+KIND, TRAINED = "network", "trained"
 _SILENT = 4  # log level of onnxruntime, whose errors contain what it logs
 _FLOAT = "tensor(float)"
 # Messages of onnxruntime about files that it cannot load, and what to do about them.

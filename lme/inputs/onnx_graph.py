@@ -27,6 +27,7 @@ class OnnxGraph:
     def __init__(self, weights: Arrays) -> None:
         self._onnx = _onnx()
         self._nodes: list[Any] = []
+        self._names = weights.keys()
         self._weights = [
             self._onnx.numpy_helper.from_array(np.asarray(array, np.float32, order="C"), name)
             for name, array in weights.items()
@@ -43,9 +44,15 @@ class OnnxGraph:
         array = np.array(values, np.float32 if isinstance(values, float) else np.int64)
         return self.node("Constant", value=self._onnx.numpy_helper.from_array(array))
 
-    def linear(self, x: str, weight: str, bias: str, by_rows: bool = False) -> str:
-        """Add x @ weight + bias. by_rows: a weight is (outputs, inputs), as in PyTorch, not (inputs, outputs)."""
-        return self.node("Gemm", x, weight, bias, transB=int(by_rows))
+    def linear(self, x: str, layer: str) -> str:
+        """Add x @ LAYER.kernel + LAYER.bias, or with LAYER.weight, which is (outputs, inputs), as in PyTorch."""
+        if f"{layer}.kernel" in self._names:
+            return self.node("Gemm", x, f"{layer}.kernel", f"{layer}.bias", transB=0)
+        return self.node("Gemm", x, f"{layer}.weight", f"{layer}.bias", transB=1)
+
+    def leaky(self, x: str, layer: str, slope: float) -> str:
+        """Add `linear`, and then a leaky ReLU."""
+        return self.node("LeakyRelu", self.linear(x, layer), alpha=slope)
 
     def reshape(self, x: str, *shape: int, output: str | None = None) -> str:
         """Add a change of shape; −1: as many as there are."""

@@ -65,7 +65,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
-    conflicting_overrides.refuse_contradictions(composer.parse(typed), made.configs.values())
+    conflicting_overrides.refuse(composer.parse(typed), made.configs.values())
     return made
 
 

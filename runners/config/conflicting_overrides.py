@@ -19,7 +19,7 @@ from runners.config.overrides import text_of
 from runners.config.weights import own_weights, takes_weights
 
 
-def refuse_contradictions(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
+def refuse(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
     """Raise InputError for a key with two values, worlds outside their given subset, and values that no job uses.
 
     given: overrides as they were typed. configs: those of the jobs that they give.

@@ -40,8 +40,8 @@ def write_weights(weights: Arrays, file: IO[bytes]) -> None:
     ways = graph.node("ReduceMean", graph.reshape("free", BEARINGS, len(RANGES)), axes=[1], keepdims=0)
     x = graph.reshape(graph.node("Concat", "scan", ways, "state", axis=0), 1, -1)
     for layer in LAYERS[:-1]:
-        x = graph.node("LeakyRelu", graph.linear(x, f"{layer}.kernel", f"{layer}.bias"), alpha=SLOPE)
-    output = graph.reshape(graph.linear(x, f"{LAYERS[-1]}.kernel", f"{LAYERS[-1]}.bias"), CANDIDATES)
+        x = graph.leaky(x, layer, SLOPE)
+    output = graph.reshape(graph.linear(x, LAYERS[-1]), CANDIDATES)
     is_free = graph.node("Greater", "free", graph.constant(0.0))
     graph.node("Where", is_free, output, graph.constant(-math.inf), output="logits")
     file.write(graph.model(SIGNATURE, weights[TRAINED]))

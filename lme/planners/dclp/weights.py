@@ -30,15 +30,8 @@ def _shapes() -> dict[str, Shape]:
 
 
 SHAPES = _shapes()  # of every array of the network by its name; a kernel is (inputs, outputs)
-REPORTED = (
-    "v_max",
-    "omega_max",
-    "alpha_v",
-    "alpha_omega",
-    "front",
-    "rear",
-    "half_width",
-)  # of a robot, SI units
+# Of a robot, in SI units.
+REPORTED = ("v_max", "omega_max", "alpha_v", "alpha_omega", "front", "rear", "half_width")
 SIGNATURE = Signature(
     "dclp",
     "a DCLP network",
@@ -61,8 +54,8 @@ def write_weights(weights: Arrays, file: IO[bytes]) -> None:
         if layer == "dense_1":
             nearest = graph.node("ReduceMax", x, axes=[0], keepdims=1)
             x = graph.node("Concat", nearest, graph.reshape("state", 1, STATE_INPUTS), axis=1)
-        x = graph.node("LeakyRelu", graph.linear(x, f"{layer}.kernel", f"{layer}.bias"), alpha=SLOPE)
-    output = graph.linear(x, f"{LAYERS[-1]}.kernel", f"{LAYERS[-1]}.bias")
+        x = graph.leaky(x, layer, SLOPE)
+    output = graph.linear(x, LAYERS[-1])
     mixture = graph.reshape(output, COMPONENTS, MIXTURE)
     graph.reshape(graph.columns(mixture, 0, 1), COMPONENTS, output="logits")
     graph.node("Tanh", graph.columns(mixture, 1, 3), output="means")

@@ -71,9 +71,9 @@ class _Graph(OnnxGraph):
         third = self._residual(net.REFINEMENT_3, self._residual(net.LAYER_3, second), stem)
         mean = self.node("Flatten", self.node("GlobalAveragePool", third))
         joint = self.node("Concat", mean, self.reshape("goal", 1, net.GOAL), axis=1)
-        features = self._relu(self._linear(net.FEATURES, joint))
-        hidden = self.node("Tanh", self._linear(net.HIDDEN, features))
-        self.reshape(self._linear(net.ACTION, hidden), net.ACTIONS, output="means")
+        features = self._relu(self.linear(joint, net.FEATURES))
+        hidden = self.node("Tanh", self.linear(features, net.HIDDEN))
+        self.reshape(self.linear(hidden, net.ACTION), net.ACTIONS, output="means")
         self.node("Exp", net.LOG_STD, output="deviations")
 
     def _residual(self, residual: Residual, x: str, start: str | None = None) -> str:
@@ -94,9 +94,6 @@ class _Graph(OnnxGraph):
         if self._sample:
             return self.node("InstanceNormalization", x, scale, bias, epsilon=_EPSILON)
         return self.node("BatchNormalization", x, scale, bias, *statistics, epsilon=_EPSILON)
-
-    def _linear(self, name: str, x: str) -> str:
-        return self.linear(x, f"{name}.weight", f"{name}.bias", by_rows=True)
 
     def _relu(self, x: str) -> str:
         return self.node("Relu", x)

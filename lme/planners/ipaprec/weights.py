@@ -45,8 +45,8 @@ def write_weights(weights: Arrays, file: IO[bytes], unit: float | None = None) -
         reciprocal = graph.node("Mul", reciprocal, _shifted(graph, graph.constant(unit)))
     x = graph.reshape(graph.node("Concat", reciprocal, "state", axis=0), 1, -1)
     for layer in LAYERS[:-1]:
-        x = graph.node("LeakyRelu", graph.linear(x, f"{layer}.kernel", f"{layer}.bias"), alpha=_SLOPE)
-    mean = graph.linear(x, f"{LAYERS[-1]}.kernel", f"{LAYERS[-1]}.bias")
+        x = graph.leaky(x, layer, _SLOPE)
+    mean = graph.linear(x, LAYERS[-1])
     graph.reshape(graph.node("Tanh", mean), _ACTIONS, output="mean")
     file.write(graph.model(signature(sectors)))
 

@@ -54,14 +54,14 @@ _NORM_EPSILON = 1e-5  # PyTorch's default of a layer norm
 def write_weights(weights: Arrays, file: IO[bytes]) -> None:
     """Write the arrays of `SHAPES` as an ONNX file. The same weights give the same bytes."""
     graph = OnnxGraph({name: weights[name] for name in SHAPES})
-    sweep = _linear(graph, graph.reshape("ranges", PATCHES, BEAMS // PATCHES), "encoder.embedding.linear")
+    sweep = graph.linear(graph.reshape("ranges", PATCHES, BEAMS // PATCHES), "encoder.embedding.linear")
     sweep = graph.node("Add", sweep, "encoder.embedding.pos_embed")
     for k in range(LAYERS):
         sweep = _layer(graph, f"{ENCODER[0]}.{k}", ENCODER[1], sweep, sweep)
-    goal = _linear(graph, graph.reshape("direction", GOAL, 1), "decoder.linear")
+    goal = graph.linear(graph.reshape("direction", GOAL, 1), "decoder.linear")
     for k in range(LAYERS):
         goal = _layer(graph, f"{DECODER[0]}.{k}", DECODER[1], goal, sweep)
-    velocity = _linear(graph, graph.reshape(goal, 1, GOAL * WIDTH), "prediction_head")
+    velocity = graph.linear(graph.reshape(goal, 1, GOAL * WIDTH), "prediction_head")
     graph.reshape(velocity, 2, output="velocity")
     file.write(graph.model(SIGNATURE))
 
@@ -82,14 +82,10 @@ def _layer(graph: OnnxGraph, name: str, attention: str, tokens: str, attended: s
     mixed = _product(graph, graph.reshape(mixed, -1, WIDTH), f"{name}.{attention}.out_proj")
     tokens = _normed(graph, graph.node("Add", tokens, mixed), f"{name}.{attention}_layer_norm")
     forward = f"{name}.PositionWiseFeedForward"
-    wide = graph.node("Relu", _linear(graph, tokens, f"{forward}.w_1"))
+    wide = graph.node("Relu", graph.linear(tokens, f"{forward}.w_1"))
     return _normed(
-        graph, graph.node("Add", tokens, _linear(graph, wide, f"{forward}.w_2")), f"{name}.final_layer_norm"
+        graph, graph.node("Add", tokens, graph.linear(wide, f"{forward}.w_2")), f"{name}.final_layer_norm"
     )
-
-
-def _linear(graph: OnnxGraph, x: str, name: str) -> str:
-    return graph.linear(x, f"{name}.weight", f"{name}.bias", by_rows=True)
 
 
 def _product(graph: OnnxGraph, x: str, name: str) -> str:

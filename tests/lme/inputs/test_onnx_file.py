@@ -14,7 +14,10 @@ from lme.inputs.onnx_graph import OnnxGraph, read_weights
 from tests.networks import refused
 
 SIGNATURE = Signature("toy", "a toy network", {"x": (2,)}, {"y": (3,)}, (1, 2))
-WEIGHTS = {"w": np.arange(6.0, dtype=np.float32).reshape(2, 3), "b": np.ones(3, np.float32)}
+WEIGHTS = {
+    "layer.kernel": np.arange(6.0, dtype=np.float32).reshape(2, 3),
+    "layer.bias": np.ones(3, np.float32),
+}
 
 
 @pytest.fixture
@@ -23,7 +26,7 @@ def written(tmp_path):
 
     def write(change=None, trained=((0.0, 1.0),), weights=WEIGHTS):
         graph = OnnxGraph(weights)
-        graph.reshape(graph.linear(graph.reshape("x", 1, 2), "w", "b"), 3, output="y")
+        graph.reshape(graph.linear(graph.reshape("x", 1, 2), "layer"), 3, output="y")
         content = graph.model(SIGNATURE, np.array(trained))
         if change is not None:
             model = onnx.load_model_from_string(content)
@@ -116,9 +119,9 @@ def test_a_network_that_is_not_as_it_should_be(written, change, says):
 
 
 def test_answers_and_weights_that_are_not_finite(written):
-    path = written(weights={**WEIGHTS, "b": np.full(3, np.nan, np.float32)})
+    path = written(weights={**WEIGHTS, "layer.bias": np.full(3, np.nan, np.float32)})
     assert "answers with values that are not finite" in refused(signed, path)
-    assert "b holds values that are not finite" in refused(
+    assert "layer.bias holds values that are not finite" in refused(
         lambda path: read_weights(path, "a toy network"), path
     )
 
