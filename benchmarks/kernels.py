@@ -13,7 +13,7 @@ from lme.config.presets import load_settings
 from lme.geometry.collision import sweep
 from lme.geometry.fan import fan_blocked
 from lme.geometry.points import beam_directions, scan_points
-from lme.guides.lme.kernels import cluster
+from lme.guides.lme.surmount import cluster
 from lme.perception.raycast import cast
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn

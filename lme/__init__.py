@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from lme.errors import InputError as InputError
     from lme.evaluation import evaluate as evaluate
     from lme.guides.global_path.guide import GlobalPath as GlobalPath
-    from lme.guides.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
+    from lme.guides.lme.explanation import reason as reason
     from lme.guides.lme.guide import Lme as Lme
-    from lme.guides.lme.reasons import reason as reason
+    from lme.guides.lme.guide import LocalMinimumEscaper as LocalMinimumEscaper
     from lme.guides.lme_plus.guide import LmePlus as LmePlus
     from lme.guides.tangent_bug.guide import TangentBug as TangentBug
     from lme.guides.target import Target as Target
@@ -79,7 +79,7 @@ _MODULES = {
     "Limits": "lme.types",
     "Lme": "lme.guides.lme.guide",
     "LmePlus": "lme.guides.lme_plus.guide",
-    "LocalMinimumEscaper": "lme.guides.lme.escaper",
+    "LocalMinimumEscaper": "lme.guides.lme.guide",
     "MinTime": "lme.planners.min_time.planner",
     "Navigator": "lme.navigation.navigator",
     "Observation": "lme.types",
@@ -97,7 +97,7 @@ _MODULES = {
     "load_settings": "lme.config.presets",
     "load_simulator": "lme.config.presets",
     "load_system": "lme.config.systems",
-    "reason": "lme.guides.lme.reasons",
+    "reason": "lme.guides.lme.explanation",
     "run_episode": "lme.navigation.episode",
 }
 __all__ = ["__version__", *_MODULES]

@@ -6,10 +6,9 @@ from dataclasses import astuple, is_dataclass, replace
 
 import numpy as np
 
-import lme.guides.lme.escaper
+import lme.guides.lme.guide
 from lme.config.presets import load_robot, load_settings
-from lme.guides.lme.escaper import PAPER_CRITERIA, LocalMinimumEscaper
-from lme.guides.lme.guide import Lme
+from lme.guides.lme.guide import PAPER_CRITERIA, Lme, LocalMinimumEscaper
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple
@@ -150,7 +149,7 @@ def explained(made, view):
 def inject(monkeypatch, *draws):
     """Let these (N, 2) candidates be drawn one after the other."""
     left = [np.array(draw, dtype=float) for draw in draws]
-    monkeypatch.setattr(lme.guides.lme.escaper, "sample", lambda *_: left.pop(0))
+    monkeypatch.setattr(lme.guides.lme.guide, "sample", lambda *_: left.pop(0))
 
 
 def wander(steps=30, seed=0, even=True, robot=None):

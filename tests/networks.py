@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.guides.learned_subgoal import weights as subgoal
+from lme.guides.learned_subgoal import network as subgoal
 from lme.inputs.onnx_file import TRAINED, SignedNetwork
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names

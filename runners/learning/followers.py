@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from lme.guides.learned_subgoal.interface import SubgoalInterface
+from lme.guides.learned_subgoal.guide import SubgoalInterface
 from lme.types import Floats, Observation, Planner, Twist
 from runners.workers.imitation_rollouts import Interface
 

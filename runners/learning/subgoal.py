@@ -1,4 +1,4 @@
-"""Subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.weights` writes."""
+"""Subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.network` writes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, mirrored_bearings
-from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, reported_values
-from lme.guides.learned_subgoal.weights import LAYERS, REPORTED, SHAPES, SIGNATURE, SLOPE, write_weights
+from lme.guides.learned_subgoal.guide import LearnedSubgoalConfig, SubgoalInterface, reported_values
+from lme.guides.learned_subgoal.network import (
+    BEARINGS,
+    LAYERS,
+    RANGES,
+    REPORTED,
+    SHAPES,
+    SIGNATURE,
+    SLOPE,
+    mirrored_bearings,
+    write_weights,
+)
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
 from lme.robots import Robot

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lme.geometry.frames import to_world, wrap_angle
-from lme.guides.lme.explanation import Explanation
-from lme.guides.lme.reasons import reason
+from lme.guides.lme.explanation import Explanation, reason
 from lme.navigation.episode import Episode, RunningEpisode
 from lme.navigation.navigator import Explanations, Navigator
 from lme.simulation.simulator import Simulator, State

@@ -11,8 +11,7 @@ from functools import partial
 from typing import Any
 
 from lme.errors import InputError
-from lme.guides.lme.explanation import Explanation
-from lme.guides.lme.reasons import reason
+from lme.guides.lme.explanation import Explanation, reason
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
 from lme.live.messages import SECOND

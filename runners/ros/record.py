@@ -8,8 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from lme.guides.lme.explanation import Explanation
-from lme.guides.lme.reasons import reason
+from lme.guides.lme.explanation import Explanation, reason
 from lme.live.driver import LiveDriver
 from lme.live.step import LiveState, LiveStep
 from runners.config.schema import DriveConfig

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-import lme.guides.lme.escaper
+import lme.guides.lme.guide
 import lme.planners.mppi.planner
 from lme.config.presets import load_settings
 from lme.guides.lme import weight_files
@@ -207,8 +207,8 @@ def test_a_mirrored_world_is_driven_through_mirrored(robot, guide, planner, monk
     machine, navigator = made(robot, guide, planner)
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     *_, poses = drive(machine, navigator, CLUTTER, (5.0, 0.8), 4.0 / machine.v_max)
-    draw = lme.guides.lme.escaper.sample
-    monkeypatch.setattr(lme.guides.lme.escaper, "sample", lambda *given: draw(*given) * [1.0, -1.0])
+    draw = lme.guides.lme.guide.sample
+    monkeypatch.setattr(lme.guides.lme.guide, "sample", lambda *given: draw(*given) * [1.0, -1.0])
     noise = lme.planners.mppi.planner.draw
     turned = np.array([1.0, -1.0], dtype=np.float32)
     monkeypatch.setattr(lme.planners.mppi.planner, "draw", lambda *given: noise(*given) * turned)

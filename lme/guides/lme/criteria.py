@@ -8,6 +8,7 @@ The first line of each docstring is shown in explainer pages.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -15,7 +16,6 @@ import numpy as np
 from numba import njit
 
 from lme.geometry.fan import fan_blocked
-from lme.guides.lme.distance import distances_to, turns
 from lme.guides.lme.surmount import Blockage
 from lme.types import Floats
 
@@ -122,3 +122,23 @@ def _free(apex: Floats, ends: Floats, points: Floats, radius: float) -> Floats:
     for i in range(len(ends)):
         free[i] = 0.0 if blocked[i] else 1.0
     return free
+
+
+@njit(cache=True)
+def distances_to(points: Floats, target: Floats) -> Floats:
+    """Euclidean distance of each of the (N, 2) points to the (2,) target [m]: (N,)."""
+    distances = np.empty(len(points))
+    for i in range(len(points)):
+        dx = points[i, 0] - target[0]
+        dy = points[i, 1] - target[1]
+        distances[i] = math.sqrt(dx * dx + dy * dy)
+    return distances
+
+
+@njit(cache=True)
+def turns(points: Floats) -> Floats:
+    """Unsigned angle between +x and each of the (N, 2) points, seen from the origin [rad]: (N,)."""
+    angles = np.empty(len(points))
+    for i in range(len(points)):
+        angles[i] = abs(math.atan2(points[i, 1], points[i, 0]))
+    return angles

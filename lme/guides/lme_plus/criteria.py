@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from lme.geometry.straight_ways import reachable
-from lme.guides.lme.distance import distances_to, turns
+from lme.guides.lme.criteria import distances_to, turns
 from lme.guides.lme.score import rank
 from lme.guides.lme_plus.travel import BEYOND, Field
 from lme.guides.lme_plus.travel_grid import cost_to_go_at, turns_at

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.guides.lme.distance import distances_to
+from lme.guides.lme.criteria import distances_to
 from lme.guides.lme_plus.travel_grid import Grid, GridNumbers, disc_radius
 from lme.types import Floats
 

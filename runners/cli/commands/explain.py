@@ -210,7 +210,7 @@ def _episode_lines(name: str, trace: Trace) -> list[str]:
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     """Yield the step, time and reason of each decision. Raises InputError if the guide gives no reasons."""
     from lme.errors import InputError
-    from lme.guides.lme.reasons import reasons
+    from lme.guides.lme.explanation import reasons
 
     explanations = [step.explanation for step in steps if step.explanation is not None]
     if not explanations:

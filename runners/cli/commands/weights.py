@@ -134,7 +134,7 @@ def _list(_: argparse.Namespace) -> None:
 
 def _key(path: Path) -> str:
     """Return the key that takes a file of parameters, of a guide's network, or of a planner's network."""
-    from lme.guides.learned_subgoal.weights import SIGNATURE
+    from lme.guides.learned_subgoal.network import SIGNATURE
     from lme.inputs.onnx_file import KIND, OnnxNetwork
 
     if path.suffix != ".onnx":

@@ -14,8 +14,8 @@ import numpy as np
 
 from lme.geometry.frames import to_world
 from lme.guides.lme.criteria import SURMOUNT
-from lme.guides.lme.escaper import PAPER_CRITERIA
 from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.guide import PAPER_CRITERIA
 from lme.guides.lme.maintenance import Choice
 from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.perception.people.source import People

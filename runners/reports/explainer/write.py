@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lme.errors import InputError
-from lme.guides.lme.reasons import reason
+from lme.guides.lme.explanation import reason
 from runners.config.escaping import html_text
 from runners.records.atomic_write import write_atomically
 from runners.reports.explainer.encode import encode, title

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from lme.config.presets import load_settings
 from lme.errors import InputError, require
-from lme.guides.lme.explanation import Explanation
+from lme.guides.lme.explanation import Explanation, reason
 from lme.guides.lme.guide import Lme
 from lme.guides.lme.maintenance import Choice
-from lme.guides.lme.reasons import reason
 from lme.worlds.world import MapSet
 from runners.config import build
 from runners.config.instantiate import configured

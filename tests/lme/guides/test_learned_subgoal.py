@@ -9,17 +9,20 @@ import pytest
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.learned_subgoal import LearnedSubgoal
-from lme.guides.learned_subgoal.candidates import (
+from lme.guides.learned_subgoal.guide import REACH, SubgoalInterface, nearest_by_sector
+from lme.guides.learned_subgoal.network import (
     BEARINGS,
     CANDIDATES,
+    LAYERS,
     RANGES,
+    SHAPES,
+    SIGNATURE,
+    SLOPE,
     candidates,
+    draw,
     mirrored_bearings,
+    write_weights,
 )
-from lme.guides.learned_subgoal.interface import REACH, SubgoalInterface
-from lme.guides.learned_subgoal.kernels import nearest_by_sector
-from lme.guides.learned_subgoal.network import draw
-from lme.guides.learned_subgoal.weights import LAYERS, SHAPES, SIGNATURE, SLOPE, write_weights
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
 from lme.navigation.navigator import Navigator

@@ -8,10 +8,9 @@ import pytest
 from lme.config.presets import load_settings
 from lme.guides.lme import criteria
 from lme.guides.lme.criteria import View
-from lme.guides.lme.escaper import LocalMinimumEscaper
-from lme.guides.lme.kernels import cluster
+from lme.guides.lme.guide import LocalMinimumEscaper
 from lme.guides.lme.maintenance import Choice, choose, update_position
-from lme.guides.lme.surmount import find_blockage
+from lme.guides.lme.surmount import cluster, find_blockage
 from lme.types import Twist
 from tests.builders import PUBLISHED, explained, observation, stage
 from tests.tolerances import KERNEL

@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_robot, load_settings
-from lme.guides.learned_subgoal.candidates import BEARINGS, CANDIDATES, RANGES, candidates
-from lme.guides.learned_subgoal.interface import SubgoalInterface
-from lme.guides.learned_subgoal.weights import REPORTED, SHAPES, SIGNATURE, STATE_INPUTS, write_weights
+from lme.guides.learned_subgoal.guide import SubgoalInterface
+from lme.guides.learned_subgoal.network import (
+    BEARINGS,
+    CANDIDATES,
+    RANGES,
+    REPORTED,
+    SHAPES,
+    SIGNATURE,
+    STATE_INPUTS,
+    candidates,
+    write_weights,
+)
 from lme.inputs.onnx_file import TRAINED
 from lme.simulation.fast import FastSimulator
 from lme.worlds.world import World

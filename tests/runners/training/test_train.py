@@ -19,7 +19,7 @@ import yaml
 from lme.config.parameters import parameters
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.lme.escaper import LocalMinimumEscaper
+from lme.guides.lme.guide import LocalMinimumEscaper
 from runners.cli.main import main
 from runners.records.launch_record import read_launch
 from runners.training.search import JOURNAL

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.lme.candidates import sample
-from lme.guides.lme.escaper import LocalMinimumEscaper
+from lme.guides.lme.guide import LocalMinimumEscaper
 from lme.robots import Lidar
 from tests.builders import PUBLISHED, explained, observation, stage
 from tests.tolerances import KERNEL

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-import lme.guides.lme_plus.escaper
+import lme.guides.lme_plus.guide
 from lme.config.presets import load_settings
 from lme.errors import InputError
+from lme.guides.lme.explanation import reason, reasons
 from lme.guides.lme.maintenance import Choice
-from lme.guides.lme.reasons import reason, reasons
 from lme.guides.lme_plus.criteria import CRITERIA
 from lme.guides.lme_plus.guide import LmePlus
 from lme.navigation.episode import run_episode
@@ -135,7 +135,7 @@ def test_a_seed_decides_everything():
 def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
     # Cells do not mirror, so times may differ by what a cell takes; the other criteria may not.
     robot = stage()
-    draw = lme.guides.lme_plus.escaper.sample
+    draw = lme.guides.lme_plus.guide.sample
     one, other = (guide(robot, parts={"structured": False}) for _ in range(2))
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     simulators = [FastSimulator(load_settings("sim/fast"), robot) for _ in range(2)]
@@ -148,7 +148,7 @@ def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
     for omega in (0.0, 0.5, -0.3):
         one.guide(seen[0])
         with monkeypatch.context() as patch:
-            patch.setattr(lme.guides.lme_plus.escaper, "sample", lambda *given: draw(*given) * FLIP)
+            patch.setattr(lme.guides.lme_plus.guide, "sample", lambda *given: draw(*given) * FLIP)
             other.guide(seen[1])
         why, mirror = one.explanation(), other.explanation()
         assert mirror.candidates == pytest.approx(why.candidates * FLIP, abs=KERNEL)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from lme.errors import InputError
-from lme.guides.lme.reasons import reason
+from lme.guides.lme.explanation import reason
 from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli.main import main

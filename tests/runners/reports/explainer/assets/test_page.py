@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lme.geometry.frames import to_world
-from lme.guides.lme.reasons import reason
+from lme.guides.lme.explanation import reason
 from lme.perception.scan_points import obstacle_points
 from runners.reports.explainer.encode import CELL_M
 from tests.runners.reports.explainer.conftest import press, settle, step_of, until

@@ -14,8 +14,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.lme import criteria
 from lme.guides.lme.criteria import View
-from lme.guides.lme.escaper import PAPER_CRITERIA
-from lme.guides.lme.guide import Lme
+from lme.guides.lme.guide import PAPER_CRITERIA, Lme
 from lme.guides.lme.score import Parameters, score
 from lme.guides.lme.surmount import RULES, find_blockage
 from lme.robots import Lidar

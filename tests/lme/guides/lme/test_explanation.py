@@ -10,10 +10,17 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.guides.lme.criteria import View
-from lme.guides.lme.escaper import PAPER_CRITERIA, LocalMinimumEscaper
-from lme.guides.lme.explanation import Decision, Explanation
+from lme.guides.lme.explanation import (
+    LEFT_OUT,
+    Decision,
+    Explanation,
+    difference_terms,
+    main_terms,
+    reason,
+    reasons,
+)
+from lme.guides.lme.guide import PAPER_CRITERIA, LocalMinimumEscaper
 from lme.guides.lme.maintenance import Choice, choose
-from lme.guides.lme.reasons import LEFT_OUT, difference_terms, main_terms, reason, reasons
 from lme.guides.lme.score import CRITERIA, Parameters, score
 from tests.builders import PUBLISHED, escape, escaper, only, stage, wander
 

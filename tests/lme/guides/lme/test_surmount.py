@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.guides.lme.kernels import cluster
+from lme.guides.lme.surmount import cluster
 from tests import oracles
 
 SEEDS = st.integers(0, 2**32 - 1)

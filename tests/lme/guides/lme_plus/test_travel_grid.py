@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.guides.lme_plus.nearest_points import draw, erase, pad
+from lme.guides.lme_plus.travel_grid import draw, erase, pad
 from tests.tolerances import KERNEL
 
 
