@@ -26,7 +26,7 @@ from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.geometry.collision import sweep
 from lme.navigation.navigator import Navigator
-from lme.perception.raycast import cast, cast_grid
+from lme.perception.raycast import cast_grid, cast_shapes
 from lme.robots import Lidar
 from lme.simulation.events import nearby
 from lme.simulation.simulator import Simulator
@@ -138,7 +138,7 @@ def kernel_rows(robot: str, building: MapSet, barn: MapSet, lidar: Lidar) -> Ite
     def scan(task: Task, in_grid: bool) -> object:
         world = task.world
         if not in_grid:
-            return cast(task.start, angles, lidar.range_max, world.circles, world.edges)
+            return cast_shapes(task.start, angles, lidar.range_max, world.circles, world.edges)
         return cast_grid(task.start, angles, lidar.range_max, world.grid, world.lattice)
 
     def check(task: Task, in_grid: bool) -> object:

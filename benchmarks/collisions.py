@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.command import run_main
 from lme.geometry.arcs import clearances
 from lme.geometry.frames import to_robot
-from lme.perception.blind_arc import BlindArc
+from lme.perception.scan_points import BlindArc
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.types import Floats, Outcome, Pose
 from runners.records.episode_record import EpisodeKey

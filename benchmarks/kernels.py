@@ -12,9 +12,9 @@ import pymunk
 from lme.config.presets import load_settings
 from lme.geometry.collision import sweep
 from lme.geometry.fan import fan_blocked
-from lme.geometry.points import beam_directions, scan_points
 from lme.guides.lme.surmount import cluster
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
+from lme.perception.scan_points import beam_directions, scan_points
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn
 from tests import oracles
@@ -66,13 +66,13 @@ def candidates(count: int = 302) -> np.ndarray:
 def rows(circles: np.ndarray) -> dict[str, tuple[Callable[[], object], Callable[[], object]]]:
     """Each kernel and its twin on the same scene."""
     directions = beam_directions(*FULL_CIRCLE)
-    ranges = cast(LIDAR, FULL_CIRCLE, RANGE_MAX, circles, NO_EDGES)
+    ranges = cast_shapes(LIDAR, FULL_CIRCLE, RANGE_MAX, circles, NO_EDGES)
     points = scan_points(ranges, directions, 0.02, RANGE_MAX, MOUNT)
     ends, origin = candidates(), np.zeros(2)
     ahead = np.linspace(0.025, 0.2, 8)
     poses = np.column_stack([np.full(8, LIDAR.x), LIDAR.y + ahead, np.full(8, LIDAR.yaw)])
     calls: dict[str, tuple[Callable[..., object], Callable[..., object], tuple[Any, ...]]] = {
-        "cast": (cast, oracles.cast, (LIDAR, FULL_CIRCLE, RANGE_MAX, circles, NO_EDGES)),
+        "cast": (cast_shapes, oracles.cast, (LIDAR, FULL_CIRCLE, RANGE_MAX, circles, NO_EDGES)),
         "scan_points": (
             scan_points,
             oracles.scan_points,

@@ -28,7 +28,7 @@ from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.config.presets import load_robot, load_settings
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.simulation.fast import FastSimulator
 from lme.types import Floats, Pose, Twist
 from lme.worlds.barn.map_set import Barn
@@ -79,7 +79,9 @@ def peer_row(name: str, make_step: Callable[[], Step], our_least: float) -> str:
         return f"| {name} | not measured: {error}; `pip install {name}` | | | |"
     pose, ranges = step()
     angles = (ROBOT.lidar.angle_min, ROBOT.lidar.angle_increment, BEAMS)
-    off = float(np.median(np.abs(ranges - cast(Pose(*pose), angles, RANGE_MAX, CIRCLES, np.empty((0, 4))))))
+    off = float(
+        np.median(np.abs(ranges - cast_shapes(Pose(*pose), angles, RANGE_MAX, CIRCLES, np.empty((0, 4)))))
+    )
     minimum, median = measure(step, 2.0)
     speeds = f"{_rate(minimum)} | {_rate(median)} | {minimum / our_least:,.0f}"
     return f"| {name} {version(name)} | {speeds} | {off:.1g} |"

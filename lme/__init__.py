@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from lme.guides.target import Target as Target
     from lme.navigation.episode import run_episode as run_episode
     from lme.navigation.navigator import Navigator as Navigator
-    from lme.perception.ray_casting import cast as cast
+    from lme.perception.raycast import cast as cast
     from lme.planners.dwa import Dwa as Dwa
     from lme.planners.eband.planner import EBand as EBand
     from lme.planners.min_time.planner import MinTime as MinTime
@@ -89,7 +89,7 @@ _MODULES = {
     "TangentBug": "lme.guides.tangent_bug.guide",
     "Target": "lme.guides.target",
     "Twist": "lme.types",
-    "cast": "lme.perception.ray_casting",
+    "cast": "lme.perception.raycast",
     "evaluate": "lme.evaluation",
     "load_map_set": "lme.config.presets",
     "load_parameters": "lme.config.presets",

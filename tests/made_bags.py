@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from lme.geometry.frames import compose
 from lme.live.messages import Tilt
 from lme.perception.point_cloud import rigid_transform
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.types import Pose
 
 SECOND = 1_000_000_000
@@ -173,7 +173,7 @@ def way(steps):
 
 def seen(pose, mount=MOUNT, beams=360, first=-math.pi):
     """Ranges of a full circle from the bearing `first` on, counter-clockwise."""
-    return cast(compose(pose, mount), (first, 2 * math.pi / beams, beams), 12.0, CIRCLES, EDGES)
+    return cast_shapes(compose(pose, mount), (first, 2 * math.pi / beams, beams), 12.0, CIRCLES, EDGES)
 
 
 def spoilt(ranges):

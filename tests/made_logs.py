@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from lme.geometry.frames import compose
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.types import Pose
 
 # A room of 10 × 6 m with a wall and a pillar. Through a slit of 30 cm one sees a closet behind its right wall, and
@@ -42,7 +42,7 @@ def way():
 
 def scan(laser, beams, rng=None, range_max=81.91):
     """Ranges over half a turn from a pose of the laser, with noise of 1 cm if there is a generator."""
-    ranges = cast(laser, (-math.pi / 2, math.pi / (beams - 1), beams), range_max, CIRCLES, EDGES)
+    ranges = cast_shapes(laser, (-math.pi / 2, math.pi / (beams - 1), beams), range_max, CIRCLES, EDGES)
     return (
         ranges if rng is None else np.where(ranges < range_max, ranges + rng.normal(0.0, 0.01, beams), ranges)
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from lme.geometry.frames import compose, to_world
-from lme.geometry.points import beam_directions
+from lme.perception.scan_points import beam_directions
 from lme.robots import Robot
 from lme.simulation.simulator import Simulator
 from lme.types import Floats, LaserScan, Pose

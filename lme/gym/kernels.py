@@ -7,8 +7,7 @@ from numba import njit
 
 from lme.geometry.collision import first_event
 from lme.geometry.motion import drive, even_limits, time_beyond, travelled
-from lme.geometry.noise import add_noise
-from lme.perception.raycast import cast_beams
+from lme.perception.raycast import add_noise, cast_beams
 from lme.types import Floats, Ints
 
 RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3

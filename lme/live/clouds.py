@@ -14,8 +14,14 @@ from lme.live.config import CloudConfig, ScanConfig, mount_of
 from lme.live.frames import Carrier
 from lme.live.messages import planar_matrix, stamp_of
 from lme.live.poses import Posture
-from lme.perception.point_cloud import cloud_points, point_times, rigid_transform
-from lme.perception.projection import Projection, to_scan, without_unmeasured
+from lme.perception.point_cloud import (
+    Projection,
+    cloud_points,
+    point_times,
+    rigid_transform,
+    to_scan,
+    without_unmeasured,
+)
 from lme.perception.scan_check import FAR, ScanFault
 from lme.robots import Robot
 from lme.types import Floats, LaserScan, Pose

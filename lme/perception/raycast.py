@@ -1,27 +1,47 @@
-"""Ray casting of lidar beams against discs and line segments.
+"""Ray casting of lidar beams against discs and line segments, and the noise of their ranges.
 
 Each obstacle is tested only against the beams in its angular extent. The extent is a cheap polynomial upper bound;
 the beams in it are tested exactly.
 """
+
+from __future__ import annotations
 
 import math
 from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lme.geometry.fan import BEARING_ERROR, bearing
-from lme.geometry.points import beam_directions
+from lme.geometry.frames import compose
 from lme.grids.edge_grid import EdgeGrid, first_hit
 from lme.grids.lattice import NO_LATTICE, Lattice, cast_lattice
-from lme.types import Floats, Pose
+from lme.perception.scan_points import beam_directions
+from lme.robots import Lidar
+from lme.types import Floats, LaserScan, Pose
 
 _TWO_PI = 2.0 * math.pi
 _ASIN_CUBIC = math.pi / 2.0 - 1.0  # asin(z) ≤ z + (π/2 − 1) z³ on [0, 1], with equality at both ends
 
 
-def cast(
+def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike = ()) -> LaserScan:
+    """Return the scan, without noise, of a planar lidar on a robot at `pose`.
+
+    pose: of the robot in the world. circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls
+    [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises ValueError for other shapes.
+    """
+    angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
+    lidar_pose = compose(pose, lidar.mount)
+    ranges = cast_shapes(lidar_pose, angles, lidar.range_max, _rows(circles, 3), _rows(segments, 4))
+    return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
+
+
+def _rows(values: ArrayLike, columns: int) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, columns)
+
+
+def cast_shapes(
     lidar_pose: Pose,
     angles: tuple[float, float, int],
     range_max: float,
@@ -52,8 +72,8 @@ def cast_grid(
 ) -> NDArray[np.float32]:
     """Distance along each beam to the first edge of a grid, or range_max if none is nearer: (B,) [m].
 
-    The result is that of `cast`, which describes the parameters, for all edges of the grid. A lattice of the same
-    edges makes it faster.
+    The result is that of `cast_shapes`, which describes the parameters, for all edges of the grid. A lattice of the
+    same edges makes it faster.
     """
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
@@ -72,7 +92,7 @@ def beam_table(angle_increment: float, num_beams: int) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def cast_beams(x, y, heading, increment, range_max, table, circles, edges):
-    """Return the result of `cast`. heading: of the first beam in the world [rad]; table: `beam_table`.
+    """Return the result of `cast_shapes`. heading: of the first beam in the world [rad]; table: `beam_table`.
 
     It works in the lidar's frame, rotated so that the first beam is along +x.
     """
@@ -217,3 +237,14 @@ def _meet_edge(start, end, low, high, table, ranges):
         distance = lever / (across_start - across_end)
         if (across_start > 0.0) != (across_end > 0.0) and distance >= 0.0:
             ranges[i] = min(ranges[i], distance)
+
+
+@njit(cache=True)
+def add_noise(ranges: NDArray[np.float32], noise: NDArray[np.float32], std: float, range_max: float) -> None:
+    """Add Gaussian noise to every return, in place; beams without a return stay at range_max.
+
+    ranges (B,) [m]; noise (B,) standard normal; std, range_max [m].
+    """
+    for i in range(len(ranges)):
+        if ranges[i] < np.float32(range_max):
+            ranges[i] = min(max(ranges[i] + std * noise[i], 0.0), range_max)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from lme.errors import require
-from lme.perception.blind_arc import BlindArc
+from lme.perception.scan_points import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot

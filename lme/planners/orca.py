@@ -11,7 +11,7 @@ from numba import njit
 from lme.errors import require
 from lme.geometry.motion import WIDEST, movers_among
 from lme.geometry.orca import before_point, beside_disc, best_velocity
-from lme.perception.blind_arc import BlindArc
+from lme.perception.scan_points import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot

@@ -16,7 +16,7 @@ from lme.grids.polar_histogram import (
     polar_density,
     turning_limits,
 )
-from lme.perception.blind_arc import BlindArc
+from lme.perception.scan_points import BlindArc
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.geometry.frames import compose, relative
-from lme.geometry.noise import add_noise
-from lme.perception.raycast import cast, cast_grid
+from lme.perception.raycast import add_noise, cast_grid, cast_shapes
 from lme.perception.resampling import resampled, tidied
 from lme.ramp import reachable
 from lme.robots import Robot
@@ -191,8 +190,8 @@ class Sensors:
     ) -> NDArray[np.float32]:
         range_max = self._robot.lidar.range_max
         if not self._in_grid:
-            return cast(lidar, angles, range_max, circles, edges)
+            return cast_shapes(lidar, angles, range_max, circles, edges)
         ranges = cast_grid(lidar, angles, range_max, self._grid, self._lattice)
         if len(circles) or len(edges):
-            ranges = np.minimum(ranges, cast(lidar, angles, range_max, circles, edges))
+            ranges = np.minimum(ranges, cast_shapes(lidar, angles, range_max, circles, edges))
         return ranges

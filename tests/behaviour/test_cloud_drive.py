@@ -3,7 +3,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.navigation.episode import run_episode
-from lme.perception.projection import Projection, to_scan
+from lme.perception.point_cloud import Projection, to_scan
 from lme.simulation.fast import FastSimulator
 from lme.simulation.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config
 from lme.types import Outcome

@@ -21,7 +21,7 @@ from lme.guides.tangent_bug.kernels import (
     joined,
     sweep,
 )
-from lme.perception.blind_arc import BlindArc
+from lme.perception.scan_points import BlindArc
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose
 

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.geometry.frames import compose, relative, to_robot
-from lme.geometry.points import beam_directions
 from lme.perception.people.births import CELLS, flickered, moved_points, recall, remember, weigh
 from lme.perception.people.config import PeopleConfig
 from lme.perception.people.matching import advance, in_sight
@@ -40,6 +39,7 @@ from lme.perception.people.table import (  # fmt: skip
     predict,
 )
 from lme.perception.people.tracks import Tracks
+from lme.perception.scan_points import beam_directions
 from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
 _View = tuple[tuple[float, ...], Floats, Floats, tuple[float, float]]

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lme.geometry.points import beam_directions
+from lme.perception.scan_points import beam_directions
 from lme.planners.dclp.kernels.nearest_returns import nearest_returns
 from lme.planners.dclp.weights import DIRECTIONS
 from lme.types import Floats, Ints, LaserScan, Pose

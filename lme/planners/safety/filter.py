@@ -9,7 +9,7 @@ import numpy as np
 from lme.errors import require
 from lme.inputs.plausibility import check_fields
 from lme.inputs.returned import checked_command
-from lme.perception.blind_arc import BlindArc
+from lme.perception.scan_points import BlindArc
 from lme.planners.commands import limited
 from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
 from lme.robots import Robot

@@ -134,7 +134,7 @@ class Mid360:
     ) -> NDArray[np.float32]:
         """Project the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
 
-        The result equals that of `cloud` and `lme.perception.projection.to_scan` if the obstacles, circles (C, 3),
+        The result equals that of `cloud` and `lme.perception.point_cloud.to_scan` if the obstacles, circles (C, 3),
         edges (E, 4) and those of a grid, reach from the ground to above the highest points that count. Inf means no
         return.
         """

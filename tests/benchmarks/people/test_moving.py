@@ -14,7 +14,7 @@ from benchmarks.people.__main__ import report
 from benchmarks.people.moving import labels_of, read_drive, tracked_in_sector
 from lme.errors import InputError
 from lme.geometry.frames import compose, to_robot
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.types import Pose
 from tests.made_bags import BEGAN, EDGES, SECOND, TF, BagMaker
 
@@ -51,7 +51,7 @@ def made(labelled=True):
         bag.add("/odom", ODOM, stamp, bag.odometry(stamp, base(time), 0.5, 0.1))
         circles = np.array([[*place, 0.25] for place in people(time).values()])
         beams = -math.pi, math.tau / BEAMS, BEAMS
-        scan = bag.scan(stamp, cast(scanner, beams, 12.0, circles, EDGES), *beams[:2])
+        scan = bag.scan(stamp, cast_shapes(scanner, beams, 12.0, circles, EDGES), *beams[:2])
         bag.add("/scan", "sensor_msgs/msg/LaserScan", stamp, scan)
         for name, place in people(time).items() if labelled else ():
             pose = bag.pose(Pose(*to_robot(place, scanner), 0.0))

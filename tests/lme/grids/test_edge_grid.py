@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lme.config.presets import load_robot, load_settings
 from lme.geometry.collision import sweep
 from lme.grids.edge_grid import NO_EDGES, edge_grid, near_edges, nearest
-from lme.perception.raycast import cast, cast_grid
+from lme.perception.raycast import cast_grid, cast_shapes
 from lme.simulation.fast import FastSimulator
 from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Pose, Twist
@@ -60,7 +60,7 @@ def test_a_scan_is_that_of_all_edges(seed):
     fov = rng.choice([2 * math.pi, 1.5 * math.pi, 0.6])
     angles = (rng.choice([-math.pi, rng.uniform(-7, 7)]), fov / num_beams, num_beams)
     range_max = rng.choice([0.5, 4.0, 30.0])
-    expected = cast(pose, angles, range_max, NO_CIRCLES, edges)
+    expected = cast_shapes(pose, angles, range_max, NO_CIRCLES, edges)
     np.testing.assert_array_equal(cast_grid(pose, angles, range_max, grid), expected)
 
 

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 
 from lme.grids.edge_grid import edge_grid
 from lme.grids.lattice import NO_LATTICE, lattice_of
-from lme.perception.raycast import cast, cast_grid
+from lme.perception.raycast import cast_grid, cast_shapes
 from lme.worlds.contours import outlines
 from lme.worlds.world import World
 from tests.lme.grids.test_edge_grid import CELL, NO_CIRCLES, SEEDS, pose_in, stairs
@@ -57,7 +57,7 @@ def test_a_scan_is_that_of_all_edges(seed):
         fov, first = rng.choice([2 * math.pi, 0.6]), rng.choice([-math.pi, 0.0, rng.uniform(-7, 7)])
         angles = (first, fov / num_beams, num_beams)
         range_max = rng.choice([0.5, 3.0, 30.0])
-        expected = cast(pose, angles, range_max, NO_CIRCLES, edges)
+        expected = cast_shapes(pose, angles, range_max, NO_CIRCLES, edges)
         np.testing.assert_array_equal(cast_grid(pose, angles, range_max, grid, lattice), expected)
 
 
@@ -71,7 +71,7 @@ def test_beams_through_the_nodes_are_those_of_all_edges():
         to = edges[rng.integers(len(edges)), :2] - place
         angles = (math.atan2(to[1], to[0]), 1e-9, 3)
         pose = (*place.tolist(), 0.0)
-        expected = cast(pose, angles, 30.0, NO_CIRCLES, edges)
+        expected = cast_shapes(pose, angles, 30.0, NO_CIRCLES, edges)
         np.testing.assert_array_equal(cast_grid(pose, angles, 30.0, grid, lattice), expected)
 
 
@@ -87,7 +87,7 @@ def test_the_stairs_of_a_picture_are_on_a_lattice(seed):
     rng = np.random.default_rng(seed)
     edges, pose = stairs(rng), pose_in(rng)
     grid, angles = edge_grid(edges), (-math.pi, 0.05, 120)
-    expected = cast(pose, angles, 4.0, NO_CIRCLES, edges)
+    expected = cast_shapes(pose, angles, 4.0, NO_CIRCLES, edges)
     np.testing.assert_array_equal(cast_grid(pose, angles, 4.0, grid, lattice_of(edges)), expected)
 
 

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.perception.point_cloud import cloud_points, point_times
-from lme.perception.projection import Projection, to_scan
+from lme.perception.point_cloud import Projection, cloud_points, point_times, to_scan
 
 SEEDS = st.integers(0, 2**32 - 1)
 FLOAT32, FLOAT64, INT16 = 7, 8, 3

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.perception.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.perception.scan_points import obstacle_points
 from lme.robots import Lidar
@@ -228,11 +228,11 @@ def test_a_wall_seen_from_another_place_stays_a_wall():
     coarse = Lidar(180, math.tau, 0.05, 12.0)
     fine = Lidar(720, math.radians(120), 0.05, 12.0, x=0.2, y=0.1, yaw=0.2)
     none = np.empty((0, 3))
-    before = cast(HERE, (coarse.angle_min, coarse.angle_increment, 180), 12.0, none, walls)
+    before = cast_shapes(HERE, (coarse.angle_min, coarse.angle_increment, 180), 12.0, none, walls)
     after = resampled(
         tidied(LaserScan(before, coarse.angle_min, coarse.angle_increment, 0.05, 12.0)), HERE, fine
     )
-    truth = cast(fine.mount, (fine.angle_min, fine.angle_increment, 720), 12.0, none, walls)
+    truth = cast_shapes(fine.mount, (fine.angle_min, fine.angle_increment, 720), 12.0, none, walls)
     near = truth < 6.0
     np.testing.assert_allclose(after.ranges[near], truth[near], atol=RANGE + 5e-2)
     inner = near & (np.abs(fine.angle_min + fine.angle_increment * np.arange(720) + 0.2) < 0.8)

@@ -11,7 +11,7 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.planners.motion_tubes.planner import MotionTubes
 from lme.robots import Footprint
 from lme.simulation.fast import FastSimulator
@@ -128,7 +128,7 @@ def test_motion_tubes_can_stop_after_every_command(seed, v, omega):
     circles = scattered(seed, 8, low=-0.1, high=1.0)
     lidar = robot.lidar
     angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
-    ranges = cast(lidar.mount, angles, lidar.range_max, circles, NO_EDGES)
+    ranges = cast_shapes(lidar.mount, angles, lidar.range_max, circles, NO_EDGES)
     now = Twist(max(v, -0.5) / 2, omega)
 
     def stops(command):

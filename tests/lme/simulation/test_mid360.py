@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.perception.point_cloud import rigid_transform
-from lme.perception.projection import Projection, to_scan
-from lme.perception.raycast import cast
+from lme.perception.point_cloud import Projection, rigid_transform, to_scan
+from lme.perception.raycast import cast_shapes
 from lme.simulation.mid360.cloud_scan import beam_pattern
 from lme.simulation.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config, mid360_of
 from lme.types import Pose
@@ -51,7 +50,7 @@ def test_every_beam_reads_what_the_planar_kernel_sees_between_it_and_the_next(se
     world = World(circles=circles, polygons=(square(0, 0, 6.0),))
     pose = Pose(*rng.uniform(-0.05, 0.05, 2), rng.uniform(-4, 4))
     scan = scan_of(ExtrudedWorld(world), pose, duration=0.4, seed=seed)
-    fine = cast(pose, (-math.pi, math.tau / 3600, 3600), 40.0, circles, world.edges).reshape(360, 10)
+    fine = cast_shapes(pose, (-math.pi, math.tau / 3600, 3600), 40.0, circles, world.edges).reshape(360, 10)
     before, after = np.roll(fine, 1, axis=0)[:, -1:], np.roll(fine, -1, axis=0)[:, :1]
     around = np.hstack([before, fine, after])
     # Between two bearings a tenth of a degree apart a wall at 45° and 6 m comes 2 cm nearer.

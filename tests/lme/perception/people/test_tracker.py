@@ -9,13 +9,12 @@ from lme.config.presets import load_robot
 from lme.config.systems import load_system
 from lme.errors import InputError
 from lme.geometry.frames import compose, to_robot
-from lme.geometry.noise import add_noise
 from lme.perception.people.births import flickered, moved_points
 from lme.perception.people.config import PeopleConfig
 from lme.perception.people.registration import unpacked
 from lme.perception.people.source import Nobody, People, TrackedPeople, people_source
 from lme.perception.people.tracker import PeopleTracker
-from lme.perception.raycast import cast
+from lme.perception.raycast import add_noise, cast_shapes
 from lme.types import LaserScan, Limits, Observation, Pose, Twist
 
 BEAMS, FOV, RANGE, DT = 720, 4.71, 30.0, 0.1
@@ -29,7 +28,7 @@ PILLARS = np.array([[4.0, -3.0, 0.3], [6.0, 3.5, 0.1], [2.0, 4.0, 0.2]])
 def scan_at(pose, circles, noise=None):
     """What a robot at a pose sees of the room with these discs (C, 3)."""
     angles = (-FOV / 2, FOV / (BEAMS - 1), BEAMS)
-    ranges = cast((*compose(pose, MOUNT),), angles, RANGE, np.vstack([PILLARS, circles]), WALLS)
+    ranges = cast_shapes((*compose(pose, MOUNT),), angles, RANGE, np.vstack([PILLARS, circles]), WALLS)
     if noise is not None:
         add_noise(ranges, noise.standard_normal(BEAMS, dtype=np.float32), 0.02, RANGE)
     return LaserScan(ranges, angles[0], angles[1], 0.1, RANGE)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.planners.motion_tubes.tubes import TubeSpec, lidar_view
 from lme.types import LaserScan
 from tests.builders import shipped
@@ -24,7 +24,7 @@ def scattered(seed, count, low=0.1, high=3.0):
 def view_of(robot, circles):
     lidar = robot.lidar
     angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
-    ranges = cast(lidar.mount, angles, lidar.range_max, circles, NO_EDGES)
+    ranges = cast_shapes(lidar.mount, angles, lidar.range_max, circles, NO_EDGES)
     return lidar_view(LaserScan(ranges, *angles[:2], lidar.range_min, lidar.range_max), lidar.mount)
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
 from lme.simulation.mid360.raycast3d import cast_rays
 from lme.simulation.mid360.sensor import ExtrudedWorld
 from lme.worlds.world import World
@@ -122,7 +122,8 @@ def test_infinitely_high_obstacles_are_where_the_planar_kernel_sees_them(seed):
     distances = cast_rays(np.array([x, y, 0.5]), directions, *endless.obstacles(), (-math.inf, math.inf), 1e3)
     world = scene.world
     planar = [
-        cast((x, y, bearing), (0.0, 1e-3, 1), 100.0, world.circles, world.edges)[0] for bearing in bearings
+        cast_shapes((x, y, bearing), (0.0, 1e-3, 1), 100.0, world.circles, world.edges)[0]
+        for bearing in bearings
     ]
     assert np.minimum(distances * flat, 100.0) == pytest.approx(np.array(planar), abs=RANGE)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.geometry.points import beam_directions
+from lme.perception.scan_points import beam_directions
 from lme.planners.dclp.kernels.nearest_returns import nearest_returns
 from tests import oracles
 from tests.tolerances import KERNEL

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.fan import diamond
-from lme.geometry.points import beam_directions, scan_points
-from lme.perception.raycast import cast
+from lme.perception.raycast import cast_shapes
+from lme.perception.scan_points import beam_directions, scan_points
 from tests import oracles
 from tests.tolerances import KERNEL
 
@@ -38,7 +38,7 @@ def test_only_beams_with_a_return_become_points():
 @pytest.mark.parametrize("range_max", [15.1, 5.6, 0.3])  # not float32 numbers
 def test_beams_of_the_simulator_that_hit_nothing_make_no_points(range_max):
     angles = (-math.pi, 2 * math.pi / 90, 90)
-    ranges = cast(AT_BASE, angles, range_max, np.empty((0, 3)), np.empty((0, 4)))
+    ranges = cast_shapes(AT_BASE, angles, range_max, np.empty((0, 3)), np.empty((0, 4)))
     assert len(scan_points(ranges, beam_directions(*angles), 0.0, range_max, AT_BASE)) == 0
 
 

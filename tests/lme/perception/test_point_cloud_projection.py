@@ -6,8 +6,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.perception.point_cloud import rigid_transform
-from lme.perception.projection import Projection, cleared_per_bin, to_scan, without_unmeasured
+from lme.perception.point_cloud import (
+    Projection,
+    cleared_per_bin,
+    rigid_transform,
+    to_scan,
+    without_unmeasured,
+)
 from lme.perception.scan_points import is_full_circle, obstacle_points
 from lme.types import Pose
 from tests.tolerances import KERNEL, RANGE

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lme.perception.blind_arc import BlindArc
-from lme.perception.scan_points import obstacle_points
+from lme.perception.scan_points import BlindArc, obstacle_points
 from lme.types import Pose
 from tests.builders import observation, stage
 
