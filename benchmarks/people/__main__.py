@@ -24,7 +24,7 @@ from benchmarks.people.score import Score
 from benchmarks.people.tracked import tracked
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import Tracks
 
 NOISE = ("sim.slip=0.05", "sim.scan_noise=0.02")
 SCORED = (5, 6, 7)  # of the seven recordings

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.people.labels import Recording, read
 from benchmarks.people.tracked import tracked
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import Tracks
 from lme.types import Ints
 from runners.reports.figures.film import Picture, write_film
 from runners.reports.figures.style import new_figure

@@ -19,7 +19,7 @@ from lme.errors import InputError
 from lme.geometry.frames import compose, to_robot, to_world
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND, planar_matrix
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import Tracks
 from lme.types import Bools, Floats, Pose
 from runners.recordings.bags import Bag
 from runners.recordings.posed_scans import PosedScan, PosedScans

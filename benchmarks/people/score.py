@@ -8,7 +8,7 @@ from typing import Any
 import motmetrics
 import numpy as np
 
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import Tracks
 from lme.types import Floats, Ints
 
 NEAR = 0.5  # [m] from a person to their track, at most

@@ -8,9 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from benchmarks.people.labels import Recording
-from lme.perception.people.config import PeopleConfig
+from lme.perception.people.interface import PeopleConfig, Tracks
 from lme.perception.people.tracker import PeopleTracker
-from lme.perception.people.tracks import Tracks
 from lme.types import LaserScan, Pose
 
 _PERIOD = 0.1332  # [s] of the scanner in the recordings

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lme.guides.lme.explanation import Explanation
 from lme.live.track import StampedMotion
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import Tracks
 from lme.types import Guidance, Observation, Twist
 
 STILL = Twist(0.0, 0.0)

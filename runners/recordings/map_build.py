@@ -12,7 +12,7 @@ import yaml
 from PIL import Image
 
 from lme.errors import InputError, require
-from lme.mapping import FREE, OCCUPIED, GridMap, OccupancyGrid
+from lme.mapping.occupancy import FREE, OCCUPIED, GridMap, OccupancyGrid
 from lme.perception.scan_check import ScanTally
 from lme.types import Floats
 from lme.worlds.bitmap import MAX_PIXELS

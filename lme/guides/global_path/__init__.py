@@ -1,5 +1,5 @@
 """Shortest paths on a costmap of the scans or of the true map."""
 
-from lme.guides.global_path.guide import GlobalPath
+from lme.guides.global_path.guide import GlobalPath, GlobalPlanner
 
-__all__ = ["GlobalPath"]
+__all__ = ["GlobalPath", "GlobalPlanner"]

@@ -1,9 +1,9 @@
-"""The shortest path on a map of the obstacles seen so far, or on the true map."""
+"""The shortest path on a map of the obstacles seen so far or on the true map, by costs of navfn or GlobalPlanner."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,13 +11,13 @@ import numpy as np
 from lme.errors import argument_error, require
 from lme.geometry.fan import fan_blocked
 from lme.geometry.frames import to_robot, to_world
-from lme.grids.obstacle_grid import INSCRIBED, TOUCHING
+from lme.grids.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING
 from lme.guides.global_path.kernels import departs, nearest_passable, search, straighten, trace
-from lme.mapping.costmap import Costmap, CostmapConfig, ends_of
+from lme.mapping.costmap import Costmap, CostmapConfig, ends_of, stamp
 from lme.mapping.map_clock import MapClock
 from lme.perception.scan_points import obstacle_points
 from lme.robots import Robot
-from lme.types import Bools, Floats, Guidance, Observation, Pose
+from lme.types import Bools, Floats, Guidance, Ints, Observation, Pose
 from lme.worlds.world import World
 
 MAPS = ("observed", "known")
@@ -29,6 +29,7 @@ _TABLE = np.where(np.arange(256) < INSCRIBED, _NEUTRAL + _FACTOR * np.arange(256
 _ORIGIN = np.zeros(2)
 _SPACING_M = 0.05  # between points of a path
 _SEARCH_WINDOW = 40  # [points] search window for the robot's next position on the path
+_ROUNDED = 0.01  # [m] steps of the inflation radius
 
 
 @dataclass(slots=True)
@@ -101,14 +102,17 @@ class GlobalPath:
             self._route, self._age = self._plan(observation, costmap), 0
         route = self._route
         assert route is not None
-        _follow(route, observation.odometry)
+        # The robot's position on the route: the nearest point from the last position on.
+        pose, window = observation.odometry, route.points[route.index : route.index + _SEARCH_WINDOW]
+        nearest = int(np.hypot(window[:, 0] - pose.x, window[:, 1] - pose.y).argmin())
+        route.index = min(route.index + nearest, len(route.points) - 2)
         # A new route is a switch if it departs from the old one by more than the robot's width.
         switched = (
             previous is not None
             and previous is not route
             and departs(route.points, previous.points[previous.index :], 2.0 * self._robot.r)
         )
-        ahead = to_robot(route.points[route.index + 1 :], observation.odometry)
+        ahead = to_robot(route.points[route.index + 1 :], pose)
         path = np.vstack([_ORIGIN, ahead])
         subgoal = self._farthest_visible(path, observation) if route.reaches_target else _ORIGIN
         return Guidance(subgoal, path, switched, not route.reaches_target)
@@ -194,11 +198,55 @@ class GlobalPath:
         return np.array(ahead[step - 1])
 
 
-def _follow(route: _Route, pose: Pose) -> None:
-    """Update the robot's position on the route: the nearest point from the last position on."""
-    ahead = route.points[route.index : route.index + _SEARCH_WINDOW]
-    distances = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
-    route.index = min(route.index + int(distances.argmin()), len(route.points) - 2)
+@dataclass(slots=True)
+class GlobalPlannerConfig(GlobalPathConfig):
+    """Costs of GlobalPlanner, and the inflation at full speed, besides the settings of GlobalPath."""
+
+    neutral_cost: float
+    cost_factor: float
+    lethal_cost: float
+    fast_inflation_radius: float
+    full_speed: float
+
+    def __post_init__(self) -> None:
+        GlobalPathConfig.__post_init__(self)  # super() fails in a dataclass with slots
+        require("neutral_cost", self.neutral_cost, above=0.0)
+        require("cost_factor", self.cost_factor, at_least=0.0)
+        require("lethal_cost", self.lethal_cost, above=self.neutral_cost + 1.0)
+        require("fast_inflation_radius", self.fast_inflation_radius, at_least=0.0)
+        require("full_speed", self.full_speed, above=0.0)
+
+
+class GlobalPlanner(GlobalPath):
+    """global_planner/GlobalPlanner of ROS move_base, as LiCS-KI drives it: the search of `GlobalPath` with its costs.
+
+    A cell costs `neutral_cost` plus `cost_factor` times its cost in the costmap, but less than `lethal_cost`
+    (ros-planning/navigation, global_planner/expander.h). The inflation radius grows linearly with the speed, from
+    `costmap.inflation_radius` to `fast_inflation_radius` at `full_speed`.
+    """
+
+    Config = GlobalPlannerConfig
+
+    def __init__(self, config: GlobalPlannerConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
+        self._inflation = config
+        self._r_min = robot.footprint.inscribed_radius
+        self._stamps: dict[int, Ints] = {}
+        costs = np.arange(256)
+        paid = np.minimum(config.neutral_cost + config.cost_factor * costs, config.lethal_cost - 1.0)
+        self.cell_costs = np.where(costs < HIGHEST, paid, np.inf)
+
+    def _update_costmap(self, observation: Observation) -> Costmap:
+        """Return the map with this scan; it will be inflated for the current speed."""
+        costmap = super()._update_costmap(observation)
+        config, slow_radius = self._inflation, self._inflation.costmap.inflation_radius
+        fraction = min(max(observation.twist.v / config.full_speed, 0.0), 1.0)
+        radius = round((slow_radius + fraction * (config.fast_inflation_radius - slow_radius)) / _ROUNDED)
+        if radius not in self._stamps:
+            inflated = replace(config.costmap, inflation_radius=radius * _ROUNDED)
+            self._stamps[radius] = stamp(inflated, self._r_min)
+        costmap.stamp = self._stamps[radius]
+        return costmap
 
 
 def _spaced(corners: Floats) -> Floats:

@@ -1,4 +1,8 @@
-"""Registration of a scan on an earlier one: point to line, with the odometry as a prior."""
+"""A scan beside earlier ones: the evidence of motion in it, and its registration.
+
+Something has moved if it is where a beam of an earlier scan passed, unless something stood there before. A scan is
+registered on an earlier one point to line, with the odometry as a prior.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +25,11 @@ _YAW_DEVIATIONS = 2.5  # standard deviations of the yaw by odometry that are sea
 _MAX_RANGE_ERROR = 0.3  # [m] a range that differs more is of another surface
 _SAMPLES = 480  # points that are used
 _CORRELATED = 4.0  # neighbouring points err alike
+_MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
+_FLICKER = 0.1  # share of standing points missed before; if a lidar misses more, missing returns are ignored
+_FADING = 0.98  # share of the counts that is kept from scan to scan
+CELLS = 512  # along a side of the grid of what stood
+_CELL = 0.1  # [m] side of one
 
 
 class NewestScan(NamedTuple):
@@ -103,6 +112,88 @@ def passed_through(positions, view, margin):
         elif abs(free_ranges[beam] - distance) <= 2.0 * margin:
             verdicts[i] = -1
     return verdicts
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(points, hits, view, margin, votes):
+    """Add what an earlier scan says about each point (B, 2) with a hit (B,) to `votes` (B, 2).
+
+    votes: number of scans that saw through its place, and of those that did if a beam without a return is free. view:
+    of the earlier scan, see `passed_through`.
+    """
+    lidar, sure_ranges, free_ranges, angles = view
+    cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
+    for i in range(len(points)):
+        if not hits[i]:
+            continue
+        # The earlier beam towards the point; it saw through the place if it ended behind it.
+        x, y = into(points[i, 0], points[i, 1], lidar, cos, sin)
+        beam = beam_towards(x, y, angles, len(free_ranges))
+        if beam < 0:
+            continue
+        distance = math.sqrt(x * x + y * y)
+        if sure_ranges[beam] > distance + margin:
+            votes[i, 0] += 1
+        elif free_ranges[beam] > distance + margin:
+            votes[i, 1] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def flickered(votes, stands, counts):
+    """Update the numbers of standing points, and of those that a beam without a return missed before.
+
+    votes (B, 2): see `weigh`; stands (B,): whether a point stands. The former `counts` fade.
+    """
+    standing, missing = _FADING * counts[0], _FADING * counts[1]
+    for i in range(len(votes)):
+        if stands[i]:
+            standing += 1.0
+            missing += votes[i, 1] > 0
+    return standing, missing
+
+
+@njit(cache=True, error_model="numpy")
+def moved_points(votes, stands, counts):
+    """Return whether each point (B,) has moved, by the votes of earlier scans; not where something stood before (B,).
+
+    counts: numbers of points that stand and that were missed before, see `flickered`.
+    """
+    trusted = counts[1] <= _FLICKER * counts[0]
+    has_moved = np.zeros(len(votes), np.bool_)
+    for i in range(len(votes)):
+        has_moved[i] = (votes[i, 0] > 0 or (trusted and votes[i, 1] >= _MISSING_VOTES)) and not stands[i]
+    return has_moved
+
+
+@njit(cache=True, error_model="numpy")
+def remember(stood, points, hits, owner, movers, time):
+    """Note in `stood` (CELLS, CELLS) the time at which something returned that is not known to move.
+
+    points (B, 2), hits (B,), owner (B,): of a scan taken at `time` [s], with the track of each point.
+    """
+    for i in range(len(points)):
+        if hits[i] and (owner[i] < 0 or not movers[owner[i] % len(movers)]):
+            column, row = _cell(points[i, 0]), _cell(points[i, 1])
+            stood[row % CELLS, column % CELLS] = time
+
+
+@njit(cache=True, error_model="numpy")
+def recall(stood, points, hits, since):
+    """Return whether each point (B, 2) is where something stood after a time [s]: (B,)."""
+    stands = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        if hits[i]:
+            column, row = _cell(points[i, 0] - 0.5 * _CELL), _cell(points[i, 1] - 0.5 * _CELL)
+            # Any of the four cells around the point.
+            for k in range(2):
+                for m in range(2):
+                    stands[i] |= stood[(row + k) % CELLS, (column + m) % CELLS] >= since
+    return stands
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _cell(x):
+    return math.floor(x / _CELL)
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,8 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from lme.errors import InputError
-from lme.perception.people.config import PeopleConfig
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import PeopleConfig, Tracks
 from lme.robots import Robot
 from lme.types import Observation
 

@@ -16,11 +16,20 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.geometry.frames import compose, relative, to_robot
-from lme.perception.people.births import CELLS, flickered, moved_points, recall, remember, weigh
-from lme.perception.people.config import PeopleConfig
-from lme.perception.people.matching import advance, in_sight
-from lme.perception.people.registration import NewestScan, normals, register, unpacked
-from lme.perception.people.table import (  # fmt: skip
+from lme.perception.people.interface import PeopleConfig, Tracks
+from lme.perception.people.registration import (
+    CELLS,
+    NewestScan,
+    flickered,
+    moved_points,
+    normals,
+    recall,
+    register,
+    remember,
+    unpacked,
+    weigh,
+)
+from lme.perception.people.tracks import (  # fmt: skip
     AGE,
     ANCHORS,
     COLUMNS,
@@ -36,9 +45,10 @@ from lme.perception.people.table import (  # fmt: skip
     R,
     X,
     Y,
+    advance,
+    in_sight,
     predict,
 )
-from lme.perception.people.tracks import Tracks
 from lme.perception.scan_points import beam_directions
 from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
@@ -94,9 +104,7 @@ class PeopleTracker:
         self._movers = np.zeros(_NAMES, np.bool_)
         self._stood = np.full((CELLS, CELLS), -math.inf, np.float32)
         self._newest_standing = -1.0  # time of the newest scan in it [s]
-        self._key: tuple[_Scan, Floats] | None = (
-            None  # the scan on which scans are registered, and its normals
-        )
+        self._key: tuple[_Scan, Floats] | None = None  # the scan to register others on, and its normals
         self._scans: deque[_Scan] = deque()
         self._time = 0.0
         self._noise = 0.01  # [m] of a range, estimated from the registration

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lme.errors import require
-from lme.mapping.local_costmap import LocalCostmapConfig
+from lme.mapping.costmap import LocalCostmapConfig
 
 
 @dataclass(slots=True)

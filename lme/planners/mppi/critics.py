@@ -8,7 +8,7 @@ import numpy as np
 
 from lme.geometry.frames import to_world
 from lme.grids.obstacle_grid import HIGHEST
-from lme.mapping.local_costmap import LocalCostmap
+from lme.mapping.costmap import LocalCostmap
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.kernels import critics
 from lme.planners.mppi.kernels.rollout import Singles

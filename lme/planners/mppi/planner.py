@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.mapping.local_costmap import LocalCostmap
+from lme.mapping.costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.mppi.critics import Critics

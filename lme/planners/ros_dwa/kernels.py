@@ -1,6 +1,6 @@
 """Distances on a costmap, and the scores of simulated trajectories, as in ROS base_local_planner.
 
-Lattice, `Grid` and `Costs` are those of `lme.grids.obstacle_grid`; outlines are those of `lme.grids.outline`.
+Lattice, `Grid` and `Costs` are those of `lme.grids.obstacle_grid`; outlines are those of `lme.grids.obstacle_grid`.
 """
 
 import math
@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice
-from lme.grids.outline import outline_capacity, outline_cost
+from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice, outline_capacity, outline_cost
 from lme.types import Bools, Floats, Ints
 
 Distances = NDArray[np.int32]

@@ -11,7 +11,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import to_world, wrap_angle
-from lme.mapping.local_costmap import LocalCostmap
+from lme.mapping.costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig, TrajectorySearch

@@ -9,9 +9,8 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import wrap_angle
-from lme.grids.obstacle_grid import lattice
-from lme.grids.outline import covered_cells
-from lme.mapping.local_costmap import LocalCostmap, LocalCostmapConfig
+from lme.grids.obstacle_grid import covered_cells, lattice
+from lme.mapping.costmap import LocalCostmap, LocalCostmapConfig
 from lme.planners.ros_dwa.kernels import LOST, distances, score, way_cells
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from lme.errors import require
-from lme.mapping.local_costmap import LocalCostmapConfig
+from lme.mapping.costmap import LocalCostmapConfig
 from lme.planners.teb.kernels import Weights
 
 _POSITIVE = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from lme.geometry.frames import to_world
 from lme.grids.obstacle_grid import TOUCHING
-from lme.mapping.local_costmap import LocalCostmap
+from lme.mapping.costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
 from lme.planners.teb.band import LocalPath, TimedBand

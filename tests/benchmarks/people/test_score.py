@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.people.score import Score
-from lme.perception.people.tracks import Tracks
+from lme.perception.people.interface import Tracks
 
 
 def tracks(*rows):

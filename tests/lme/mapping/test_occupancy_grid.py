@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.mapping import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from lme.mapping.occupancy import densified, flooded, trace_beams
+from lme.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, densified, flooded, trace_beams
 from lme.types import LaserScan, Pose
 from tests.made_logs import CLOSET, CORRIDOR, PILLAR, WAYPOINTS, scan, truth_clearance, way
 

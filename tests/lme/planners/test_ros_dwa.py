@@ -11,7 +11,7 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.grids.obstacle_grid import INSCRIBED, TOUCHING
-from lme.mapping.local_costmap import LocalCostmap
+from lme.mapping.costmap import LocalCostmap
 from lme.planners.ros_dwa.planner import RosDwa
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist

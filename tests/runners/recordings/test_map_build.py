@@ -11,7 +11,7 @@ pytest.importorskip("rosbags")
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative
-from lme.mapping import FREE, OCCUPIED
+from lme.mapping.occupancy import FREE, OCCUPIED
 from lme.types import Pose
 from lme.worlds.map_file import MapFile
 from runners.recordings.log import DriveLog, LogConfig, log_config

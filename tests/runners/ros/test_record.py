@@ -15,7 +15,7 @@ from lme.config.presets import load_map_set
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.live.step import LiveState, LiveStep
-from lme.mapping import FREE, OCCUPIED
+from lme.mapping.occupancy import FREE, OCCUPIED
 from lme.worlds.check import point_clearance
 from runners.cli.main import main
 from runners.config import build

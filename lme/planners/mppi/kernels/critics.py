@@ -2,7 +2,7 @@
 
 Poses (N, T, 3) [m, m, rad] and paths (P, 2) [m] are in the frame of the map, and a path begins at the robot. Speeds
 (N, T) [m/s] are those with which the poses were driven. Lattice, `Grid` and `Costs` are those of
-`lme.grids.obstacle_grid`, outlines those of `lme.grids.outline`.
+`lme.grids.obstacle_grid`, outlines those of `lme.grids.obstacle_grid`.
 """
 
 import math
@@ -10,8 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice
-from lme.grids.outline import outline_capacity, outline_cost
+from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice, outline_capacity, outline_cost
 from lme.planners.mppi.kernels.rollout import Singles
 from lme.types import Bools, Floats
 

@@ -9,9 +9,8 @@ from lme.config.presets import load_robot
 from lme.config.systems import load_system
 from lme.errors import InputError
 from lme.geometry.frames import compose, to_robot
-from lme.perception.people.births import flickered, moved_points
-from lme.perception.people.config import PeopleConfig
-from lme.perception.people.registration import unpacked
+from lme.perception.people.interface import PeopleConfig
+from lme.perception.people.registration import flickered, moved_points, unpacked
 from lme.perception.people.source import Nobody, People, TrackedPeople, people_source
 from lme.perception.people.tracker import PeopleTracker
 from lme.perception.raycast import add_noise, cast_shapes

@@ -5,7 +5,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.guides.global_planner import GlobalPlanner
+from lme.guides.global_path import GlobalPlanner
 from lme.simulation.fast import FastSimulator
 from lme.types import Twist
 from lme.worlds.world import World

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.grids.outline import covered_cells, free_covered, outline_capacity, outline_cells, outline_cost
+from lme.grids.obstacle_grid import covered_cells, free_covered, outline_capacity, outline_cells, outline_cost
 from tests import oracles
 from tests.builders import shipped
 
