@@ -19,28 +19,6 @@ _RINGS = 128  # around the origin, into which points are sorted
 SLACK = 0.9  # share of its distance that a point inside the margin must keep; 1 would forbid all motion
 
 
-def contact_times(
-    twists: Floats,
-    points: Floats,
-    box: tuple[float, float, float],
-    margins: Floats,
-    min_distances: Floats,
-    horizons: Floats,
-) -> Floats:
-    """Time until the footprint touches a point at constant twist, for each twist: (N,) [s], inf if never.
-
-    twists (N, 2) [m/s, rad/s], v ≥ 0; points (M, 2) in the robot frame [m]; box (half_length, half_width,
-    rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to SLACK of a point's current
-    distance. min_distances (N,) [s]: any contact before it may be returned, not only the first. horizons (N,) [s]:
-    later contacts are ignored. A standing robot touches nothing; for a moving one, a point inside the footprint
-    gives 0.
-    """
-    half_length, half_width, rounding = box
-    sizes = float(half_length), float(half_width), float(rounding)
-    times: Floats = first_contacts(twists, points, sizes, margins, min_distances, horizons)
-    return times
-
-
 @njit(cache=True, error_model="numpy")
 def clearances(points: Floats, box: tuple[float, float, float]) -> Floats:
     """Distance of each of the (M, 2) points from the footprint [m], negative inside: (M,)."""
@@ -61,9 +39,13 @@ def first_contacts(
     horizons: Floats,
     slack: float = SLACK,
 ) -> Floats:
-    """Compute `contact_times` for compiled callers; a point inside the margin must keep `slack` of its distance.
+    """Time until the footprint touches a point at constant twist, for each twist: (N,) [s], inf if never.
 
-    Points are sorted by distance, coarsely, so that a contact ends the search early.
+    twists (N, 2) [m/s, rad/s], v ≥ 0; points (M, 2) in the robot frame [m]; box (half_length, half_width,
+    rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to `slack` of a point's current
+    distance. min_distances (N,) [s]: any contact before it may be returned, not only the first. horizons (N,) [s]:
+    later contacts are ignored. A standing robot touches nothing; for a moving one, a point inside the footprint
+    gives 0. Points are sorted by distance, coarsely, so that a contact ends the search early.
     """
     # The points and their order serve all twists.
     near = within_reach(twists, points, box, margins, horizons, slack)

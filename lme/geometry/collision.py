@@ -15,6 +15,7 @@ from lme.geometry.motion import first_within
 from lme.types import Floats
 
 
+@njit(cache=True, error_model="numpy")
 def sweep(
     poses: Floats, box: tuple[float, float, float], circles: Floats, edges: Floats
 ) -> tuple[float, int]:
@@ -26,15 +27,6 @@ def sweep(
     and the index of the first pose in contact, −1 without contact. A distance of 0 is contact.
     """
     half_length, half_width, rounding = box
-    clearance, contact = sweep_box(
-        poses, float(half_length), float(half_width), float(rounding), circles, edges
-    )
-    return float(clearance), int(contact)
-
-
-@njit(cache=True, error_model="numpy")
-def sweep_box(poses, half_length, half_width, rounding, circles, edges):
-    """Return the result of `sweep` for other kernels, with the box as separate numbers."""
     near_circles, near_edges = _broad_phase(poses, half_length, half_width, rounding, circles, edges)
     min_clearance = np.inf
     # Distance to the sharp rectangle at each pose, less the rounding of its corners.
@@ -192,7 +184,7 @@ def first_event(travel, goal, tolerance, box, circles, edges):
     # Poses after the arrival do not count.
     arrival = first_within(travel, goal, tolerance)
     driven_poses = travel[: arrival + 1] if arrival >= 0 else travel
-    clearance, contact = sweep_box(driven_poses, box[0], box[1], box[2], circles, edges)
+    clearance, contact = sweep(driven_poses, box, circles, edges)
     if contact >= 0:
         return contact + 1, clearance, True, False
     return len(driven_poses), clearance, False, arrival >= 0

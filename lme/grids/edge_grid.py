@@ -92,10 +92,8 @@ def _columns(edges, i, row, low_x, low_y, side, columns):
     # Clip the edge to the row, as shares of its length.
     if abs(along_y) > _SLACK:
         low, high = low_y + row * side - _SLACK - y0, low_y + (row + 1) * side + _SLACK - y0
-        begin, end = (
-            max(min(low / along_y, high / along_y), 0.0),
-            min(max(low / along_y, high / along_y), 1.0),
-        )
+        begin = max(min(low / along_y, high / along_y), 0.0)
+        end = min(max(low / along_y, high / along_y), 1.0)
     from_x, to_x = x0 + begin * along_x, x0 + end * along_x
     first = _cell(min(from_x, to_x) - _SLACK, low_x, side, columns)
     return first, _cell(max(from_x, to_x) + _SLACK, low_x, side, columns) + 1

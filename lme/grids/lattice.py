@@ -202,10 +202,8 @@ def _rates(turn, table, cells_per_metre):
     """Columns and rows per metre, metres per column and per row of each beam: (B, 4); and its quadrant (B,)."""
     rates, quadrants = np.empty((table.shape[1], 4)), np.empty(table.shape[1], np.uint8)
     for i in range(table.shape[1]):
-        dx, dy = (
-            turn[0] * table[0, i] - turn[1] * table[1, i],
-            turn[1] * table[0, i] + turn[0] * table[1, i],
-        )
+        dx = turn[0] * table[0, i] - turn[1] * table[1, i]
+        dy = turn[1] * table[0, i] + turn[0] * table[1, i]
         columns, rows = abs(dx) * cells_per_metre, abs(dy) * cells_per_metre
         rates[i, 0], rates[i, 1], rates[i, 2], rates[i, 3] = columns, rows, 1.0 / columns, 1.0 / rows
         quadrants[i] = (dx < 0.0) + 2 * (dy < 0.0)

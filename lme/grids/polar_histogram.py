@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
+from lme.grids.obstacle_grid import lattice
 from lme.types import Bools, Floats
 
 
@@ -27,7 +28,7 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
         x, y = points[i, 0], points[i, 1]
         if x * x + y * y > reach * reach:
             continue
-        hit = hits[_nearest(x / cell_size) + half, _nearest(y / cell_size) + half]
+        hit = hits[lattice(x / cell_size) + half, lattice(y / cell_size) + half]
         hit[0] += 1.0
         hit[1] += x
         hit[2] += y
@@ -73,7 +74,7 @@ def polar_density(
         half = math.asin(radius / distance) / alpha if distance > radius else 0.25 * num_sectors
         first_sector, last_sector = math.ceil(middle - half), math.floor(middle + half)
         if first_sector > last_sector:  # the cell is narrower than a sector and between two centres
-            first_sector = last_sector = _nearest(middle)
+            first_sector = last_sector = lattice(middle)
         for k in range(first_sector, last_sector + 1):
             density[k % num_sectors] += weight
     return density
@@ -181,12 +182,6 @@ def _append_valley(first_sector, last_sector, target, wide_valley, num_sectors, 
         directions[count + 2] = ahead
         return count + 3
     return count + 2
-
-
-@njit(cache=True, error_model="numpy")
-def _nearest(value):
-    """Round to the nearest integer, halves away from zero, so that left and right are symmetric."""
-    return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
 @njit(cache=True, error_model="numpy")

@@ -219,8 +219,8 @@ def ends_of(world: World, start: Pose) -> Floats:
 def _layout(config: CostmapConfig, positions: Floats) -> tuple[Grid, tuple[int, int]]:
     """Grid around the origin and the positions (N, 2), and its shape (I, J)."""
     ends = np.vstack([np.zeros(2), positions])
-    below, above = (
-        np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))
+    below, above = np.ceil(
+        (config.margin + np.array([-ends.min(axis=0), ends.max(axis=0)])) / config.cell_size
     )
     size = [int(cells) + 1 for cells in below + above]
     cells = size[0] * size[1]

@@ -80,38 +80,6 @@ def _pass(misses, x0, y0, x1, y1):
 
 
 @njit(cache=True, error_model="numpy")
-def flooded(passable: Bools, seeds: Ints, steps: int) -> Bools:
-    """Cells (rows, columns) that at most `steps` steps between neighbours of a row or a column lead to.
-
-    seeds (S, 2): rows and columns to start from; they count even if they are not passable.
-    """
-    rows, columns = passable.shape
-    reached = np.zeros(passable.shape, np.bool_)
-    queue = np.empty((passable.size, 2), np.int32)
-    tail = 0
-    for k in range(len(seeds)):
-        row, column = seeds[k, 0], seeds[k, 1]
-        if not reached[row, column]:
-            reached[row, column] = True
-            queue[tail, 0], queue[tail, 1] = row, column
-            tail += 1
-    # Breadth-first search: one more step for all cells of the last ring.
-    head = 0
-    for _ in range(steps):
-        ring = tail
-        while head < ring:
-            row, column = queue[head, 0], queue[head, 1]
-            head += 1
-            for down, right in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                r, c = row + down, column + right
-                if 0 <= r < rows and 0 <= c < columns and passable[r, c] and not reached[r, c]:
-                    reached[r, c] = True
-                    queue[tail, 0], queue[tail, 1] = r, c
-                    tail += 1
-    return reached
-
-
-@njit(cache=True, error_model="numpy")
 def densified(path: Floats, step: float, jump: float) -> Floats:
     """Points (P, 2) at most `step` apart on the lines between the points of a path (N, 2), except across a `jump`."""
     count = 1
@@ -198,7 +166,9 @@ class OccupancyGrid:
         self._cover(path.min(axis=0) - radius)
         self._cover(path.max(axis=0) + radius)
         # Cells of the path, and the part of the grid that matters.
-        columns, rows = self._path_cells(path).T
+        points = densified(np.ascontiguousarray(path, dtype=np.float64), self._resolution / 2.0, JUMP_M)
+        cells = np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
+        columns, rows = cells.T
         box = self._observed_box(rows, columns, math.ceil(radius / self._resolution))
         rows, columns = rows - box[0].start, columns - box[1].start
         hits, beams = self._hits[box], self._hits[box] + self._misses[box]
@@ -209,8 +179,8 @@ class OccupancyGrid:
         swept = self._distance_to(on_way) <= radius
         open_ = ((beams > 0) & ~occupied) | swept
         roomy = self._distance_to(~np.pad(open_, 1))[1:-1, 1:-1] >= radius
-        seeds = np.column_stack((rows, columns))
-        reached = flooded(roomy, seeds, round(reach / self._resolution))
+        steps = round(reach / self._resolution)  # 0 would be without end
+        reached = ndimage.binary_dilation(on_way, iterations=steps, mask=roomy) if steps else on_way
         free = (open_ & (self._distance_to(reached) < radius)) | swept
         cells = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
         return self._cropped(cells, self._corner + np.array([box[1].start, box[0].start]))
@@ -241,21 +211,13 @@ class OccupancyGrid:
                 f"most {MAX_CELLS} cells, so at least {self._resolution * math.sqrt(cells / MAX_CELLS):.2g} m"
             )
 
-    def _path_cells(self, path: Floats) -> Ints:
-        """Columns and rows (P, 2) of the cells on the path."""
-        points = densified(np.ascontiguousarray(path, dtype=np.float64), self._resolution / 2.0, JUMP_M)
-        return np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
-
     def _observed_box(self, rows: Ints, columns: Ints, margin: int) -> tuple[slice, slice]:
         """Rows and columns from the first to the last with a beam or a part of the way, and `margin` more."""
         observed = (self._hits > 0) | (self._misses > 0)
         observed[rows, columns] = True
-        along = np.flatnonzero(observed.any(axis=1)), np.flatnonzero(observed.any(axis=0))
-        low, high = (
-            (max(int(line[0]) - margin, 0) for line in along),
-            (int(line[-1]) + margin + 1 for line in along),
-        )
-        return slice(next(low), next(high)), slice(next(low), next(high))
+        sides = ndimage.find_objects(observed.view(np.uint8))[0]
+        row_side, column_side = (slice(max(side.start - margin, 0), side.stop + margin) for side in sides)
+        return row_side, column_side
 
     def _distance_to(self, cells: Bools) -> Floats:
         """Distance [m] (rows, columns) from the middle of each cell to that of the nearest of `cells`."""

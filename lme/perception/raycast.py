@@ -78,9 +78,8 @@ def cast_grid(
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
     start = (float(x), float(y), yaw + angle_min, float(range_max), beam_table(increment, num_beams))
-    ranges: NDArray[np.float32] = (
-        cast_lattice(*start, *grid, *lattice) if len(lattice.edges) else _cast_grid(*start, *grid)
-    )
+    ranges: NDArray[np.float32]
+    ranges = cast_lattice(*start, *grid, *lattice) if len(lattice.edges) else _cast_grid(*start, *grid)
     return ranges
 
 

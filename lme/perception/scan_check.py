@@ -94,9 +94,8 @@ def _angle_faults(scan: LaserScan, angle_max: float | None) -> list[ScanFault]:
         if abs(difference) > _OFF_BEAMS * increment:
             ends = f"ends at {math.degrees(last_angle):.4g}°, but angle_max is {math.degrees(angle_max):.4g}°"
             text = f"{beams}, so it {ends}: the increment is used, and one of them is wrong"
-            return [
-                ScanFault("angle_max", text, abs(difference) > _ERROR and angle_max != 0.0)
-            ]  # 0: the driver left it unset
+            blind = abs(difference) > _ERROR and angle_max != 0.0  # 0: the driver left it unset
+            return [ScanFault("angle_max", text, blind)]
     if (count - 1) * increment > math.tau + 0.5 * increment:
         text = f"{beams}, {count * math.degrees(increment):.4g}°: beams beyond one turn are left out"
         return [ScanFault("overlap", text, False)]

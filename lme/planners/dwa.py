@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.geometry.arcs import clearances, contact_times
+from lme.geometry.arcs import clearances, first_contacts
 from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import MOST_SAMPLES, approach, check_turn_samples, limited, turn_shares
 from lme.planners.weighed import Weighed
@@ -113,7 +113,7 @@ class Dwa:
         twists = np.stack(np.broadcast_arrays(v, omega), axis=-1).reshape(-1, 2)
         margins = config.margin + config.margin_time * twists[:, 0]
         horizons = np.maximum(stopping, config.clear_way / np.maximum(v, 1e-3)).ravel()
-        contact = contact_times(twists, points, self._box, margins, stopping.ravel(), horizons)
+        contact = first_contacts(twists, points, self._box, margins, stopping.ravel(), horizons)
         return _Window(v, omega, contact.reshape(stopping.shape), stopping)
 
     def _turn_rates(self, twist: Twist, limits: Limits) -> Floats:

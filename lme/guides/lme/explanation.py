@@ -116,14 +116,14 @@ def reason(current: Explanation, previous: Explanation | None = None) -> str:
     Source: second half of Algorithm 1.
     """
     choice = current.decision.choice
-    if choice is Choice.BETTER:
+    if choice is Choice.FIRST:
+        sentence = _explain_first(current)
+    elif choice is Choice.REACHED:
+        sentence = _explain_reached(current)
+    elif choice is Choice.BETTER:
         sentence = _explain_better(current, previous)
     else:
-        sentence = {
-            Choice.FIRST: _explain_first,
-            Choice.REACHED: _explain_reached,
-            Choice.KEPT: _explain_kept,
-        }[choice](current)
+        sentence = f"kept: the best new one scores {_against_d2(current)}"
     if not current.decision.blocked:
         return sentence
     outcome = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
@@ -215,10 +215,6 @@ def _explain_better(current: Explanation, previous: Explanation | None) -> str:
     return f"switched: {scores}, {_list_terms(leading_terms)}{f'; the old one {change}' if change else ''}"
 
 
-def _explain_kept(explanation: Explanation) -> str:
-    return f"kept: the best new one scores {_against_d2(explanation)}"
-
-
 def _against_d2(explanation: Explanation, at_most: str = "") -> str:
     gain, d2 = _gain(explanation), explanation.parameters.d2
     if gain <= 0.0:
@@ -246,7 +242,9 @@ def _describe_changes(
     """Describe how the old subgoal's features fell since the last step, for criteria that favour the new one."""
     if previous is None or current.old_features is None:
         return ""
-    features = _features_of_chosen(previous)
+    features = previous.features[:, previous.new]  # of the subgoal that it chose
+    if previous.decision.choice is Choice.KEPT and previous.old_features is not None:
+        features = previous.old_features
     words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[current.view.surmount]}
     falls = []
     for term in leading_terms:
@@ -258,14 +256,8 @@ def _describe_changes(
         )
     if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
-    return _join_phrases([fall for fall in falls if fall])
-
-
-def _features_of_chosen(step: Explanation) -> Floats:
-    """Features (C,) of the subgoal that a step chose."""
-    if step.decision.choice is Choice.KEPT and step.old_features is not None:
-        return step.old_features
-    return step.features[:, step.new]
+    *others, last = [fall for fall in falls if fall] or [""]
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def _describe_fall(
@@ -278,10 +270,6 @@ def _describe_fall(
     if term.name == "c_o":
         return _NARROWED if current > 0.0 else words["c_o"]
     return words[term.name] if previous == _BEST.get(term.name) else f"fell by {_text(loss)} in {term.name}"
-
-
-def _join_phrases(parts: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
 
 
 def _list_terms(terms: Sequence[Term]) -> str:

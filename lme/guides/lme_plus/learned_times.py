@@ -14,7 +14,7 @@ from lme.types import Floats
 OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned of the ways to it is forgotten
 Learned = tuple[
     Floats, tuple[int, int]
-]  # times (A, B) [s], and in them the row and column before a grid's first cell
+]  # times (A, B) [s]; row and column in them before a grid's first cell
 _MIN_WAIT = 2.0  # [s] total time stuck before a place, from which on the place counts
 _COST = 10.0  # [-] delay of the way through a place, in multiples of the time stuck before it
 _PLACE_DISTANCE = 0.5  # [m] nearer places count as one
@@ -53,10 +53,8 @@ def learn(
         first_column, last_column = math.ceil(max(middle - half, low)), int(min(middle + half, high))
         if first_column > last_column:
             continue
-        row_learned, row_times = (
-            learned[corner[0] + i, corner[1] + first_column : corner[1] + last_column + 1],
-            times[i, first_column : last_column + 1],
-        )
+        row_learned = learned[corner[0] + i, corner[1] + first_column : corner[1] + last_column + 1]
+        row_times = times[i, first_column : last_column + 1]
         # row_learned = max(row_learned, min(row_times, max_time − straight time from the robot)).
         across = (i - x) ** 2
         for n in range(len(row_learned)):  # without branches, for the processor's vectors

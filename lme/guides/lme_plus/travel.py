@@ -10,7 +10,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.guides.lme_plus.learned_times import LearnedTimes
-from lme.guides.lme_plus.travel_grid import Grid, SpeedProfile, cost_to_go_at, descend, workspace
+from lme.guides.lme_plus.travel_grid import Grid, SpeedProfile, descend, workspace
 from lme.guides.lme_plus.travel_time import travel_times
 from lme.robots import Robot
 from lme.types import Bools, Floats, Pose
@@ -20,7 +20,6 @@ _CELL = 0.15  # [m] side of a cell
 NARROW = 100.0  # [-] factor of the time at v_max in a passage that leaves less than the margin
 _STRIDE = 3  # cells between two places on the way of steepest descent
 _WINDING = 4.0  # [-] greatest length of a way that is followed in the grid, in multiples of the reach
-_ORIGIN = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
@@ -55,16 +54,6 @@ class Field(NamedTuple):
     here: Floats
     target: Floats
     v_max: float
-
-    def cost_to_go(self, positions: Floats, pose: Pose = _ORIGIN) -> Floats:
-        """T at (N, 2) positions in the frame at `pose` [s]: (N,), the least that the search allows where it did not go.
-
-        If the robot has no way to the target, such positions have the time of the straight line to it.
-        """
-        frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
-        ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
-        costs: Floats = cost_to_go_at(self.times, positions, frame, grid, *ends)
-        return costs
 
     def kept(self) -> Field:
         """Return a copy with times of its own, which stay when the next field is computed."""
@@ -148,9 +137,8 @@ class Travel:
             return _NOBODY
         reach = people[:, 4] + self._berth
         speed = np.hypot(people[:, 2], people[:, 3])
-        leave_time = np.maximum(
-            people[:, 5], self._patience
-        )  # people are expected to stand for as long again as they have stood
+        # People are expected to stand for as long again as they have stood.
+        leave_time = np.maximum(people[:, 5], self._patience)
         wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leave_time)
         return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))
 

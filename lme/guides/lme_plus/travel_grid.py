@@ -79,7 +79,12 @@ class Workspace(NamedTuple):
 
 def workspace(size: int, cell: float, comfort: float) -> Workspace:
     """A workspace for grids of `size` × `size` cells of side `cell` [m], and one comfort [m]."""
-    width, padded, disc = size + 2, size + 2 * pad(comfort, cell), _disc(size)
+    width, padded = size + 2, size + 2 * pad(comfort, cell)
+    along = np.arange(width) - (size + 1) / 2
+    disc = np.hypot(along[:, None], along) <= disc_radius(size)
+    # Cells of the disc whose four neighbours are in it, too; the others are its edge.
+    inner = np.zeros_like(disc)
+    inner[1:-1, 1:-1] = disc[:-2, 1:-1] & disc[2:, 1:-1] & disc[1:-1, :-2] & disc[1:-1, 2:]
     return Workspace(
         times=np.full((width, width), np.inf),
         tentative=np.where(disc, np.inf, -np.inf).ravel(),
@@ -92,22 +97,8 @@ def workspace(size: int, cell: float, comfort: float) -> Workspace:
         nodes=np.empty((2, 5 * width * width), np.int32),
         walls=np.empty(width * width, np.int32),
         used=np.zeros(2, np.int64),
-        edge=np.flatnonzero(_edge(disc)).astype(np.int32),
+        edge=np.flatnonzero(disc & ~inner).astype(np.int32),
     )
-
-
-def _disc(size: int) -> Bools:
-    """Return whether each of (size + 2, size + 2) cells is in the disc."""
-    along = np.arange(size + 2) - (size + 1) / 2
-    inside: Bools = np.hypot(along[:, None], along) <= disc_radius(size)
-    return inside
-
-
-def _edge(disc: Bools) -> Bools:
-    """Return whether each cell is in the disc and one of its four neighbours is not."""
-    inner = np.zeros_like(disc)
-    inner[1:-1, 1:-1] = disc[:-2, 1:-1] & disc[2:, 1:-1] & disc[1:-1, :-2] & disc[1:-1, 2:]
-    return disc & ~inner
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -16,9 +16,7 @@ class PeopleConfig:
     widest: float = 1.3  # [m] of a person or another mover that is tracked: DynaBARN's cylinders are 1 m wide
     joint: float = 0.45  # [m] from leg to leg of a person who walks
     fastest: float = 2.5  # [m/s] of somebody seen for the first time; people run faster than robots drive
-    margin: float = (
-        0.04  # [m] by which a beam must pass through an empty place, at least; or 5 times the noise
-    )
+    margin: float = 0.04  # [m] by which a beam must pass through an empty place; or 5 times the noise
     guard: float = 0.008  # [rad] to either side that must be empty, too: edges of objects are ragged
     missing: float = 6.0  # [m] a beam without a return is free so far; dark and wet surfaces return nothing
     acceleration: float = 0.5  # [m²/s³] noise of the constant-velocity model: people turn and stop in a step

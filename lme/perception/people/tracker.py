@@ -120,11 +120,14 @@ class PeopleTracker:
             return self._tracks(0.0)
         if dt > _LONGEST_STEP or (*scan[1:], len(scan.ranges)) != self._geometry:
             self.reset()
-            self._prepare(scan)
+            self._geometry = (*scan[1:], len(scan.ranges))
+            self._angles = (float(scan.angle_min), float(scan.angle_increment))
+            self._guard = max(round(self._config.guard / self._angles[1]), 1)
         self._time += dt
         limits = (float(scan.range_min), float(scan.range_max))
+        directions = beam_directions(*self._angles, len(scan.ranges))
         points, hits, sure, free = unpacked(
-            scan.ranges, self._directions, limits, min(self._config.missing, limits[1]), self._guard
+            scan.ranges, directions, limits, min(self._config.missing, limits[1]), self._guard
         )
         lidar = self._registered(points, hits, odometry)
         owner = np.full(len(hits), -1, np.int64)
@@ -132,13 +135,6 @@ class PeopleTracker:
         self._advance(record, dt)
         self._remember(record)
         return self._tracks(dt)
-
-    def _prepare(self, scan: LaserScan) -> None:
-        """Take over the geometry of a scan."""
-        self._geometry = (*scan[1:], len(scan.ranges))
-        self._angles = (float(scan.angle_min), float(scan.angle_increment))
-        self._directions = beam_directions(*self._angles, len(scan.ranges))
-        self._guard = max(round(self._config.guard / self._angles[1]), 1)
 
     def _registered(self, points: Floats, hits: Bools, odometry: Pose) -> Pose:
         """Register a scan, and return the lidar's pose in the tracker's frame."""
@@ -181,12 +177,10 @@ class PeopleTracker:
 
     def _compared(self) -> list[_Scan]:
         """Earlier scans of about the ages `_LAGS`, each once."""
-        by_time = {record.time: record for record in map(self._nearest, _LAGS)} if self._scans else {}
-        return list(by_time.values())
-
-    def _nearest(self, lag: float) -> _Scan:
-        """Earlier scan whose age is nearest to `lag` [s]."""
-        return min(self._scans, key=lambda record: abs(self._time - record.time - lag))
+        if not self._scans:
+            return []
+        scans = (min(self._scans, key=lambda scan: abs(self._time - scan.time - lag)) for lag in _LAGS)
+        return list({scan.time: scan for scan in scans}.values())
 
     def _remember(self, newest: _Scan) -> None:
         """Remember the scan, and note what stood in those in which it is known by now which tracks move."""

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.geometry.arcs import SLACK, clearances, contact_times, first_contacts
+from lme.geometry.arcs import SLACK, clearances, first_contacts
 from tests.tolerances import KERNEL
 
 JACKAL = (0.21, 0.155, 0.0)
@@ -76,7 +76,7 @@ def times(some_twists, points, box, margin=0.0, least=0.0, horizon=8.0):
     margins, leasts, horizons = (
         np.full(len(some_twists), float(value)) for value in (margin, least, horizon)
     )
-    return contact_times(some_twists, points, box, margins, leasts, horizons)
+    return first_contacts(some_twists, points, box, margins, leasts, horizons)
 
 
 @settings(max_examples=150)
@@ -161,7 +161,6 @@ def test_without_a_slack_first_contacts_keeps_the_shipped_one(some_twists, point
     leasts, horizons, margins = (np.full(len(some_twists), value) for value in (0.0, 8.0, 0.3))
     found = first_contacts(*given_, box, margins, leasts, horizons)
     np.testing.assert_array_equal(found, first_contacts(*given_, box, margins, leasts, horizons, SLACK))
-    np.testing.assert_array_equal(found, contact_times(*given_, box, margins, leasts, horizons))
 
 
 @pytest.mark.parametrize("slack", [0.5, SLACK, 0.98])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, densified, flooded, trace_beams
+from lme.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, densified, trace_beams
 from lme.types import LaserScan, Pose
 from tests.made_logs import CLOSET, CORRIDOR, PILLAR, WAYPOINTS, scan, truth_clearance, way
 
@@ -179,15 +179,16 @@ def test_a_beam_passes_the_cells_that_lie_on_it(x0, y0, x1, y1):
     assert passed.sum() == abs(at[-1] - at[0]).sum() + 1 or counts[at[-1][0], at[-1][1]] <= 8
 
 
-def test_a_flood_goes_around_walls_and_counts_its_steps():
-    passable = np.ones((5, 7), bool)
-    passable[:4, 3] = False
-    start = np.array([[0, 0]])
-    assert flooded(passable, start, 3).sum() == 9
-    everywhere = flooded(passable, start, 100)
-    assert (everywhere == passable).all()
-    assert not flooded(passable, start, 13)[0, 6]
-    assert flooded(passable, start, 14)[0, 6]  # down 4, right 6, up 4
+def test_the_reach_counts_along_rows_and_columns_and_around_walls():
+    grid, ranges = OccupancyGrid(0.1, 5.0), np.full(360, 4.0, np.float32)
+    ranges[180:270] = 1.0  # a wall ahead on the left
+    for _ in range(3):
+        grid.add(LaserScan(ranges, -math.pi, INCREMENT, 0.05, 30.0), Pose(0.0, 0.0, 0.0))
+    made = grid.finish(np.zeros((1, 2)), 0.1, 2.0)
+    for place in [(-1.7, 0.05), (0.05, -1.7), (-0.8, -0.8)]:
+        assert value_at(made, place) == FREE
+    for place in [(-2.5, 0.05), (0.05, -2.5), (-1.5, -1.5), (1.5, 0.6)]:
+        assert value_at(made, place) == UNKNOWN
 
 
 def test_a_way_is_not_joined_across_a_jump():

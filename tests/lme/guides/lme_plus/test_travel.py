@@ -9,6 +9,7 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.lme_plus.travel import BEYOND, Travel
+from lme.guides.lme_plus.travel_grid import cost_to_go_at
 from lme.types import Pose
 from tests.builders import stage
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE
@@ -22,6 +23,12 @@ def field(points=NOTHING, target=(5.0, -7.0), reach=8.0, margin=0.08):
     return Travel(CONFIG, stage(), reach, margin).field(points, np.array(target), HERE)
 
 
+def cost_to_go(field, positions):
+    """T at (N, 2) positions [s]."""
+    ends = field.robot_time, BEYOND, field.here, field.target, field.v_max
+    return cost_to_go_at(field.times, positions, (0.0, 0.0, 0.0), (*field.grid,), *ends)
+
+
 def near(time):
     return ARRIVAL_SHARE * time + ARRIVAL_CELLS * 0.15 / stage().v_max
 
@@ -30,14 +37,14 @@ def near(time):
 def test_in_the_open_the_rest_is_the_straight_way(target):
     found = field(target=target)
     straight = math.hypot(target[0] - 3.0, target[1] + 7.0) / stage().v_max
-    assert found.cost_to_go(HERE[None])[0] == pytest.approx(straight, abs=near(straight))
+    assert cost_to_go(found, HERE[None])[0] == pytest.approx(straight, abs=near(straight))
 
 
 def test_where_the_search_did_not_reach_the_rest_is_its_lower_bound():
     found = field()
     far = HERE + np.array([[-6.0, 0.0], [0.0, 6.0], [100.0, 0.0]])
-    assert found.cost_to_go(far[:2]) == pytest.approx(max(found.robot_time + BEYOND - 12.0, 0.0))
-    assert np.isfinite(found.cost_to_go(far)).all()
+    assert cost_to_go(found, far[:2]) == pytest.approx(max(found.robot_time + BEYOND - 12.0, 0.0))
+    assert np.isfinite(cost_to_go(found, far)).all()
 
 
 def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
@@ -45,7 +52,7 @@ def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
     found = field(HERE + np.column_stack((np.cos(turn), np.sin(turn))))
     assert math.isinf(found.robot_time)
     inside = HERE + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
-    assert found.cost_to_go(inside) == pytest.approx([4.0, 3.0, math.hypot(2.0, 0.5) / 0.5])
+    assert cost_to_go(found, inside) == pytest.approx([4.0, 3.0, math.hypot(2.0, 0.5) / 0.5])
 
 
 def test_the_way_down_ends_at_the_target():
@@ -60,10 +67,10 @@ def test_the_way_down_ends_at_the_target():
 def test_a_kept_field_stays_when_the_next_one_is_found():
     travel = Travel(CONFIG, stage(), 8.0, 0.08)
     found = travel.field(NOTHING, np.array([5.0, -7.0]), HERE)
-    kept, before = found.kept(), found.cost_to_go(HERE[None])
+    kept, before = found.kept(), cost_to_go(found, HERE[None])
     travel.field(NOTHING, np.array([3.0, -1.0]), HERE)
-    assert kept.cost_to_go(HERE[None]) == before
-    assert found.cost_to_go(HERE[None]) != before  # the arrays are used again
+    assert cost_to_go(kept, HERE[None]) == before
+    assert cost_to_go(found, HERE[None]) != before  # the arrays are used again
 
 
 def closed_room(half):

@@ -8,8 +8,9 @@ from matplotlib.collections import PathCollection, QuadMesh
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.geometry.frames import to_world
 from lme.guides.lme.maintenance import Choice
+from lme.guides.lme_plus.travel import BEYOND
+from lme.guides.lme_plus.travel_grid import cost_to_go_at
 from runners.cli.main import main
 from runners.reports.figures.driven_runs import read_runs
 from runners.reports.figures.expected_time import ExpectedTime, expected_time_figure, sights, telling_step
@@ -39,7 +40,9 @@ def figure(plus_trace):
 def test_the_field_is_the_one_that_was_decided_on(plus_trace, seen):
     for step, sight in zip(plus_trace.steps, seen, strict=True):
         why, row = step.explanation, step.explanation.names.index("a_rest")
-        again = -sight.field.cost_to_go(to_world(why.candidates, sight.pose))
+        field = sight.field
+        ends = field.robot_time, BEYOND, field.here, field.target, field.v_max
+        again = -cost_to_go_at(field.times, why.candidates, (*sight.pose,), (*field.grid,), *ends)
         assert again == pytest.approx(why.features[row], abs=KERNEL)
 
 
