@@ -318,14 +318,7 @@ def _shifted(hits: Hits, di: int, dj: int) -> Hits:
     """Return the map after its corner has moved by (di, dj) cells; new cells are free."""
     if di == 0 and dj == 0:
         return hits
-    shifted = np.zeros_like(hits)
-    (to_i, from_i), (to_j, from_j) = _overlap(di, hits.shape[0]), _overlap(dj, hits.shape[1])
-    shifted[to_i, to_j] = hits[from_i, from_j]
-    return shifted
-
-
-def _overlap(shift: int, length: int) -> tuple[slice, slice]:
-    """Part of an axis that stays on the map after a shift: its new and its old indices."""
-    overlap = max(length - abs(shift), 0)
-    new, old = max(-shift, 0), max(shift, 0)
-    return slice(new, new + overlap), slice(old, old + overlap)
+    rows, columns = hits.shape
+    di, dj = min(max(di, -rows), rows), min(max(dj, -columns), columns)
+    padded = np.pad(hits, ((max(-di, 0), max(di, 0)), (max(-dj, 0), max(dj, 0))))
+    return np.ascontiguousarray(padded[max(di, 0) :, max(dj, 0) :][:rows, :columns])

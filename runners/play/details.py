@@ -59,7 +59,7 @@ def _explanation_fields(
         header["horizon"] = weighed.horizon
     if "times" in layers and isinstance(guide, LmePlus):
         episode.decide()
-        sight = guide.escaper.sight
+        sight = guide.sight
         assert sight is not None
         field = sight.field
         inner = field.times[1:-1, 1:-1]  # without the border of one cell

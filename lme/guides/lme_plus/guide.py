@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -37,7 +37,7 @@ _SAME_TARGET = 0.1  # [m] by which the target may move before the times are reco
 
 
 @dataclass(slots=True)
-class EscaperPlusParts:
+class LmePlusParts:
     """Parts of the method; False leaves one out, for an ablation."""
 
     memory: bool
@@ -50,34 +50,41 @@ class EscaperPlusParts:
 
 
 @dataclass(slots=True)
-class EscaperPlusConfig:
-    """Range of the memory, distance to obstacles, and expected speed near obstacles and people."""
+class LmePlusConfig:
+    """Range of the memory, distance to obstacles, expected speed near obstacles and people, and parameters.
+
+    weight_set: its own. parameters: by name; {}: those of the weight set.
+    """
 
     reach: float
     margin: float
     travel: TravelConfig
-    parts: EscaperPlusParts
+    parts: LmePlusParts
+    weight_set: str
+    parameters: dict[str, float]
 
     def __post_init__(self) -> None:
         require("reach", self.reach, above=0.0)
         require("margin", self.margin, at_least=0.0)
 
 
-class LocalMinimumEscaperPlus:
-    """Generator of subgoals that maintains the current one, like `lme.guides.lme.guide.LocalMinimumEscaper`."""
+class LmePlus:
+    """The successor of LME: candidates scored by expected time (docs/lme_plus.md).
 
-    def __init__(self, robot: Robot, parameters: Mapping[str, float], config: EscaperPlusConfig) -> None:
-        """parameters: a weight for each criterion by name, d1 [m], and d2, in the unit of the score."""
+    The parameters are a weight for each criterion, d1 [m], and d2, in the unit of the score.
+    """
+
+    Config = LmePlusConfig
+
+    def __init__(self, config: LmePlusConfig, robot: Robot) -> None:
         self._robot = robot
-        self._config = config
+        self._config, parts = config, config.parts
+        parameters = config.parameters or learned_parameters(PUBLISHED, config.weight_set)
         self._parameters = Parameters.from_mapping(parameters, _NAMES)
-        parts = self._config.parts
         self._candidates = CandidateConfig(
             number=_CANDIDATES if parts.random else 1, max_range=_RANGE, distribution="polar", target=True
         )
-        self._travel = Travel(
-            self._config.travel, robot, self._config.reach, self._config.margin, parts.narrow
-        )
+        self._travel = Travel(config.travel, robot, config.reach, config.margin, parts.narrow)
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -95,19 +102,16 @@ class LocalMinimumEscaperPlus:
         self._subgoal: Floats | None = None  # in the carried frame
         self._explain: Callable[[], Explanation] | None = None  # the last decision
 
-    def decide(self, observation: Observation) -> tuple[Decision, Floats, Floats]:
-        """Advance one control period.
-
-        Returns the subgoal, all known obstacle points (M, 2), and places on the fastest way (K, 2), in the robot frame
-        [m].
-        """
+    def guide(self, observation: Observation) -> Guidance:
+        """Return the subgoal with the least expected time, the known obstacle points, and the fastest way."""
         self._memory.see(observation)
         self.sight, route = self._look(observation)
         decision = self._step(observation, self.sight, route)
         waits = decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
         if waits and len(route) and self._config.parts.stuck:
             self._stuck.wait(to_world(route[0], self.sight.pose))
-        return decision, self.sight.points, route
+        points, switched = self.sight.points, decision.choice.switched
+        return Guidance(decision.subgoal, None, switched, decision.blocked, points, route)
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
@@ -185,34 +189,3 @@ class LocalMinimumEscaperPlus:
         if subgoal is not None:
             parts.append(subgoal[None])
         return np.concatenate(parts)
-
-
-@dataclass(slots=True)
-class LmePlusConfig(EscaperPlusConfig):
-    """An escaper's settings, its own weight set, and its parameters by name; {}: those of the weight set."""
-
-    weight_set: str
-    parameters: dict[str, float]
-
-
-class LmePlus:
-    """The successor of LME: candidates scored by expected time (docs/lme_plus.md)."""
-
-    Config = LmePlusConfig
-
-    def __init__(self, config: LmePlusConfig, robot: Robot) -> None:
-        parameters = config.parameters or learned_parameters(PUBLISHED, config.weight_set)
-        self.escaper = LocalMinimumEscaperPlus(robot, parameters, config)
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Start a new episode; `rng` draws the candidates."""
-        self.escaper.reset(rng)
-
-    def guide(self, observation: Observation) -> Guidance:
-        """Return the subgoal with the least expected time, the known obstacle points, and the fastest way."""
-        decision, points, route = self.escaper.decide(observation)
-        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points, route)
-
-    def explanation(self) -> Explanation | None:
-        """All quantities behind the last decision; None before the first."""
-        return self.escaper.explanation()

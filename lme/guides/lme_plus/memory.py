@@ -119,15 +119,6 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
     return True
 
 
-@njit(cache=True, error_model="numpy")
-def split(points: Floats, centre: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
-    """Split points (N, 2) into those within `reach` of a centre [m] and the others, each in their order."""
-    is_near = np.empty(len(points), np.bool_)
-    for n in range(len(points)):
-        is_near[n] = math.hypot(points[n, 0] - centre[0], points[n, 1] - centre[1]) <= reach
-    return points[is_near], points[~is_near]
-
-
 class Memory:
     """Points seen so far, in a frame fixed to the ground that starts at the robot.
 
@@ -190,7 +181,8 @@ class Memory:
         self._sorted_at = self.pose
         if self._remembers_points:
             points = np.concatenate((self.points, self._far_points))
-            self.points, self._far_points = split(points, self.pose[:2], self._inner)
+            is_near = np.hypot(*(points - self.pose[:2]).T) <= self._inner
+            self.points, self._far_points = points[is_near], points[~is_near]
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """Split the scan's points into those of no person and those of people, (M, 2) each; note where people are."""

@@ -64,23 +64,7 @@ def travel_times(
     cells on no such way are inf, as are those without passage. Python passes plain tuples: Numba needs 5 µs more to
     recognise each named one.
     """
-    arguments = (
-        Workspace(*work),
-        points,
-        target,
-        robot,
-        Grid(*grid),
-        SpeedProfile(*pace),
-        people,
-        learned,
-        corner,
-    )
-    time: float = _solve(*arguments, slack, leave)
-    return time
-
-
-@njit(cache=True, error_model="numpy")
-def _solve(work, points, target, robot, grid, pace, people, learned, corner, slack, leave):
+    work, grid, pace = Workspace(*work), Grid(*grid), SpeedProfile(*pace)
     # Target and robot as (row, column); the frame is row and column 0.
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
@@ -90,10 +74,9 @@ def _solve(work, points, target, robot, grid, pace, people, learned, corner, sla
     lists = work.first, following, work.marks
     marks, nearest = draw(work.squares, *lists, points, robot, frame, pace.comfort, pace.inner)
     min_distance = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
-    inside = _inside(x, y, grid.size)
-    enclosed = inside and not leave
+    enclosed = _inside(x, y, grid.size) and not leave
     obstacles = points, following, work.first
-    time = _march(
+    time: float = _march(
         work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, min_distance, slack, enclosed
     )
     erase(work.squares, work.first, work.marks, marks, pace.comfort, grid.cell)

@@ -23,7 +23,7 @@ from lme.guides.tangent_bug.kernels import (
 )
 from lme.perception.scan_points import BlindArc
 from lme.robots import Robot
-from lme.types import Floats, Guidance, Observation, Pose
+from lme.types import Floats, Guidance, Observation
 
 UNITS = directions(720)  # directions of the free distances: every half degree
 _REMEMBERED = 5.0  # [m] farther points in the blind arc are forgotten
@@ -103,7 +103,10 @@ class TangentBug:
     def guide(self, observation: Observation) -> Guidance:
         """Return the next place of the local tangent graph; the robot's position if obstacles enclose it."""
         previous = self._mode, self._side
-        points = _by_bearing(self._blind.points(observation), self._mount)
+        # Sort the points by bearing about the lidar: about the base, the surfaces at an end would mix.
+        points = self._blind.points(observation)
+        x, y = to_robot(points, self._mount).T
+        points = points[np.argsort(np.arctan2(y, x), kind="stable")]
         view = _View(points, observation, self._r, self._config.margin)
         act = {Mode.TOWARD: self._toward, Mode.FOLLOW: self._follow, Mode.LEAVE: self._leave}[self._mode]
         subgoal = act(view)
@@ -119,7 +122,7 @@ class TangentBug:
             return view.target
         ends, min_distance = view.ends(owner)
         lengths = {side: self._length_over(view, end.place, side) for side, end in ends.items()}
-        sides = [side for side, end in ends.items() if _distance(end.place, view.target) < self._nearest]
+        sides = [side for side, end in ends.items() if math.dist(end.place, view.target) < self._nearest]
         if sides:
             self._side = min(sides, key=lengths.__getitem__)
             return ends[self._side].place
@@ -131,13 +134,13 @@ class TangentBug:
 
     def _length_over(self, view: _View, position: Floats, side: int) -> float:
         """Length of the path to the target by way of a position [m], minus `keep` on the previous side."""
-        length = math.hypot(*position) + _distance(position, view.target)
+        length = math.hypot(*position) + math.dist(position, view.target)
         return length - self._config.keep if side == self._side else length
 
     def _follow(self, view: _View) -> Floats | None:
         """Drive to the end of the visible boundary, unless a place nearer than the whole boundary is in sight."""
         position = view.nearest_place()
-        if _distance(position, view.target) < self._nearest - self._config.leave_gain:
+        if math.dist(position, view.target) < self._nearest - self._config.leave_gain:
             self._mode, self._leave_position = Mode.LEAVE, to_world(position, view.odometry)
             return position
         end, min_distance = view.next_end(to_robot(self._followed_point, view.odometry), self._side)
@@ -223,7 +226,7 @@ class _View:
         k = _direction(self.target)
         positions = [self._node(k, True, side).place for k, side in all_ends(*self._profile).tolist()]
         positions.append(min(self._free[k], self.distance) * UNITS[k])
-        return min(positions, key=lambda position: _distance(position, self.target))
+        return min(positions, key=lambda position: math.dist(position, self.target))
 
     def _mouth(self, start: int, side: int) -> Vertex | None:
         """Opening of a pocket that contains the target; the scan has no break there if it shows the inside."""
@@ -261,16 +264,6 @@ class _View:
         return Vertex(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
 
 
-def _by_bearing(points: Floats, mount: Pose) -> Floats:
-    """Sort points (M, 2) by bearing about the lidar; sorting about the base would mix the surfaces at an end."""
-    from_lidar = to_robot(points, mount)
-    return points[np.argsort(np.arctan2(from_lidar[:, 1], from_lidar[:, 0]), kind="stable")]
-
-
 def _direction(point: Floats) -> int:
     """Index of the direction nearest to a point's bearing."""
     return int((math.atan2(point[1], point[0]) + math.pi) / math.tau * len(UNITS)) % len(UNITS)
-
-
-def _distance(a: Floats, b: Floats) -> float:
-    return math.hypot(a[0] - b[0], a[1] - b[1])

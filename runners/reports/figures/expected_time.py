@@ -87,7 +87,7 @@ def sights(trace: Trace, last_step: int) -> list[Perception]:
     all_sights = []
     for step in trace.steps[: last_step + 1]:
         guide.guide(step.observation)
-        sight = guide.escaper.sight
+        sight = guide.sight
         assert sight is not None
         all_sights.append(sight._replace(field=sight.field.kept()))
     return all_sights

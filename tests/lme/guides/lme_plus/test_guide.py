@@ -96,7 +96,7 @@ def test_places_before_which_it_was_stuck_are_for_one_target():
     robot = without_errors(shipped("go2"))
     guide, seen = lme.load_system("lme_plus", robot).guide, observation((8.0, 0.0), robot=robot)
     guide.guide(seen)
-    places = guide.escaper._stuck
+    places = guide._stuck
     for _ in range(round(3.0 / robot.dt)):
         places.wait(np.array([1.0, 0.0]))
     guide.guide(seen._replace(target=np.array([8.5, 0.0])))

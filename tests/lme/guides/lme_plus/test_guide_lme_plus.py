@@ -119,7 +119,7 @@ def test_what_was_learned_of_the_ways_to_another_target_is_forgotten():
     for target in ((-30.0, 0.0), (30.0, 0.0)):
         other.guide(observation(target=target))
     straight.guide(observation(target=(30.0, 0.0)))
-    assert other.escaper.sight.field.robot_time == straight.escaper.sight.field.robot_time
+    assert other.sight.field.robot_time == straight.sight.field.robot_time
 
 
 def test_a_seed_decides_everything():

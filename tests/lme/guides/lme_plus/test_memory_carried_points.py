@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_robot, to_world
-from lme.guides.lme_plus.memory import remember, split, squares_around
+from lme.guides.lme_plus.memory import remember, squares_around
 from lme.types import Pose
 from tests import oracles
 from tests.tolerances import KERNEL
@@ -125,14 +125,3 @@ def test_points_lie_in_the_carried_frame():
     scan = np.array([[1.0, 0.5], [-2.0, 0.3]])
     found = kept(NOTHING, np.zeros(8), scan, pose=pose)
     np.testing.assert_allclose(found, to_world(scan, pose), atol=KERNEL)
-
-
-@settings(max_examples=30)
-@given(st.integers(0, 10**6))
-def test_points_are_split_by_reach_and_keep_their_order(seed):
-    rng = np.random.default_rng(seed)
-    points, place, reach = rng.uniform(-3.0, 3.0, (rng.integers(0, 30), 2)), rng.uniform(-1.0, 1.0, 2), 2.0
-    near, far = split(points, tuple(place), reach)
-    within = np.hypot(*(points - place).T) <= reach
-    np.testing.assert_array_equal(near, points[within])
-    np.testing.assert_array_equal(far, points[~within])
