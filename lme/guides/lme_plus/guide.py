@@ -104,52 +104,45 @@ class LmePlus:
 
     def guide(self, observation: Observation) -> Guidance:
         """Return the subgoal with the least expected time, the known obstacle points, and the fastest way."""
-        self._memory.see(observation)
-        self.sight, route = self._look(observation)
-        decision = self._step(observation, self.sight, route)
-        waits = decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
-        if waits and len(route) and self._config.parts.stuck:
-            self._stuck.wait(to_world(route[0], self.sight.pose))
-        points, switched = self.sight.points, decision.choice.switched
-        return Guidance(decision.subgoal, None, switched, decision.blocked, points, route)
-
-    def explanation(self) -> Explanation | None:
-        """All quantities behind the last decision; None before the first."""
-        return None if self._explain is None else self._explain()
-
-    def _step(self, observation: Observation, sight: Perception, route: Floats) -> Decision:
-        """Run one step of Algorithm 1 with the criteria of LME+. route (K, 2): places on the fastest way."""
-        subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
-        pool = self._generate(observation, route, subgoal)
-        candidates = len(pool) - (subgoal is not None)
-        features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
-        old = None if subgoal is None else candidates
-        choice, parameters = Choice.FIRST, self._parameters
-        if subgoal is not None:
-            distance = math.hypot(*subgoal.tolist())
-            choice = choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
-        if choice is not Choice.KEPT:
-            self._subgoal = to_world(pool[new], sight.pose)
-            subgoal = to_robot(self._subgoal, sight.pose)
-        assert subgoal is not None
-        decision = Decision(subgoal, choice, blocked)
-        # View for the explanation: the points of the scan and the target, without a history or a blockage.
-        radius = self._robot.footprint.inscribed_radius + self._config.margin
-        view = View(self._memory.seen, observation.target, radius, _NO_POINTS, None, "every")
-        scan = observation.scan
-        self._explain = partial(
-            explain, decision, _NAMES, parameters, scan, view, pool, features, scores, new, old
-        )
-        return decision
-
-    def _look(self, observation: Observation) -> tuple[Perception, Floats]:
-        """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
-        config, robot, pose = self._config, self._robot, self._memory.pose
+        config, robot, parameters, memory = self._config, self._robot, self._parameters, self._memory
+        # Take in the scan, and find the fastest way.
+        memory.see(observation)
+        pose, points = memory.pose, memory.known
         field = self._times(to_world(observation.target, pose), pose)
         route, ahead = field.descent(pose, self._reach(observation))
         self._time_at_passages += robot.dt if ahead < _PASSAGE_AHEAD else 0.0
         margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
-        return Perception(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), route
+        self.sight = sight = Perception(points, pose, field, robot.footprint.box, margin, robot.v_max)
+        # Score the candidates and, in the last column, the old subgoal.
+        subgoal = None if self._subgoal is None else to_robot(self._subgoal, pose)
+        pool = self._generate(observation, route, subgoal)
+        candidates = len(pool) - (subgoal is not None)
+        old = None if subgoal is None else candidates
+        features, scores, new, blocked = ranked(pool, sight.plain(), parameters.weights, candidates)
+        # Keep the old subgoal or switch to the best candidate.
+        choice = Choice.FIRST
+        if subgoal is not None:
+            distance = math.hypot(*subgoal.tolist())
+            choice = choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
+        if subgoal is None or choice is not Choice.KEPT:
+            self._subgoal = to_world(pool[new], pose)
+            subgoal = to_robot(self._subgoal, pose)
+        # View for the explanation: the points of the scan and the target, without a history or a blockage.
+        decision, scan = Decision(subgoal, choice, blocked), observation.scan
+        radius = robot.footprint.inscribed_radius + config.margin
+        view = View(memory.seen, observation.target, radius, _NO_POINTS, None, "every")
+        self._explain = partial(
+            explain, decision, _NAMES, parameters, scan, view, pool, features, scores, new, old
+        )
+        # The robot is stuck if it stands, nobody is near and no candidate is reachable.
+        stands = abs(observation.ramp_start.v) < _STANDS and not len(memory.people)
+        if config.parts.stuck and blocked and stands and len(route):
+            self._stuck.wait(to_world(route[0], pose))
+        return Guidance(subgoal, None, choice.switched, blocked, points, route)
+
+    def explanation(self) -> Explanation | None:
+        """All quantities behind the last decision; None before the first."""
+        return None if self._explain is None else self._explain()
 
     def _reach(self, observation: Observation) -> float:
         """Greatest distance of a candidate [m]."""

@@ -158,8 +158,13 @@ class Memory:
             self.pose = _moved(self.pose, move, self._dt, observation.limits)
         self.seen = obstacle_points(scan, self._mount)
         static_points, people_points = self._without_people(observation.pedestrians)
+        # Points that have come into reach join the near ones; those that have left it are put aside.
         if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
-            self._sort()
+            self._sorted_at = self.pose
+            if self._remembers_points:
+                points = np.concatenate((self.points, self._far_points))
+                is_near = np.hypot(*(points - self.pose[:2]).T) <= self._inner
+                self.points, self._far_points = points[is_near], points[~is_near]
         self.points, self.known = remember(
             self._squares,
             self.points if self._remembers_points else self.points[:0],
@@ -175,14 +180,6 @@ class Memory:
         )
         if len(people_points):
             self.known = np.concatenate((self.known, people_points))
-
-    def _sort(self) -> None:
-        """Move the points that have come into reach to the near ones, and those that have left it to the far ones."""
-        self._sorted_at = self.pose
-        if self._remembers_points:
-            points = np.concatenate((self.points, self._far_points))
-            is_near = np.hypot(*(points - self.pose[:2]).T) <= self._inner
-            self.points, self._far_points = points[is_near], points[~is_near]
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """Split the scan's points into those of no person and those of people, (M, 2) each; note where people are."""
