@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.geometry.frames import compose, relative, to_robot
+from lme.geometry.frames import compose, relative
 from lme.perception.people.interface import PeopleConfig, Tracks
 from lme.perception.people.registration import (
     CELLS,
@@ -29,26 +29,7 @@ from lme.perception.people.registration import (
     unpacked,
     weigh,
 )
-from lme.perception.people.tracks import (  # fmt: skip
-    AGE,
-    ANCHORS,
-    COLUMNS,
-    CONFIRMED,
-    HIDDEN,
-    MOST,
-    NAME,
-    PP,
-    PV,
-    VV,
-    VX,
-    VY,
-    R,
-    X,
-    Y,
-    advance,
-    in_sight,
-    predict,
-)
+from lme.perception.people.tracks import advance, new_table, predict, shown
 from lme.perception.scan_points import beam_directions
 from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
@@ -99,7 +80,7 @@ class PeopleTracker:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._table, self._anchors = np.zeros((MOST, COLUMNS)), np.full((MOST, ANCHORS, 2), np.nan)
+        self._table, self._anchors = new_table()
         self._count = self._names = 0
         self._movers = np.zeros(_NAMES, np.bool_)
         self._stood = np.full((CELLS, CELLS), -math.inf, np.float32)
@@ -198,25 +179,11 @@ class PeopleTracker:
             self._key = newest, normals(newest.points, newest.hits & ~moving)
 
     def _tracks(self, dt: float) -> Tracks:
-        rows = self._table[: self._count]
-        is_shown = (rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= _MAX_HIDDEN * dt)
-        # Of the confirmed tracks, those seen lately that nothing hides.
+        """Tracks in the base frame of the newest scan."""
         newest = self._scans[-1]
-        rows = rows[is_shown & in_sight(rows, (*newest.lidar,), newest.points, newest.hits, self._angles)]
-        # From the tracker's frame to the base frame of the newest scan.
-        base = compose(self._scans[-1].lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
-        turn = Pose(0.0, 0.0, base.yaw)
-        covariance = np.zeros((len(rows), 4, 4))
-        for k in (0, 1):
-            covariance[:, k, k], covariance[:, k + 2, k + 2] = rows[:, PP], rows[:, VV]
-            covariance[:, k, k + 2] = covariance[:, k + 2, k] = rows[:, PV]
-        return Tracks(
-            rows[:, NAME].astype(np.int64),
-            np.hstack([to_robot(rows[:, [X, Y]], base), to_robot(rows[:, [VX, VY]], turn)]),
-            rows[:, R].copy(),
-            rows[:, AGE].copy(),
-            covariance,
-        )
+        base = compose(newest.lidar, relative(Pose(0.0, 0.0, 0.0), self._mount))
+        scan = (*newest.lidar,), newest.points, newest.hits, self._angles
+        return shown(self._table[: self._count], _MAX_HIDDEN * dt, scan, base)
 
 
 def _placed(points: Floats, lidar: Pose) -> Floats:

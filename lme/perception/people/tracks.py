@@ -9,12 +9,16 @@ is evidence that it moves and does not stand; then its track is confirmed.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from lme.geometry.frames import to_robot
 from lme.perception.people.clusters import FEWEST, LEGS_RADIUS, UNKNOWN, middle_of, runs_of
+from lme.perception.people.interface import Tracks
 from lme.perception.people.registration import beam_towards, into, passed_through
+from lme.types import Floats, Pose
 
 COLUMNS = 19
 X, Y, VX, VY, PP, PV, VV, R, RR, AGE, HIDDEN, EVIDENCE, CONFIRMED, NAME, STILL, SEEN, BX, BY, LEGS = range(
@@ -35,6 +39,31 @@ _MIN_FRACTION = 0.25  # of points that show motion; a lesser share counts as non
 _QUIET = 0.01  # [m] noise of a range; with more of it, more evidence is needed
 _TRAVEL_DEVIATIONS = 12.0  # standard deviations of a range that a track must have come
 _MIN_TRAVEL = 0.06  # [m] that it must have come in any case
+
+
+def new_table() -> tuple[Floats, Floats]:
+    """Create a table without tracks, and their points when they were first seen, for `advance`."""
+    return np.zeros((MOST, COLUMNS)), np.full((MOST, ANCHORS, 2), np.nan)
+
+
+def shown(rows: Floats, max_hidden: float, scan: tuple[Any, ...], base: Pose) -> Tracks:
+    """Return the confirmed tracks that were seen within `max_hidden` [s] and that nothing hides in a scan.
+
+    rows (T, COLUMNS); scan: see `in_sight`; base: frame of the result.
+    """
+    rows = rows[(rows[:, CONFIRMED] > 0.0) & (rows[:, HIDDEN] <= max_hidden) & in_sight(rows, *scan)]
+    covariance = np.zeros((len(rows), 4, 4))
+    for k in (0, 1):
+        covariance[:, k, k], covariance[:, k + 2, k + 2] = rows[:, PP], rows[:, VV]
+        covariance[:, k, k + 2] = covariance[:, k + 2, k] = rows[:, PV]
+    turn = Pose(0.0, 0.0, base.yaw)
+    return Tracks(
+        rows[:, NAME].astype(np.int64),
+        np.hstack([to_robot(rows[:, [X, Y]], base), to_robot(rows[:, [VX, VY]], turn)]),
+        rows[:, R].copy(),
+        rows[:, AGE].copy(),
+        covariance,
+    )
 
 
 @njit(cache=True, error_model="numpy")
