@@ -266,9 +266,8 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
     y_square = R * R + square - front * front  # (R − y)² where the circle meets x = ±front
     if y_square >= 0.0:
         root = math.sqrt(y_square)
-        y_front = (
-            (front * front - square) / (R + root) if R > 0.0 else -root
-        )  # R − root, without cancellation
+        # R − root, without cancellation.
+        y_front = (front * front - square) / (R + root) if R > 0.0 else -root
         if abs(y_front) <= half_width + EDGE:
             first = min(first, _wrap_positive(psi - math.atan2(front, root)))
         if abs(R + root) <= half_width + EDGE:

@@ -11,7 +11,6 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.geometry.motion import first_within
 from lme.types import Floats
 
 
@@ -182,9 +181,12 @@ def first_event(travel, goal, tolerance, box, circles, edges):
     contact on arrival counts as contact only.
     """
     # Poses after the arrival do not count.
-    arrival = first_within(travel, goal, tolerance)
-    driven_poses = travel[: arrival + 1] if arrival >= 0 else travel
-    clearance, contact = sweep(driven_poses, box, circles, edges)
+    num_driven, arrived = len(travel), False
+    for k in range(len(travel)):
+        if math.hypot(travel[k, 0] - goal[0], travel[k, 1] - goal[1]) <= tolerance:
+            num_driven, arrived = k + 1, True
+            break
+    clearance, contact = sweep(travel[:num_driven], box, circles, edges)
     if contact >= 0:
         return contact + 1, clearance, True, False
-    return len(driven_poses), clearance, False, arrival >= 0
+    return num_driven, clearance, False, arrived

@@ -72,31 +72,15 @@ def even_limits(
 
 
 @njit(cache=True)
-def first_within(poses: Floats, goal: Floats, tolerance: float) -> int:
-    """Index of the first of the (K, 3) poses within `tolerance` [m] of the (2,) goal; −1 if none."""
-    for k in range(len(poses)):
-        if math.hypot(poses[k, 0] - goal[0], poses[k, 1] - goal[1]) <= tolerance:
-            return k
-    return -1
-
-
-@njit(cache=True)
-def first_beyond(poses: Floats, start: Floats, distance: float) -> int:
-    """Index of the first of the (K, 3) poses at least `distance` [m] from the (2,) start; −1 if none."""
-    for k in range(len(poses)):
-        if math.hypot(poses[k, 0] - start[0], poses[k, 1] - start[1]) >= distance:
-            return k
-    return -1
-
-
-@njit(cache=True)
 def time_beyond(poses: Floats, start: Floats, distance: float, begin: float, end: float) -> float:
     """Time at which the first of the (K, 3) poses is at least `distance` [m] from the (2,) start [s]; NaN if none is.
 
     The motion lasts from `begin` to `end` [s]; the last pose is at `end`.
     """
-    k = first_beyond(poses, start, distance)
-    return math.nan if k < 0 else begin + (k + 1) / len(poses) * (end - begin)
+    for k in range(len(poses)):
+        if math.hypot(poses[k, 0] - start[0], poses[k, 1] - start[1]) >= distance:
+            return begin + (k + 1) / len(poses) * (end - begin)
+    return math.nan
 
 
 @njit(cache=True)

@@ -65,10 +65,8 @@ def observe(
                 if hits[i, j] == 0 and ranges[k] <= spans[2]:
                     _raise_costs(costs, stamp, i, j)
                     hits[i, j] = number
-                elif hits[i, j] != 0 and (
-                    keep > 0 or ranges[k] <= spans[2]
-                ):  # else walls beyond obstacle_range would be cleared
-                    hits[i, j] = number
+                elif hits[i, j] != 0 and (keep > 0 or ranges[k] <= spans[2]):
+                    hits[i, j] = number  # else walls beyond obstacle_range would be cleared
     for k in range(len(ranges)):
         # Clear the cells that the beam passes, up to the range to which it may clear.
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
