@@ -167,8 +167,8 @@ class OccupancyGrid:
         self._cover(path.max(axis=0) + radius)
         # Cells of the path, and the part of the grid that matters.
         points = densified(np.ascontiguousarray(path, dtype=np.float64), self._resolution / 2.0, JUMP_M)
-        cells = np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
-        columns, rows = cells.T
+        path_cells = np.unique(np.floor(points / self._resolution).astype(np.int64), axis=0) - self._corner
+        columns, rows = path_cells.T
         box = self._observed_box(rows, columns, math.ceil(radius / self._resolution))
         rows, columns = rows - box[0].start, columns - box[1].start
         hits, beams = self._hits[box], self._hits[box] + self._misses[box]
