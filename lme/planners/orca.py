@@ -12,8 +12,7 @@ from lme.errors import require
 from lme.geometry.motion import WIDEST, movers_among
 from lme.geometry.orca import before_point, beside_disc, best_velocity
 from lme.perception.blind_arc import BlindArc
-from lme.planners.commands import approach
-from lme.planners.stopping import StoppingGuard
+from lme.planners.commands import StoppingGuard, approach
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -17,8 +17,7 @@ from lme.grids.polar_histogram import (
     turning_limits,
 )
 from lme.perception.blind_arc import BlindArc
-from lme.planners.commands import approach
-from lme.planners.stopping import StoppingGuard
+from lme.planners.commands import StoppingGuard, approach
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

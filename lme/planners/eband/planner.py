@@ -11,11 +11,10 @@ from lme.errors import require
 from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot, to_world
 from lme.perception.scan_points import obstacle_points
-from lme.planners.commands import approach, limited
+from lme.planners.commands import approach, limited, until_rest
 from lme.planners.eband.band import Band, BandConfig
 from lme.planners.eband.kernels import hidden
 from lme.planners.polyline import exit_point
-from lme.planners.stopping import until_rest
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -13,13 +13,12 @@ from lme.geometry.frames import to_robot
 from lme.geometry.motion import WIDEST, drive, movers_among
 from lme.geometry.straight_ways import KEPT
 from lme.perception.scan_points import is_full_circle, obstacle_points
-from lme.planners.commands import limited, turn_shares, without_tiny_rates
+from lme.planners.commands import Weighed, limited, turn_shares, without_tiny_rates
 from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.kernels.best_command import best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
-from lme.planners.weighed import Weighed
 from lme.ramp import reachable
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
@@ -228,7 +227,7 @@ class MinTime:
         return pose, without_tiny_rates(start)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """Return every arc with its time, but no backing up or multi-point turn; see `lme.planners.weighed`."""
+        """Return every arc with its time, but no backing up or multi-point turn; see `Weighed`."""
         limits = observation.limits
         situation = self._situation_ahead(self._measured_situation(observation, guidance), limits)
         ahead, *arguments = self._arguments(situation, limits)

@@ -12,12 +12,11 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.collision import sweep
 from lme.perception.scan_points import obstacle_points
-from lme.planners.commands import approach, limited
+from lme.planners.commands import approach, limited, until_rest
 from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
 from lme.planners.motion_tubes.kernels import Ranges
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
-from lme.planners.stopping import until_rest
 from lme.ramp import towards
 from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist

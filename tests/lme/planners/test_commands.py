@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.planners.commands import limited
-from lme.planners.stopping import StoppingGuard
+from lme.planners.commands import StoppingGuard, limited
 from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from lme.worlds.world import World
