@@ -6,6 +6,7 @@ import pytest
 from lme.errors import InputError
 from lme.guides.learned_subgoal import weights as subgoal
 from lme.inputs.onnx_file import TRAINED, SignedNetwork
+from lme.planners import ipaprec, lics
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c
@@ -13,8 +14,6 @@ from lme.planners.dclp.leveldb import masked
 from lme.planners.dclp.weights import REPORTED, SHAPES, write_weights
 from lme.planners.drl_vo import architecture
 from lme.planners.drl_vo import graph as drl_vo
-from lme.planners.ipaprec import weights as ipaprec
-from lme.planners.lics import weights as lics
 
 MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
 TINY = architecture.Sizes(channels=2, features=5, hidden=4)  # of a DRL-VO network that answers at once

@@ -54,15 +54,13 @@ def _drl_vo(path: Path, batch_norm: str = "sample") -> tuple[Arrays, Write]:
 
 
 def _lics(path: Path) -> tuple[Arrays, Write]:
-    from lme.planners.lics.importing import import_state
-    from lme.planners.lics.weights import write_weights
+    from lme.planners.lics import import_state, write_weights
 
     return import_state(path), write_weights
 
 
 def _ipaprec(path: Path, sectors: int, unit: float | None = None) -> tuple[Arrays, Write]:
-    from lme.planners.ipaprec.importing import import_checkpoint
-    from lme.planners.ipaprec.weights import write_weights
+    from lme.planners.ipaprec import import_checkpoint, write_weights
 
     return import_checkpoint(path, sectors), partial(write_weights, unit=unit)
 

@@ -9,9 +9,16 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.inputs.onnx_file import SignedNetwork
 from lme.inputs.onnx_graph import read_weights
-from lme.planners.ipaprec.importing import import_checkpoint, tensor_names
-from lme.planners.ipaprec.planner import IpapRec, nearest_by_sector
-from lme.planners.ipaprec.weights import LAYERS, shapes, signature, write_weights
+from lme.planners.ipaprec import (
+    LAYERS,
+    IpapRec,
+    import_checkpoint,
+    nearest_by_sector,
+    shapes,
+    signature,
+    tensor_names,
+    write_weights,
+)
 from lme.types import Guidance, LaserScan, Twist
 from tests import oracles
 from tests.builders import observation, stage

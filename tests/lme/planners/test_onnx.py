@@ -42,7 +42,7 @@ def made(file, answer=(0.5, -0.25), **settings):
     """The planner with a network that answers `answer`, and that network."""
     settings.setdefault("inputs", ["scan", "target", "twist", "limits", "action"])
     network = Recorder(answer)
-    with mock.patch("lme.planners.onnx.planner.Network", return_value=network):
+    with mock.patch("lme.planners.onnx.Network", return_value=network):
         planner = OnnxPolicy(load_settings("planner/onnx", path=file, **settings), ROBOT)
     planner.reset(np.random.default_rng(0))
     return planner, network
@@ -143,7 +143,7 @@ def test_outputs_may_mean_other_velocities(file):
 
 def test_a_command_stays_within_reach(file):
     slow = stage(v_max=2.0, omega_max=3.0, alpha_v=1.0, alpha_omega=1.0)
-    with mock.patch("lme.planners.onnx.planner.Network", return_value=Recorder((1.0, 1.0))):
+    with mock.patch("lme.planners.onnx.Network", return_value=Recorder((1.0, 1.0))):
         planner = OnnxPolicy(load_settings("planner/onnx", path=file), slow)
     command = planner.plan(observation(ranges=SECTORS, twist=Twist(0.0, 0.0), robot=slow), LEFT)
     assert command == pytest.approx((slow.dt, slow.dt))
