@@ -22,7 +22,7 @@ from lme.inputs.onnx_file import Arrays, Shape, Signature, SignedNetwork
 from lme.inputs.onnx_graph import OnnxGraph, check_finite
 from lme.inputs.resources import resource_dir
 from lme.planners.commands import limited
-from lme.planners.drl_vo.torch_file import DAMAGE, TorchFile
+from lme.planners.drl_vo.importing import DAMAGE, TorchFile
 from lme.robots import Robot
 from lme.types import Floats, Guidance, LaserScan, Observation, Twist
 

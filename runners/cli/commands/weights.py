@@ -47,8 +47,8 @@ def _dclp(path: Path) -> tuple[Arrays, Write]:
 
 
 def _drl_vo(path: Path, batch_norm: str = "sample") -> tuple[Arrays, Write]:
-    from lme.planners.drl_vo.graph import write_weights
     from lme.planners.drl_vo.importing import import_archive
+    from lme.planners.drl_vo.weights import write_weights
 
     return import_archive(path), partial(write_weights, batch_norm=batch_norm)
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.planners.drl_vo.architecture import Sizes, shapes
-from lme.planners.drl_vo.graph import read_weights, write_weights
+from lme.planners.drl_vo.weights import Sizes, read_weights, shapes, write_weights
 from tests.networks import drl_vo_file, network_file, random_drl_vo, refused
 
 BIAS = "features_extractor.conv2_2.3.bias"

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from lme.inputs.onnx_file import TRAINED
-from lme.planners.drl_vo.architecture import Sizes, shapes
-from lme.planners.drl_vo.graph import SIGNATURE, write_weights
 from lme.planners.drl_vo.importing import import_archive
+from lme.planners.drl_vo.weights import SIGNATURE, Sizes, shapes, write_weights
 from tests.networks import signed
 from tests.tolerances import DEEP_NETWORK
 
