@@ -7,10 +7,7 @@ from lme.errors import InputError
 from lme.guides.learned_subgoal import weights as subgoal
 from lme.inputs.onnx_file import TRAINED, SignedNetwork
 from lme.planners import ipaprec, lics
-from lme.planners.dclp.bundle import INDEX, SHARD
-from lme.planners.dclp.importing import tensor_names
-from lme.planners.dclp.kernels.crc32c import crc32c
-from lme.planners.dclp.leveldb import masked
+from lme.planners.dclp.importing import INDEX, SHARD, crc32c, masked, tensor_names
 from lme.planners.dclp.weights import REPORTED, SHAPES, write_weights
 from lme.planners.drl_vo import weights as drl_vo
 
