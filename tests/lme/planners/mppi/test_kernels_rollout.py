@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
-from lme.planners.mppi.kernels.rollout import average, charge_controls, constrain, rollout, smooth
+from lme.planners.mppi.kernels import average, charge_controls, constrain, rollout, smooth
 from lme.planners.mppi.planner import draw
 from tests import oracles
 from tests.tolerances import FLOAT32_LAYER, KERNEL

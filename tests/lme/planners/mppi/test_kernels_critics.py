@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.planners.mppi.kernels import critics
+from lme.planners.mppi import kernels as critics
 from tests import oracles
 from tests.builders import shipped
 from tests.tolerances import FLOAT32_LAYER
