@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from lme.planners.teb.band import optimize
 from lme.planners.teb.kernels import normal_equations
-from lme.planners.teb.optimizer import optimize
 from tests import oracles
 
 BOX = (0.21, 0.155, 0.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lme.planners.motion_tubes.surroundings import Surroundings
+from lme.planners.motion_tubes.planner import Surroundings
 from lme.planners.motion_tubes.tubes import backward_tubes
 from lme.types import Pose
 from tests.lme.planners.motion_tubes.scenes import JACKAL, NONE, spec_of, view_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.planners.eband.band import Band
+from lme.planners.eband.planner import Band
 from tests.builders import stage
 from tests.tolerances import KERNEL
 

@@ -3,7 +3,7 @@
 import pytest
 
 from lme.config.presets import load_settings
-from lme.planners.teb.recovery import Horizon, Oscillation
+from lme.planners.teb.planner import Horizon, Oscillation
 from lme.types import Twist
 
 DT = 0.1
