@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.errors import config_key, require
 from lme.geometry.arcs import first_contacts
 from lme.geometry.frames import to_robot
 from lme.geometry.motion import WIDEST, drive, movers_among
 from lme.geometry.straight_ways import KEPT
+from lme.inputs import plausibility
 from lme.perception.scan_points import is_full_circle, obstacle_points
 from lme.planners.commands import Weighed, limited, turn_shares, without_tiny_rates
-from lme.planners.min_time.config import MinTimeConfig
-from lme.planners.min_time.kernels.best_command import best_command, best_twist, tried
-from lme.planners.min_time.lag import Lag
+from lme.planners.min_time.kernels import best_command, best_twist, tried
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.ramp import reachable
@@ -36,6 +37,36 @@ _ARCS = 7  # on which it may back up
 _BACK_INTERVAL = 10.0  # [s] since the robot last began to back up: until then it does so again only after
 _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow place
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
+
+
+@dataclass(slots=True)
+class MinTimeParts:
+    """Parts of the planner; False leaves one out, for an ablation."""
+
+    calm: bool
+    backing_up: bool
+    multi_point: bool
+
+
+@dataclass(slots=True)
+class MinTimeConfig:
+    """Distances that the planner keeps, and properties of the robot on which it may rely."""
+
+    margin: float
+    margin_time: float
+    brake: float
+    max_lateral_accel: float
+    latency: float
+    lag: float
+    parts: MinTimeParts
+
+    def __post_init__(self) -> None:
+        for key in ("margin", "margin_time", "latency", "lag"):
+            require(key, getattr(self, key), at_least=0.0)
+        for key in ("brake", "max_lateral_accel"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("latency", "lag"):
+            plausibility.check(config_key(key), getattr(self, key))
 
 
 class _Situation(NamedTuple):
@@ -188,9 +219,8 @@ class MinTime:
         if predicts or time == 0.0 or observation.twist == start:
             return situation
         excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
-        return (
-            _shifted(situation, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else situation
-        )
+        shift = Pose(time * excess[0], 0.0, time * excess[1])
+        return _shifted(situation, shift) if any(excess) else situation
 
     def _situation_ahead(self, situation: _Situation, limits: Limits) -> _Situation:
         """Return the situation in which the next command takes effect, in the robot frame of that time."""
@@ -216,12 +246,7 @@ class MinTime:
         for k, command in enumerate(sent):
             duration = dt if k else remaining
             reached = self._lag.after(start, command, duration)
-            motion = (
-                (*pose,),
-                (*start,),
-                (*reached,),
-                limits.bounds,
-            )  # plain tuples, as in `FastSimulator.step`
+            motion = (*pose,), (*start,), (*reached,), limits.bounds  # plain, as in `FastSimulator.step`
             poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.circumscribed_radius)
             pose, start = Pose(*poses[-1].tolist()), Twist(*twist)
         return pose, without_tiny_rates(start)
@@ -313,3 +338,38 @@ class MinTime:
         turn = np.abs((np.arctan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi)
         times: Floats = np.hypot(x, y) / limits.v_max + _TURN * turn
         return times
+
+
+class Lag:
+    """First-order lag of v and ω: after a time t, e^(−t/τ) of their difference from the command is left.
+
+    Limits of acceleration are not modelled. With τ = 0 the velocity is that of the command.
+    """
+
+    def __init__(self, time_constant: float, dt: float) -> None:
+        """time_constant: τ [s]; dt: the control period [s]."""
+        self._time_constant, self._dt = time_constant, dt
+
+    def after(self, twist: Twist, command: Twist, duration: float) -> Twist:
+        """Return the twist `duration` [s] later."""
+        if self._time_constant == 0.0:
+            return command
+        decay = math.exp(-duration / self._time_constant)
+        return Twist(
+            command.v + decay * (twist.v - command.v), command.omega + decay * (twist.omega - command.omega)
+        )
+
+    def reach(self, twist: Twist, limits: Limits) -> tuple[Twist, Twist]:
+        """Return the least and the greatest v and ω to which commands within the limits lead in one period."""
+        lowest, highest = Twist(limits.lowest, -limits.omega_max), Twist(limits.v_max, limits.omega_max)
+        return self.after(twist, lowest, self._dt), self.after(twist, highest, self._dt)
+
+    def command_for(self, desired: Twist, twist: Twist, limits: Limits) -> Twist:
+        """Return the command that leads to the desired twist in one period, or the nearest one within the limits."""
+        if self._time_constant == 0.0:
+            return desired
+        gain = -1.0 / math.expm1(-self._dt / self._time_constant)
+        v, omega = (current + gain * (goal - current) for current, goal in zip(twist, desired, strict=True))
+        return Twist(
+            min(max(v, limits.lowest), limits.v_max), min(max(omega, -limits.omega_max), limits.omega_max)
+        )

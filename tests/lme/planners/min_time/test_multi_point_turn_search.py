@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_robot
-from lme.planners.min_time.kernels.way_out import STROKE, TURN, keeps_on_stroke, poses_after, way_out
+from lme.planners.min_time.multi_point_turn import STROKE, TURN, keeps_on_stroke, poses_after, way_out
 from lme.robots import Footprint
 from lme.types import Pose
 from tests.tolerances import KERNEL

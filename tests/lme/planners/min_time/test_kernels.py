@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.planners.min_time.kernels.best_command import FORESEEN, Estimate, Safety, best_twist
+from lme.planners.min_time.kernels import FORESEEN, Estimate, Safety, best_twist
 from tests import oracles
 from tests.tolerances import KERNEL
 
-MEETING, STRIKING, STEP = 10.0, 5.0, 0.1  # as in lme/planners/min_time/kernels/best_command.py
+MEETING, STRIKING, STEP = 10.0, 5.0, 0.1  # as in lme/planners/min_time/kernels.py
 JACKAL, DISC = (0.21, 0.155, 0.0), (0.0, 0.0, 0.2)
 ESTIMATE = Estimate(v_max=2.0, turn=0.5, period=0.1, horizon=0.5, slow=0.05)
 SAFETY = Safety(margin=0.05, margin_time=0.1, brake=3.0, max_lateral_accel=100.0)

@@ -8,7 +8,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.planners.min_time import MinTime
-from lme.planners.min_time.lag import Lag
+from lme.planners.min_time.planner import Lag
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Twist
 from lme.worlds.world import World
