@@ -16,7 +16,7 @@ from lme.inputs.guarded_file import expanded
 from lme.inputs.onnx_file import OnnxNetwork
 from lme.planners.commands import limited
 from lme.robots import Robot
-from lme.types import Floats, Guidance, LaserScan, Limits, Observation, Twist
+from lme.types import Floats, Guidance, LaserScan, Observation, Twist
 
 PARTS = ("scan", "target", "twist", "limits", "action")
 FORMS = ("xy", "polar")
@@ -142,16 +142,10 @@ class OnnxPolicy:
                 f"path is {self._config.path}: the network answers {answer.tolist()}; must be finite numbers"
             )
         self._last = np.clip(answer, -1.0, 1.0) if self._config.action.clip else answer
-        v, omega = self._velocities(observation.limits)
+        action, limits, (v, omega) = self._config.action, observation.limits, self._last.tolist()
+        v = _between(v, action.v or [-limits.v_max, limits.v_max])
+        omega = _between(omega, action.omega or [-limits.omega_max, limits.omega_max])
         return limited(v, omega, observation, self._robot.dt)
-
-    def _velocities(self, limits: Limits) -> tuple[float, float]:
-        """Velocities for the last outputs [m/s, rad/s]."""
-        action, (v, omega) = self._config.action, self._last.tolist()
-        return (
-            _between(v, action.v or [-limits.v_max, limits.v_max]),
-            _between(omega, action.omega or [-limits.omega_max, limits.omega_max]),
-        )
 
 
 def _between(output: float, ends: list[float]) -> float:

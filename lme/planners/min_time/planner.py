@@ -79,11 +79,6 @@ class _Situation(NamedTuple):
     path: Floats | None
 
 
-def _excess(measured: float, commanded: float) -> float:
-    """Amount by which a measured rate exceeds the commanded one."""
-    return measured - commanded if abs(measured) > abs(commanded) else 0.0
-
-
 def _shifted(situation: _Situation, pose: Pose, duration: float = 0.0) -> _Situation:
     """Return the situation in the robot frame at another pose, `duration` [s] on, with the same twist."""
     movers = situation.movers.copy()
@@ -139,12 +134,15 @@ class MinTime:
         """Return the command for one control period."""
         measured, limits = self._measured_situation(observation, guidance), observation.limits
         situation = self._situation_ahead(measured, limits)
-        sees_back = guidance.points is not None or is_full_circle(observation.scan)
-        # Choose a command: a multi-point turn, backing up, or the best arc.
-        turn = self._multi_point_turn(guidance, situation, limits)
-        desired = turn or self._desired(
-            guidance, situation, limits, self._config.parts.backing_up and sees_back
-        )
+        # Choose a command: a multi-point turn, the best arc, or backing up if stuck and if what is behind is seen.
+        desired = self._multi_point_turn(guidance, situation, limits)
+        if desired is None:
+            desired = self._best(situation, limits)
+            sees_back = guidance.points is not None or is_full_circle(observation.scan)
+            if (self._config.parts.backing_up and sees_back) and (
+                self._left_to_back_up > 0.0 or self._is_stuck(desired, guidance, situation, limits)
+            ):
+                desired = self._back_up(situation, limits) or desired
         reached = reachable(*desired, situation.twist, limits, self._robot.dt)
         self._commanded_omega = float(reached.omega)
         dt = self._robot.dt
@@ -169,13 +167,6 @@ class MinTime:
             self._left_to_back_up = self._slow_for = 0.0
             self._backed_up += self._robot.dt
         return command
-
-    def _desired(self, guidance: Guidance, situation: _Situation, limits: Limits, may_back: bool) -> Twist:
-        """Return the best command, or one that backs up if the robot is stuck and may back up."""
-        best = self._best(situation, limits)
-        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(best, guidance, situation, limits)):
-            return self._back_up(situation, limits) or best
-        return best
 
     def _is_stuck(self, best: Twist, guidance: Guidance, situation: _Situation, limits: Limits) -> bool:
         """Return whether to begin to back up: at once, but not repeatedly while turning out of a narrow place.
@@ -218,7 +209,11 @@ class MinTime:
         time = self._robot.settling_time
         if predicts or time == 0.0 or observation.twist == start:
             return situation
-        excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
+        # Amounts by which the measured rates exceed the commanded ones.
+        excess = [
+            measured - commanded if abs(measured) > abs(commanded) else 0.0
+            for measured, commanded in zip(observation.twist, start, strict=True)
+        ]
         shift = Pose(time * excess[0], 0.0, time * excess[1])
         return _shifted(situation, shift) if any(excess) else situation
 

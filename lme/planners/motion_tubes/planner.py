@@ -136,16 +136,13 @@ class MotionTubes:
         }
         desired = steps[self._state](scene)
         command = self._stopping_in_time(desired, scene)
+        # Change the state if the chosen tube was not safe to enter.
         if command == Twist(0.0, 0.0) != desired:
-            self._leave_unsafe_tube(observation.odometry)
+            if self._state is _Manoeuvre.FOLLOW:
+                self._state, self._stuck = _Manoeuvre.BACK, observation.odometry
+            elif self._state is _Manoeuvre.BACK:
+                self._state, self._stuck = _Manoeuvre.STOP, None
         return command
-
-    def _leave_unsafe_tube(self, pose: Pose) -> None:
-        """Change the state if the chosen tube was not safe to enter."""
-        if self._state is _Manoeuvre.FOLLOW:
-            self._state, self._stuck = _Manoeuvre.BACK, pose
-        elif self._state is _Manoeuvre.BACK:
-            self._state, self._stuck = _Manoeuvre.STOP, None
 
     def _forget(self) -> None:
         self._surroundings.forget()

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
+from lme.geometry.frames import to_robot, to_world
 from lme.planners.motion_tubes.kernels import (
     Ranges,
     arc_pose,
@@ -130,22 +131,15 @@ def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints
     ahead = np.full(_WHISKER_SAMPLES, x + rounding + spec.whiskers[0])
     front = np.column_stack((ahead, np.linspace(-y, y, _WHISKER_SAMPLES)))
     right = left * (1.0, -1.0)
-    both_sides, empty = np.vstack((left, right)), np.empty((0, 2))
-    sides = {0.0: (both_sides, empty), 1.0: (right, left), -1.0: (left, right)}
+    both_sides = np.vstack((left, right))
+    sides = {0.0: (both_sides, both_sides), 1.0: (right, left), -1.0: (left, right)}
     samples = np.empty((3, len(curvatures), 2 * _WHISKER_SAMPLES, 2))
     for n, curvature in enumerate(curvatures):
         outer, inner = sides[float(np.sign(curvature))]
-        pose = arc_pose(curvature, spec.length)
-        for k, whisker in enumerate((outer, front, inner if len(inner) else both_sides)):
-            samples[k, n] = np.resize(_placed(whisker, pose), (2 * _WHISKER_SAMPLES, 2))
+        pose = Pose(*arc_pose(curvature, spec.length))
+        for k, whisker in enumerate((outer, front, inner)):
+            samples[k, n] = np.resize(to_world(whisker, pose), (2 * _WHISKER_SAMPLES, 2))
     return _beams(samples, view)
-
-
-def _placed(points: Floats, pose: tuple[float, float, float]) -> Floats:
-    """Transform points (..., 2) from the frame at `pose` to its parent frame."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points[..., 0], points[..., 1]
-    return np.stack((pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y), axis=-1)
 
 
 def _beams(points: Floats, view: LidarView) -> tuple[Ints, Ranges]:
@@ -179,24 +173,21 @@ def backward_tubes(spec: TubeSpec) -> BackwardTubes:
     reach = spec.length + math.hypot(*grown[:2]) + rounding
     ticks = _LATTICE * np.arange(-math.ceil(reach / _LATTICE), math.ceil(reach / _LATTICE) + 1)
     lattice = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
-    lattice = lattice[~_within(lattice, grown, (0.0, 0.0, 0.0))]
+    lattice = lattice[~_within(lattice, grown, Pose(0.0, 0.0, 0.0))]
     inside = np.zeros((len(curvatures), len(lattice)), np.bool_)
     steps = max(1, math.ceil(spec.length / _LATTICE))
     for n, curvature in enumerate(curvatures):
         for k in range(1, steps + 1):
-            inside[n] |= _within(lattice, grown, arc_pose(curvature, -spec.length * k / steps))
+            inside[n] |= _within(lattice, grown, Pose(*arc_pose(curvature, -spec.length * k / steps)))
     is_covered = inside.any(axis=0)
     ends = np.array([arc_pose(curvature, -spec.length)[:2] for curvature in curvatures])
     return BackwardTubes(curvatures, ends, lattice[is_covered], np.ascontiguousarray(inside[:, is_covered]))
 
 
-def _within(points: Floats, box: Box, pose: tuple[float, float, float]) -> Bools:
+def _within(points: Floats, box: Box, pose: Pose) -> Bools:
     """Return whether each of the points (P, 2) lies in the rounded rectangle at `pose`: (P,)."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
-    beside_x = np.maximum(np.abs(cos * dx + sin * dy) - box[0], 0.0)
-    beside_y = np.maximum(np.abs(cos * dy - sin * dx) - box[1], 0.0)
-    is_inside: Bools = np.hypot(beside_x, beside_y) <= box[2] + 1e-9
+    beside = np.maximum(np.abs(to_robot(points, pose)) - box[:2], 0.0)
+    is_inside: Bools = np.hypot(beside[:, 0], beside[:, 1]) <= box[2] + 1e-9
     return is_inside
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.geometry.frames import relative
 from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import approach, limited
 from lme.planners.s3_fisvfh.kernels import Costs, Valleys, histogram, least_clearance, nearest_ahead, search
@@ -198,8 +199,7 @@ class S3Fisvfh:
     def _note_travel(self, pose: Pose) -> None:
         """Update the distance that the robot may back up into the lidar's blind arc [m]."""
         if self._pose is not None:
-            origin = self._pose
-            ahead = (pose.x - origin.x) * math.cos(origin.yaw) + (pose.y - origin.y) * math.sin(origin.yaw)
+            ahead = relative(pose, self._pose).x
             self._room = min(max(self._room + ahead, 0.0), self._config.retreat_room)
         self._pose = pose
 

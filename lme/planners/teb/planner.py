@@ -50,14 +50,20 @@ class Teb:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
+        config = self._config
         self.costmap.update(observation)
-        if math.hypot(*observation.target) < self._config.xy_goal_tolerance:
+        if math.hypot(*observation.target) < config.xy_goal_tolerance:
             self.band.reset()
             return limited(0.0, 0.0, observation, self._dt)
         feasible = self._optimize(observation, guidance)
         self._horizon.record(failed=not feasible)
-        command = Twist(*self._saturated(*self.band.command())) if feasible else Twist(0.0, 0.0)
-        if not feasible:
+        command = Twist(0.0, 0.0)
+        if feasible:
+            # The optimisation may exceed the configured limits.
+            v, omega = self.band.command()
+            v = min(max(v, -config.max_vel_x_backwards), config.max_vel_x)
+            command = Twist(v, min(max(omega, -config.max_vel_theta), config.max_vel_theta))
+        else:
             self.band.reset()
         self._oscillation.record(command, observation.ramp_start.omega)
         return limited(*command, observation, self._dt)
@@ -111,12 +117,6 @@ class Teb:
     def _touches(self, pose: Floats) -> bool:
         """Return whether the padded outline touches an obstacle at a pose (3,)."""
         return self.costmap.outline_cost(Pose(*pose.tolist())) < 0
-
-    def _saturated(self, v: float, omega: float) -> tuple[float, float]:
-        """Limit the motion to the configured limits, which the optimisation may exceed."""
-        config = self._config
-        v = min(max(v, -config.max_vel_x_backwards), config.max_vel_x)
-        return v, min(max(omega, -config.max_vel_theta), config.max_vel_theta)
 
 
 class Horizon:
