@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import check_regular
-from lme.inputs.onnx_file import TRAINED
+from lme.inputs.onnx_file import TRAINED, Shape
 from lme.inputs.onnx_graph import check_finite
-from lme.planners.drl_vo.weights import REPORTED, Shape, checked_sizes, shapes
+from lme.planners.drl_vo.weights import REPORTED, checked_sizes, shapes
 
 POLICY = "policy.pth"
 _PUBLISHED = {"v_max": 0.5, "omega_max": 2.0}  # [m/s, rad/s] the authors' training environment
@@ -139,7 +139,7 @@ def _run(data: bytes) -> Any:
     """Return the object that a pickle describes, by the operations of protocol 2 that a `state_dict` needs."""
     stack: list[Any] = []
     outer: list[list[Any]] = []  # the stacks below the marks
-    memo: dict[int, Any] = {}
+    memo: dict[Any, Any] = {}
     for operation, argument, _ in pickletools.genops(data):
         match operation.name:
             case "STOP":
