@@ -91,14 +91,8 @@ class IpapRec:
 
 def nearest_by_sector(scan: LaserScan, mount_yaw: float, config: IpapRecConfig) -> Floats:
     """Nearest return in each sector about the lidar, from the right to the left: (sectors,) [m]."""
-    arguments = (
-        scan.angle_min + mount_yaw,
-        scan.angle_increment,
-        len(scan.ranges),
-        config.fov,
-        config.sectors,
-    )
-    beams, sectors = binned(*arguments)
+    first, count = scan.angle_min + mount_yaw, len(scan.ranges)
+    beams, sectors = binned(first, scan.angle_increment, count, config.fov, config.sectors)
     nearest = np.full(config.sectors, config.no_return)
     ranges = np.where(has_return(scan), np.minimum(scan.ranges, config.no_return), config.no_return)
     np.minimum.at(nearest, sectors, ranges[beams])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,10 +50,7 @@ class ReportedLimits:
         own = ReportedLimits(
             *robot.limits.bounds, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x
         )
-        given = {each.name: getattr(self, each.name) for each in fields(self)}
-        return ReportedLimits(
-            **{name: getattr(own, name) if value is None else value for name, value in given.items()}
-        )
+        return replace(own, **{name: value for name, value in asdict(self).items() if value is not None})
 
 
 @dataclass(slots=True)
@@ -96,11 +93,8 @@ class DclpInterface:
         self.reported_limits = reported = config.reported_limits.filled_from(robot)
         self._mount = robot.lidar.mount._replace(x=_number(reported.lidar_x))
         self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
-        self._directions[:, 3:] = [
-            _number(reported.front),
-            _number(reported.rear),
-            _number(reported.half_width),
-        ]
+        sizes = (reported.front, reported.rear, reported.half_width)
+        self._directions[:, 3:] = [_number(size) for size in sizes]
 
     def features(self, observation: Observation, subgoal: Floats) -> DclpFeatures:
         """Return the inputs of the network. subgoal: (2,) in the robot frame [m]."""

@@ -38,6 +38,14 @@ class WeightConfig:
 
 
 @dataclass(slots=True)
+class ThresholdConfig:
+    """Critic with a weight that counts only near the target (GoalCritic) or away from it (PreferForwardCritic)."""
+
+    cost_weight: float
+    threshold_to_consider: float
+
+
+@dataclass(slots=True)
 class ObstacleCostConfig:
     """CostCritic: costs of the map under the robot."""
 
@@ -46,14 +54,6 @@ class ObstacleCostConfig:
     collision_cost: float
     near_goal_distance: float
     trajectory_point_step: int
-
-
-@dataclass(slots=True)
-class GoalCostConfig:
-    """GoalCritic: distance to the target."""
-
-    cost_weight: float
-    threshold_to_consider: float
 
 
 @dataclass(slots=True)
@@ -84,14 +84,6 @@ class PathAngleConfig:
     offset_from_furthest: int
     threshold_to_consider: float
     max_angle_to_furthest: float
-
-
-@dataclass(slots=True)
-class PreferForwardConfig:
-    """PreferForwardCritic: distance driven backwards."""
-
-    cost_weight: float
-    threshold_to_consider: float
 
 
 _CRITICS = ("constraint", "cost", "goal", "path_align", "path_follow", "path_angle", "prefer_forward")
@@ -127,11 +119,11 @@ class MppiConfig:
     xy_goal_tolerance: float
     constraint: WeightConfig
     cost: ObstacleCostConfig
-    goal: GoalCostConfig
+    goal: ThresholdConfig
     path_align: PathAlignConfig
     path_follow: PathFollowConfig
     path_angle: PathAngleConfig
-    prefer_forward: PreferForwardConfig
+    prefer_forward: ThresholdConfig
     costmap: LocalCostmapConfig
 
     def __post_init__(self) -> None:
