@@ -139,9 +139,10 @@ class MinTime:
         if desired is None:
             desired = self._best(situation, limits)
             sees_back = guidance.points is not None or is_full_circle(observation.scan)
-            if (self._config.parts.backing_up and sees_back) and (
-                self._left_to_back_up > 0.0 or self._is_stuck(desired, guidance, situation, limits)
-            ):
+            backs_up = self._config.parts.backing_up and sees_back
+            if backs_up and self._left_to_back_up <= 0.0:
+                backs_up = self._is_stuck(desired, guidance, situation, limits)
+            if backs_up:
                 desired = self._back_up(situation, limits) or desired
         reached = reachable(*desired, situation.twist, limits, self._robot.dt)
         self._commanded_omega = float(reached.omega)
@@ -241,7 +242,8 @@ class MinTime:
         for k, command in enumerate(sent):
             duration = dt if k else remaining
             reached = self._lag.after(start, command, duration)
-            motion = (*pose,), (*start,), (*reached,), limits.bounds  # plain, as in `FastSimulator.step`
+            # Plain tuples, as in `FastSimulator.step`.
+            motion = (*pose,), (*start,), (*reached,), limits.bounds
             poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.circumscribed_radius)
             pose, start = Pose(*poses[-1].tolist()), Twist(*twist)
         return pose, without_tiny_rates(start)
