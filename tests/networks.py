@@ -6,18 +6,13 @@ import pytest
 from lme.errors import InputError
 from lme.guides.learned_subgoal import network as subgoal
 from lme.inputs.onnx_file import TRAINED, SignedNetwork
-from lme.planners.dclp.bundle import INDEX, SHARD
-from lme.planners.dclp.importing import tensor_names
-from lme.planners.dclp.kernels.crc32c import crc32c
-from lme.planners.dclp.leveldb import masked
+from lme.planners import ipaprec, lics
+from lme.planners.dclp.importing import INDEX, SHARD, crc32c, masked, tensor_names
 from lme.planners.dclp.weights import REPORTED, SHAPES, write_weights
-from lme.planners.drl_vo import architecture
-from lme.planners.drl_vo import graph as drl_vo
-from lme.planners.ipaprec import weights as ipaprec
-from lme.planners.lics import weights as lics
+from lme.planners.drl_vo import weights as drl_vo
 
 MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
-TINY = architecture.Sizes(channels=2, features=5, hidden=4)  # of a DRL-VO network that answers at once
+TINY = drl_vo.Sizes(channels=2, features=5, hidden=4)  # of a DRL-VO network that answers at once
 ENTRIES_PER_BLOCK = 5  # several blocks, with keys that share their beginnings
 
 
@@ -210,7 +205,7 @@ def random_drl_vo(sizes=TINY, seed=0):
     """Weights of a DRL-VO network, small enough that no layer saturates."""
     rng = np.random.default_rng(seed)
     made = {}
-    for name, shape in architecture.shapes(sizes).items():
+    for name, shape in drl_vo.shapes(sizes).items():
         draw = rng.uniform(0.5, 1.5, shape) if name.endswith("running_var") else rng.normal(size=shape)
         made[name] = (draw / np.sqrt(max(np.prod(shape[1:]), 1))).astype(np.float32)
     return {**made, TRAINED: np.array([0.5, 2.0], np.float32)}

@@ -111,21 +111,31 @@ class RunningEpisode:
         navigator.read_map(task.world, task.start)
         observation = simulator.reset(task, simulator_rng)
         self.decision_us = 0.0
-        self._log = _Log(task, simulator)
+        self._task = task
+        self._progress = Progress(task, simulator.state)
+        self._switches = self._no_free_candidate = 0
+        self._rows: list[tuple[float, ...]] = []
+        self._decisions_us: list[float] = []
         self._ships = type(simulator).__module__.startswith("lme.simulation.")
         self.observation = self._checked(observation)
 
     def outcome(self) -> Outcome | None:
         """The outcome; None while the episode continues."""
-        return self._log.outcome()
+        return self._progress.outcome(self.simulator.state)
 
     def decide(self) -> Twist:
         """Return the navigator's command for the newest observation."""
         start_ns = perf_counter_ns()
         command = self.navigator.act(self.observation)
         self.decision_us = (perf_counter_ns() - start_ns) / 1000.0
-        assert self.navigator.guidance is not None
-        self._log.decided(self.navigator.guidance, self.decision_us)
+        # Record the decision before its execution.
+        guidance = self.navigator.guidance
+        assert guidance is not None
+        self._previous_state = self.simulator.state
+        self._rows.append(self._row(to_world(guidance.subgoal, self._previous_state.pose), guidance.switched))
+        self._switches += guidance.switched
+        self._no_free_candidate += guidance.blocked
+        self._decisions_us.append(self.decision_us)
         return command
 
     def change(self, task: Task) -> None:
@@ -140,12 +150,13 @@ class RunningEpisode:
                 f"{name}: the world cannot change while the robot drives, since it has no `change`"
             )
         self.observation = self.simulator.change(task)
-        self._log.change(task)
+        self._task = task
+        self._progress.change(task)
 
     def move(self, command: Twist) -> None:
         """Drive for one control period."""
         observation = self.simulator.step(command)
-        self._log.moved()
+        self._progress.moved(self._previous_state, self.simulator.state)
         self.observation = self._checked(observation)
 
     def _checked(self, observation: Observation) -> Observation:
@@ -155,13 +166,32 @@ class RunningEpisode:
         try:
             return checked_observation(observation, self.simulator.state, self.simulator)
         except ReturnedError as error:
-            raise InputError(f"step {self._log.steps}: {error}") from error
+            raise InputError(f"step {len(self._rows)}: {error}") from error
 
     def episode(self) -> Episode:
         """Return the result. Call it at the end."""
-        outcome = self._log.outcome()
+        state, outcome = self.simulator.state, self.outcome()
         assert outcome is not None
-        return self._log.episode(outcome)
+        return Episode(
+            outcome=outcome,
+            time=self._progress.time(state),
+            path_length=self._progress.path_length,
+            steps=len(self._decisions_us),
+            switches=self._switches,
+            no_free_candidate=self._no_free_candidate,
+            min_clearance=self._progress.min_clearance,
+            final_distance=math.dist(state.pose[:2], self._task.goal),
+            trajectory=np.array([*self._rows, self._row(np.full(2, np.nan), False)]),
+            decision_us=np.array(self._decisions_us),
+        )
+
+    def _row(self, subgoal: Floats, switched: bool) -> tuple[float, ...]:
+        state = self.simulator.state
+        x, y, yaw = state.pose
+        subgoal_x, subgoal_y = subgoal.tolist()
+        return (
+            state.time, x, y, wrap_angle(yaw), *state.twist, subgoal_x, subgoal_y, float(switched), state.clearance,
+        )  # fmt: skip
 
 
 class Progress:
@@ -204,67 +234,3 @@ class Progress:
 
     def _elapsed(self, state: State) -> float:
         return state.time if math.isnan(self._clock_start) else state.time - self._clock_start
-
-
-class _Log:
-    """Accumulates the result while an episode runs."""
-
-    def __init__(self, task: Task, simulator: Simulator) -> None:
-        self._task = task
-        self._simulator = simulator
-        self._progress = Progress(task, simulator.state)
-        self._switches = 0
-        self._no_free_candidate = 0
-        self._rows: list[tuple[float, ...]] = []
-        self._decision_us: list[float] = []
-
-    @property
-    def steps(self) -> int:
-        """Number of decisions so far."""
-        return len(self._decision_us)
-
-    def outcome(self) -> Outcome | None:
-        """The outcome; None while the episode continues."""
-        return self._progress.outcome(self._simulator.state)
-
-    def change(self, task: Task) -> None:
-        """Continue with another task."""
-        self._task = task
-        self._progress.change(task)
-
-    def decided(self, guidance: Guidance, decision_us: float) -> None:
-        """Record a decision before its execution."""
-        self._previous_state = self._simulator.state
-        self._rows.append(self._row(to_world(guidance.subgoal, self._previous_state.pose), guidance.switched))
-        self._switches += guidance.switched
-        self._no_free_candidate += guidance.blocked
-        self._decision_us.append(decision_us)
-
-    def moved(self) -> None:
-        """Record the motion of the last period."""
-        self._progress.moved(self._previous_state, self._simulator.state)
-
-    def episode(self, outcome: Outcome) -> Episode:
-        """Return the result at the end of the episode."""
-        state = self._simulator.state
-        self._rows.append(self._row(np.full(2, np.nan), False))
-        return Episode(
-            outcome=outcome,
-            time=self._progress.time(state),
-            path_length=self._progress.path_length,
-            steps=self.steps,
-            switches=self._switches,
-            no_free_candidate=self._no_free_candidate,
-            min_clearance=self._progress.min_clearance,
-            final_distance=math.dist(state.pose[:2], self._task.goal),
-            trajectory=np.array(self._rows),
-            decision_us=np.array(self._decision_us),
-        )
-
-    def _row(self, subgoal: Floats, switched: bool) -> tuple[float, ...]:
-        state = self._simulator.state
-        x, y, yaw = state.pose
-        subgoal_x, subgoal_y = subgoal.tolist()
-        return (
-            state.time, x, y, wrap_angle(yaw), *state.twist, subgoal_x, subgoal_y, float(switched), state.clearance,
-        )  # fmt: skip

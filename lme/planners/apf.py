@@ -10,8 +10,7 @@ from numba import njit
 
 from lme.errors import require
 from lme.perception.scan_points import BlindArc
-from lme.planners.commands import approach
-from lme.planners.stopping import StoppingGuard
+from lme.planners.commands import StoppingGuard, approach
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -11,8 +11,7 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.arcs import clearances, first_contacts
 from lme.perception.scan_points import obstacle_points
-from lme.planners.commands import MOST_SAMPLES, approach, check_turn_samples, limited, turn_shares
-from lme.planners.weighed import Weighed
+from lme.planners.commands import MOST_SAMPLES, Weighed, approach, check_turn_samples, limited, turn_shares
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
@@ -92,7 +91,7 @@ class Dwa:
         return limited(float(command[0]), float(command[1]), observation, self._dt)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """Return the window with the costs −G(v, ω); see `lme.planners.weighed`."""
+        """Return the window with the costs −G(v, ω); see `Weighed`."""
         window = self._window(observation, guidance.subgoal, obstacle_points(observation.scan, self._mount))
         score = self._objective(window, guidance.subgoal, observation.limits)
         costs = np.where(window.contact >= window.stopping, -score, np.inf)

@@ -12,8 +12,7 @@ from lme.errors import require
 from lme.geometry.motion import WIDEST, movers_among
 from lme.geometry.orca import before_point, beside_disc, best_velocity
 from lme.perception.scan_points import BlindArc
-from lme.planners.commands import approach
-from lme.planners.stopping import StoppingGuard
+from lme.planners.commands import StoppingGuard, approach
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
@@ -78,12 +77,10 @@ class Orca:
         times = (config.horizon, config.wall_horizon, self._dt)
         bounds = (self._radius, float(limits.v_max), config.share)
         vx, vy = permitted(preferred, (float(twist.v), 0.0), points, people, times, bounds)
-        return self._guard.guard(self._follow(vx, vy, bearing), observation, points)
-
-    def _follow(self, vx: float, vy: float, bearing: float) -> Twist:
-        """Return the command that comes nearest to a velocity; a standing robot turns to its subgoal."""
+        # The command that comes nearest to this velocity; a standing robot turns to its subgoal.
         heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _MIN_SPEED else bearing
-        return Twist(max(vx, 0.0), heading / self._config.turn_time)
+        desired = Twist(max(vx, 0.0), heading / config.turn_time)
+        return self._guard.guard(desired, observation, points)
 
 
 @njit(cache=True, error_model="numpy")

@@ -17,8 +17,7 @@ from lme.grids.polar_histogram import (
     turning_limits,
 )
 from lme.perception.scan_points import BlindArc
-from lme.planners.commands import approach
-from lme.planners.stopping import StoppingGuard
+from lme.planners.commands import StoppingGuard, approach
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
@@ -47,14 +46,9 @@ class VfhPlusConfig:
     def __post_init__(self) -> None:
         for key in ("window", "density_high", "wide_valley", "turn_gain", "density_stop"):
             require(key, getattr(self, key), above=0.0)
-        for key in (
-            "safety_distance",
-            "density_low",
-            "cost_target",
-            "cost_heading",
-            "cost_previous",
-            "margin",
-        ):
+        for key in ("safety_distance", "density_low", "margin"):
+            require(key, getattr(self, key), at_least=0.0)
+        for key in ("cost_target", "cost_heading", "cost_previous"):
             require(key, getattr(self, key), at_least=0.0)
         require("cell_size", self.cell_size, at_least=_LEAST_CELL)
         require("sector_angle", self.sector_angle, at_least=math.radians(0.5), at_most=math.pi / 4)
@@ -114,21 +108,18 @@ class VfhPlus:
         yaw = observation.odometry.yaw
         turn_radius = abs(observation.ramp_start.v) / observation.limits.omega_max
         limits = turning_limits(cells, turn_radius, self._radius)
-        for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
-            candidates = candidate_directions(blocked, target / self._alpha, self._wide_valley)
-            if len(candidates) > 0:
-                best = self._cheapest(candidates, target, yaw)
-                self._previous = best
-                return self._turn(best, target, yaw), stop
-        self._previous = None
-        return None, True
-
-    def _cheapest(self, candidates: Floats, target: float, yaw: float) -> float:
-        """Candidate of the least cost, in sectors; without a previous choice, the heading takes its place."""
+        # Without a previous choice, the heading takes its place.
         heading = yaw / self._alpha
         previous = heading if self._previous is None else self._previous
         references = (target / self._alpha, heading, previous)
-        return float(candidates[cheapest(candidates, self._costs, references, self._num_sectors)])
+        for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
+            candidates = candidate_directions(blocked, target / self._alpha, self._wide_valley)
+            if len(candidates) > 0:
+                index = cheapest(candidates, self._costs, references, self._num_sectors)
+                self._previous = best = float(candidates[index])
+                return self._turn(best, target, yaw), stop
+        self._previous = None
+        return None, True
 
     def _turn(self, sector: float, target: float, yaw: float) -> float:
         """Chosen direction relative to the heading [rad]; straight behind, the turn passes the target."""

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
-from lme.planners.dclp.interface import DclpConfig, DclpInterface, reported_values
+from lme.planners.dclp.planner import DclpConfig, DclpInterface, reported_values
 from lme.planners.dclp.weights import (
     COMPONENTS,
     CONVOLUTIONS,

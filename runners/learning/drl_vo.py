@@ -1,4 +1,4 @@
-"""DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.graph` writes."""
+"""DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.weights` writes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from lme.inputs.onnx_file import TRAINED
-from lme.planners.drl_vo import architecture as net
-from lme.planners.drl_vo.architecture import Convolution, Residual, Sizes
-from lme.planners.drl_vo.config import DrlVoConfig
-from lme.planners.drl_vo.graph import REPORTED, read_weights, write_weights
-from lme.planners.drl_vo.interface import DrlVoInterface
+from lme.planners.drl_vo import weights as net
 from lme.planners.drl_vo.observation import image_of
+from lme.planners.drl_vo.planner import DrlVoConfig, DrlVoInterface
+from lme.planners.drl_vo.weights import REPORTED, Convolution, Residual, Sizes, read_weights, write_weights
 from lme.robots import Robot
 from runners.learning.mixture import MixtureBatch
 
@@ -164,7 +162,7 @@ class DrlVoNetwork(DrlVoBody):
         return {**found, TRAINED: self._trained.copy()}
 
     def load(self, weights: Arrays) -> None:
-        """Set the arrays that `lme.planners.drl_vo.architecture` lists, and their sizes."""
+        """Set the arrays that `lme.planners.drl_vo.weights` lists, and their sizes."""
         sizes = net.checked_sizes({name: array.shape for name, array in weights.items()}, "weights")
         self._build(sizes, 0, net.ACTIONS)
         with torch.no_grad():

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from lme.guides.lme_plus.guide import LmePlus
+from lme.planners.commands import Weighing
 from lme.planners.safety.filter import SafetyFilter
-from lme.planners.weighed import Weighing
 from runners.play.simulation_track import SimulationTrack, Tasks
 from runners.reports.explainer.packer import Packer
 from runners.workers.trace import TracedStep

@@ -33,7 +33,7 @@ _TURN = (5, 25)  # steps that the expert or the network drives before the driver
 
 
 class Interface(Protocol):
-    """Inputs of a network, and the meaning of its output: `lme.planners.dclp.interface`."""
+    """Inputs of a network, and the meaning of its output: `lme.planners.dclp.planner`."""
 
     def features(self, observation: Observation, subgoal: Floats) -> tuple[Floats, ...]:
         """Return the inputs of the network; called once per step. subgoal: the point to drive to (2,) [m]."""

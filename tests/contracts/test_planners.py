@@ -12,7 +12,7 @@ from lme.config.presets import load_settings
 from lme.planners.apf import Apf
 from lme.planners.dwa import Dwa
 from lme.planners.eband.planner import EBand
-from lme.planners.lics.planner import Lics
+from lme.planners.lics import Lics
 from lme.planners.min_time.planner import MinTime
 from lme.planners.motion_tubes.planner import MotionTubes
 from lme.planners.mppi.planner import Mppi

@@ -174,10 +174,10 @@ def _read_networks(folder: Path) -> None:
     from lme.inputs.onnx_file import SignedNetwork
     from lme.inputs.onnx_graph import read_weights
     from lme.planners.dclp.weights import SIGNATURE
-    from lme.planners.drl_vo import graph
+    from lme.planners.drl_vo.weights import SIGNATURE as DRL_VO
 
     SignedNetwork(folder / "dclp.onnx", SIGNATURE)
-    SignedNetwork(folder / "drl_vo.onnx", graph.SIGNATURE)
+    SignedNetwork(folder / "drl_vo.onnx", DRL_VO)
     read_weights(folder / "dclp.onnx", SIGNATURE.what)
 
 

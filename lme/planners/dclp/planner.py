@@ -2,19 +2,188 @@
 
 from __future__ import annotations
 
+import math
+import warnings
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from lme.errors import config_key, require
 from lme.inputs.onnx_file import SignedNetwork
 from lme.inputs.resources import resource_dir
-from lme.planners.dclp.interface import DclpConfig, DclpFeatures, DclpInterface, warn_if_untrained
-from lme.planners.dclp.network import Mixture, draw
-from lme.planners.dclp.weights import SIGNATURE
+from lme.planners.commands import limited
+from lme.planners.dclp.observation import nearest_by_direction
+from lme.planners.dclp.weights import COMPONENTS, DIRECTION_INPUTS, DIRECTIONS, REPORTED, SIGNATURE
 from lme.robots import Robot
-from lme.types import Guidance, Observation, Twist
+from lme.types import Floats, Guidance, Limits, Observation, Twist
 
+_ROUNDING = 1e-4  # of a bound, which a file holds as float32
 SHIPPED = "dclp_jackal.onnx"  # in conf/network/; lme learn made it
+
+
+@dataclass(slots=True)
+class ReportedLimits:
+    """The robot as described to the network, where that differs from the robot; null: the robot's own value."""
+
+    v_max: float | None
+    omega_max: float | None
+    alpha_v: float | None
+    alpha_omega: float | None
+    front: float | None
+    rear: float | None
+    half_width: float | None
+    lidar_x: float | None
+
+    def __post_init__(self) -> None:
+        for key in REPORTED:
+            if getattr(self, key) is not None:
+                require(key, getattr(self, key), above=0.0)
+        if self.lidar_x is not None:
+            require("lidar_x", self.lidar_x)
+
+    def filled_from(self, robot: Robot) -> ReportedLimits:
+        """Return these values, with the robot's own in place of nulls."""
+        half_length, half_width, rounding = robot.footprint.box
+        length, width = half_length + rounding, half_width + rounding
+        own = ReportedLimits(
+            *robot.limits.bounds, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x
+        )
+        return replace(own, **{name: value for name, value in asdict(self).items() if value is not None})
+
+
+@dataclass(slots=True)
+class DclpConfig:
+    """Weights of the network, and the ranges that it gets where the lidar sees nothing."""
+
+    weights: str | None
+    no_return: float
+    blind_range: float
+    lookahead: float
+    full_v: float | None
+    full_omega: float | None
+    reported_limits: ReportedLimits
+
+    def __post_init__(self) -> None:
+        for key in ("no_return", "blind_range", "lookahead"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("full_v", "full_omega"):
+            if getattr(self, key) is not None:
+                require(key, getattr(self, key), above=0.0)
+
+
+class DclpFeatures(NamedTuple):
+    """Inputs of the network, in the order of its signature.
+
+    directions: (90, 6) of cos, sin, distance [m], length ahead, length behind, half width [m]. state: (8,) of distance
+    and bearing of the target, v, ω, and the limits of v, ω and their accelerations, in SI units.
+    """
+
+    directions: Floats
+    state: Floats
+
+
+class DclpInterface:
+    """Inputs of the network for a robot, and the command for its output."""
+
+    def __init__(self, config: DclpConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self.reported_limits = reported = config.reported_limits.filled_from(robot)
+        self._mount = robot.lidar.mount._replace(x=_number(reported.lidar_x))
+        self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
+        sizes = (reported.front, reported.rear, reported.half_width)
+        self._directions[:, 3:] = [_number(size) for size in sizes]
+
+    def features(self, observation: Observation, subgoal: Floats) -> DclpFeatures:
+        """Return the inputs of the network. subgoal: (2,) in the robot frame [m]."""
+        config = self._config
+        directions = self._directions.copy()
+        directions[:, :3] = nearest_by_direction(
+            observation.scan, self._mount, config.no_return, config.blind_range
+        )
+        x, y = subgoal
+        limits = self._limits(observation.limits)
+        state = np.array([math.hypot(x, y), math.atan2(y, x), *observation.twist, *limits.bounds])
+        return DclpFeatures(directions, state)
+
+    def goal(self, guidance: Guidance) -> Floats:
+        """Return the subgoal or, if the guide has a path, its first point that is `lookahead` away: (2,) [m]."""
+        path = guidance.path
+        if path is None or guidance.blocked:
+            return guidance.subgoal
+        far = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) >= self._config.lookahead)
+        goal: Floats = path[far[0] if len(far) else -1]
+        return goal
+
+    def action(self, command: Twist, observation: Observation) -> Floats:
+        """Return the output (2,) that corresponds to a command, clipped to ±1."""
+        answer: Floats = np.clip(np.array(command) / self.full(observation.limits), -1.0, 1.0)
+        return answer
+
+    def command(self, action: Floats, observation: Observation) -> Twist:
+        """Return the command for an output (2,), v and ω in (−1, 1), limited to what is reachable in a period."""
+        v, omega = action
+        full_v, full_omega = self.full(observation.limits)
+        return limited(float(v) * full_v, float(omega) * full_omega, observation, self._dt)
+
+    def full(self, own: Limits) -> tuple[float, float]:
+        """Return the commands for a full output [m/s], [rad/s]. own: the robot's limits."""
+        config, limits = self._config, self._limits(own)
+        return (
+            limits.v_max if config.full_v is None else config.full_v,
+            limits.omega_max if config.full_omega is None else config.full_omega,
+        )
+
+    def _limits(self, own: Limits) -> Limits:
+        """Limits that the network is given."""
+        reported = self._config.reported_limits
+        given = {name: getattr(reported, name, None) for name in Limits._fields}
+        return own._replace(**{name: value for name, value in given.items() if value is not None})
+
+
+def _number(value: float | None) -> float:
+    assert value is not None
+    return float(value)
+
+
+def reported_values(reported: ReportedLimits) -> Floats:
+    """Return the values of `REPORTED` for a robot as described to the network: (7,)."""
+    return np.array([_number(getattr(reported, key)) for key in REPORTED])
+
+
+def warn_if_untrained(reported: ReportedLimits, trained: Floats) -> None:
+    """Warn if the network was not trained for a robot as described to it.
+
+    trained: (7, 2), lowest and highest values of `REPORTED`.
+    """
+    for key, value, (low, high) in zip(REPORTED, reported_values(reported), trained, strict=True):
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
+            span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
+            warnings.warn(
+                f"{config_key(f'reported_limits.{key}')} is {value:g}: this DCLP network was trained for {span}",
+                stacklevel=4,
+            )
+
+
+class Mixture(NamedTuple):
+    """Gaussian components of the action. logits: (4,); means: (4, 2) in (−1, 1), of v and ω."""
+
+    logits: Floats
+    means: Floats
+
+
+def draw(mixture: Mixture, rng: np.random.Generator) -> Floats:
+    """Draw a component by its probability and return its mean: (2,) of v and ω in (−1, 1).
+
+    The authors' deterministic policy draws the component, too, and omits only the noise about its mean.
+    """
+    odds = np.exp(mixture.logits - mixture.logits.max())
+    odds = np.cumsum(odds)
+    chosen = int(np.searchsorted(odds, rng.random() * odds[-1], side="right"))
+    means: Floats = mixture.means[min(chosen, COMPONENTS - 1)]
+    return means
 
 
 class Dclp:

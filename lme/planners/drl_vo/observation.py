@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.planners.drl_vo.architecture import SIDE
+from lme.planners.drl_vo.weights import SIDE
 from lme.types import Bools, Floats, Ints, LaserScan
 
 BINS = SIDE  # of a sweep

@@ -11,14 +11,13 @@ from lme.errors import require
 from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot, to_world
 from lme.perception.scan_points import obstacle_points
-from lme.planners.commands import approach, limited
-from lme.planners.eband.band import Band, BandConfig
-from lme.planners.eband.kernels import hidden
-from lme.planners.polyline import exit_point
-from lme.planners.stopping import until_rest
+from lme.planners.commands import approach, limited, until_rest
+from lme.planners.eband.kernels import bubble_radii, covered, hidden, mend, relax
+from lme.planners.polyline import exit_point, project, stretch
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
+_CAPACITY = 256  # [bubbles] useful bands have far fewer
 _NO_EDGES = np.empty((0, 4))
 _AT_REST = np.zeros((1, 3))
 _ARRIVED = 0.02  # [m] the robot stops if the aim is nearer
@@ -28,9 +27,20 @@ _SLOWER = (1.0, 0.5, 0.25, 0.0)  # shares of the velocity tried before backing o
 
 
 @dataclass(slots=True)
-class EBandConfig(BandConfig):
-    """Settings of the band and of the controller."""
+class EBandConfig:
+    """Settings of the bubbles and forces of the band, and of the controller."""
 
+    horizon: float
+    spacing: float
+    min_radius: float
+    max_radius: float
+    overlap: float
+    internal_gain: float
+    external_gain: float
+    influence: float
+    min_force: float
+    iterations: int
+    recursion: int
     v_max: float
     v_min: float
     omega_max: float
@@ -40,12 +50,100 @@ class EBandConfig(BandConfig):
     margin: float
 
     def __post_init__(self) -> None:
-        BandConfig.__post_init__(self)  # super() fails in a dataclass with slots
+        for key in ("horizon", "spacing", "max_radius"):
+            require(key, getattr(self, key), above=0.0)
+        require("min_radius", self.min_radius, at_least=0.0, at_most=self.max_radius)
+        require("overlap", self.overlap, above=0.0, at_most=1.0)
+        for key in ("internal_gain", "external_gain", "influence", "min_force", "recursion"):
+            require(key, getattr(self, key), at_least=0.0)
+        require("iterations", self.iterations, at_least=1)
         for key in ("v_max", "omega_max", "bubble_velocity", "heading_gain", "rotation_threshold"):
             require(key, getattr(self, key), above=0.0)
         for key in ("v_min", "margin"):
             require(key, getattr(self, key), at_least=0.0)
         require("v_min", self.v_min, at_most=self.v_max)
+
+
+class Band:
+    """Bubbles from the robot along a path, in the odometry frame (Quinlan & Khatib 1993, §3).
+
+    centres: (N, 2) [m], the first at the robot. radii: (N,) [m]. chain: number of bubbles, from the first one
+    on, that are joined one to the next; less than N if the band is torn.
+    """
+
+    def __init__(self, config: EBandConfig, inner: float) -> None:
+        """inner: radius of the inscribed disc of the robot's outline [m]."""
+        self._config = config
+        self._inner = inner
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the band."""
+        self.centres: Floats = np.empty((0, 2))
+        self.radii: Floats = np.empty(0)
+        self.chain = 0
+        self._path: Floats = np.empty((0, 2))
+
+    @property
+    def torn(self) -> bool:
+        """Return whether some neighbours do not join even after insertion of bubbles."""
+        return self.chain < len(self.centres)
+
+    def update(self, path: Floats, robot: Floats, points: Floats, *, planned: bool) -> None:
+        """Update the band for the robot's position and the path, then apply the forces.
+
+        path (K, 2), K ≥ 1, robot (2,), points (M, 2): odometry frame [m]. The band keeps its route even if the
+        path changes, so that the robot does not oscillate between two paths of equal length. A torn band is
+        rebuilt if the path is `planned` around obstacles, and otherwise left to the forces. A path to another
+        end always gives a new band.
+        """
+        spacing = self._config.spacing
+        leads_elsewhere = len(self.centres) == 0 or math.dist(path[-1], self._path[-1]) > spacing
+        if leads_elsewhere or (self.torn and planned and self._differs(path)):
+            self._path, self.centres = path, robot[None]
+        elif self._fits(path, robot):
+            self._path = path
+        self._advance(robot)
+        self._deform(np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1]))
+
+    def _differs(self, path: Floats) -> bool:
+        """Return whether the path differs from the path of the band within the horizon."""
+        spacing = self._config.spacing
+        old = np.vstack([self._path[:1], stretch(self._path, 0.0, math.inf, spacing)])
+        new = stretch(path, 0.0, self._config.horizon, spacing)
+        return not covered(new, old, np.zeros(len(old)), spacing)
+
+    def _fits(self, path: Floats, robot: Floats) -> bool:
+        """Return whether the path runs through the bubbles to the band's end."""
+        reach = self._config.spacing
+        start = project(path, robot[0], robot[1])[0]
+        end, distance, _ = project(path, *self.centres[-1])
+        samples = stretch(path, start, end, reach)
+        return distance <= max(self.radii[-1], reach) and covered(samples, self.centres, self.radii, reach)
+
+    def _advance(self, robot: Floats) -> None:
+        """Drop the bubbles that the robot has passed, and extend the band along the path."""
+        num_passed = project(self.centres, robot[0], robot[1])[2]
+        start = project(self._path, robot[0], robot[1])[0]
+        end = project(self._path, *self.centres[-1])[0] if len(self.centres) > 1 else start
+        ahead = stretch(self._path, end, start + self._config.horizon, self._config.spacing)
+        self.centres = np.vstack([robot, self.centres[num_passed + 1 :], ahead])
+        if math.dist(self.centres[-1], self._path[-1]) <= self._config.spacing:
+            self.centres[-1] = self._path[-1]
+
+    def _deform(self, xs: Floats, ys: Floats) -> None:
+        """Move the bubbles by the forces of the points (xs, ys) and of their neighbours."""
+        config = self._config
+        shape = (self._inner, config.max_radius, config.spacing)
+        forces = (config.internal_gain, config.external_gain, config.influence, config.min_force)
+        self.radii = bubble_radii(self.centres, xs, ys, self._inner, config.max_radius)
+        self._mend(xs, ys, shape)
+        relax(self.centres, self.radii, xs, ys, shape, forces, (config.iterations, config.recursion))
+        self._mend(xs, ys, shape)
+
+    def _mend(self, xs: Floats, ys: Floats, shape: tuple[float, float, float]) -> None:
+        joint = (self._config.overlap, self._config.min_radius)
+        self.centres, self.radii, self.chain = mend(self.centres, self.radii, xs, ys, shape, joint, _CAPACITY)
 
 
 class EBand:
@@ -63,9 +161,8 @@ class EBand:
         self._config = config
         self._robot = robot
         self._margin = config.margin + 2.0 * robot.lidar.noise_std
-        self._reach = (
-            config.horizon + config.max_radius + robot.footprint.circumscribed_radius
-        )  # [m] of known points
+        # [m] of known points
+        self._reach = config.horizon + config.max_radius + robot.footprint.circumscribed_radius
         self.band = Band(config, robot.footprint.inscribed_radius)
         self._known: Floats = np.empty((0, 2))  # obstacle points near the robot, odometry frame [m]
 

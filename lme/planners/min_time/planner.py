@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.errors import config_key, require
 from lme.geometry.arcs import first_contacts
 from lme.geometry.frames import to_robot
 from lme.geometry.motion import WIDEST, drive, movers_among
 from lme.geometry.straight_ways import KEPT
+from lme.inputs import plausibility
 from lme.perception.scan_points import is_full_circle, obstacle_points
-from lme.planners.commands import limited, turn_shares, without_tiny_rates
-from lme.planners.min_time.config import MinTimeConfig
-from lme.planners.min_time.kernels.best_command import best_command, best_twist, tried
-from lme.planners.min_time.lag import Lag
+from lme.planners.commands import Weighed, limited, turn_shares, without_tiny_rates
+from lme.planners.min_time.kernels import best_command, best_twist, tried
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
-from lme.planners.weighed import Weighed
 from lme.ramp import reachable
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
@@ -39,6 +39,36 @@ _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow pla
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
+@dataclass(slots=True)
+class MinTimeParts:
+    """Parts of the planner; False leaves one out, for an ablation."""
+
+    calm: bool
+    backing_up: bool
+    multi_point: bool
+
+
+@dataclass(slots=True)
+class MinTimeConfig:
+    """Distances that the planner keeps, and properties of the robot on which it may rely."""
+
+    margin: float
+    margin_time: float
+    brake: float
+    max_lateral_accel: float
+    latency: float
+    lag: float
+    parts: MinTimeParts
+
+    def __post_init__(self) -> None:
+        for key in ("margin", "margin_time", "latency", "lag"):
+            require(key, getattr(self, key), at_least=0.0)
+        for key in ("brake", "max_lateral_accel"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("latency", "lag"):
+            plausibility.check(config_key(key), getattr(self, key))
+
+
 class _Situation(NamedTuple):
     """Input of a decision: subgoal (2,), points (M, 2), movers (P, 5) and path (K, 2) in the robot frame."""
 
@@ -47,11 +77,6 @@ class _Situation(NamedTuple):
     movers: Floats
     twist: Twist
     path: Floats | None
-
-
-def _excess(measured: float, commanded: float) -> float:
-    """Amount by which a measured rate exceeds the commanded one."""
-    return measured - commanded if abs(measured) > abs(commanded) else 0.0
 
 
 def _shifted(situation: _Situation, pose: Pose, duration: float = 0.0) -> _Situation:
@@ -109,12 +134,16 @@ class MinTime:
         """Return the command for one control period."""
         measured, limits = self._measured_situation(observation, guidance), observation.limits
         situation = self._situation_ahead(measured, limits)
-        sees_back = guidance.points is not None or is_full_circle(observation.scan)
-        # Choose a command: a multi-point turn, backing up, or the best arc.
-        turn = self._multi_point_turn(guidance, situation, limits)
-        desired = turn or self._desired(
-            guidance, situation, limits, self._config.parts.backing_up and sees_back
-        )
+        # Choose a command: a multi-point turn, the best arc, or backing up if stuck and if what is behind is seen.
+        desired = self._multi_point_turn(guidance, situation, limits)
+        if desired is None:
+            desired = self._best(situation, limits)
+            sees_back = guidance.points is not None or is_full_circle(observation.scan)
+            backs_up = self._config.parts.backing_up and sees_back
+            if backs_up and self._left_to_back_up <= 0.0:
+                backs_up = self._is_stuck(desired, guidance, situation, limits)
+            if backs_up:
+                desired = self._back_up(situation, limits) or desired
         reached = reachable(*desired, situation.twist, limits, self._robot.dt)
         self._commanded_omega = float(reached.omega)
         dt = self._robot.dt
@@ -139,13 +168,6 @@ class MinTime:
             self._left_to_back_up = self._slow_for = 0.0
             self._backed_up += self._robot.dt
         return command
-
-    def _desired(self, guidance: Guidance, situation: _Situation, limits: Limits, may_back: bool) -> Twist:
-        """Return the best command, or one that backs up if the robot is stuck and may back up."""
-        best = self._best(situation, limits)
-        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(best, guidance, situation, limits)):
-            return self._back_up(situation, limits) or best
-        return best
 
     def _is_stuck(self, best: Twist, guidance: Guidance, situation: _Situation, limits: Limits) -> bool:
         """Return whether to begin to back up: at once, but not repeatedly while turning out of a narrow place.
@@ -188,10 +210,13 @@ class MinTime:
         time = self._robot.settling_time
         if predicts or time == 0.0 or observation.twist == start:
             return situation
-        excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
-        return (
-            _shifted(situation, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else situation
-        )
+        # Amounts by which the measured rates exceed the commanded ones.
+        excess = [
+            measured - commanded if abs(measured) > abs(commanded) else 0.0
+            for measured, commanded in zip(observation.twist, start, strict=True)
+        ]
+        shift = Pose(time * excess[0], 0.0, time * excess[1])
+        return _shifted(situation, shift) if any(excess) else situation
 
     def _situation_ahead(self, situation: _Situation, limits: Limits) -> _Situation:
         """Return the situation in which the next command takes effect, in the robot frame of that time."""
@@ -217,18 +242,14 @@ class MinTime:
         for k, command in enumerate(sent):
             duration = dt if k else remaining
             reached = self._lag.after(start, command, duration)
-            motion = (
-                (*pose,),
-                (*start,),
-                (*reached,),
-                limits.bounds,
-            )  # plain tuples, as in `FastSimulator.step`
+            # Plain tuples, as in `FastSimulator.step`.
+            motion = (*pose,), (*start,), (*reached,), limits.bounds
             poses, twist = drive(*motion, duration, _STEP, self._robot.footprint.circumscribed_radius)
             pose, start = Pose(*poses[-1].tolist()), Twist(*twist)
         return pose, without_tiny_rates(start)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """Return every arc with its time, but no backing up or multi-point turn; see `lme.planners.weighed`."""
+        """Return every arc with its time, but no backing up or multi-point turn; see `Weighed`."""
         limits = observation.limits
         situation = self._situation_ahead(self._measured_situation(observation, guidance), limits)
         ahead, *arguments = self._arguments(situation, limits)
@@ -314,3 +335,38 @@ class MinTime:
         turn = np.abs((np.arctan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi)
         times: Floats = np.hypot(x, y) / limits.v_max + _TURN * turn
         return times
+
+
+class Lag:
+    """First-order lag of v and ω: after a time t, e^(−t/τ) of their difference from the command is left.
+
+    Limits of acceleration are not modelled. With τ = 0 the velocity is that of the command.
+    """
+
+    def __init__(self, time_constant: float, dt: float) -> None:
+        """time_constant: τ [s]; dt: the control period [s]."""
+        self._time_constant, self._dt = time_constant, dt
+
+    def after(self, twist: Twist, command: Twist, duration: float) -> Twist:
+        """Return the twist `duration` [s] later."""
+        if self._time_constant == 0.0:
+            return command
+        decay = math.exp(-duration / self._time_constant)
+        return Twist(
+            command.v + decay * (twist.v - command.v), command.omega + decay * (twist.omega - command.omega)
+        )
+
+    def reach(self, twist: Twist, limits: Limits) -> tuple[Twist, Twist]:
+        """Return the least and the greatest v and ω to which commands within the limits lead in one period."""
+        lowest, highest = Twist(limits.lowest, -limits.omega_max), Twist(limits.v_max, limits.omega_max)
+        return self.after(twist, lowest, self._dt), self.after(twist, highest, self._dt)
+
+    def command_for(self, desired: Twist, twist: Twist, limits: Limits) -> Twist:
+        """Return the command that leads to the desired twist in one period, or the nearest one within the limits."""
+        if self._time_constant == 0.0:
+            return desired
+        gain = -1.0 / math.expm1(-self._dt / self._time_constant)
+        v, omega = (current + gain * (goal - current) for current, goal in zip(twist, desired, strict=True))
+        return Twist(
+            min(max(v, limits.lowest), limits.v_max), min(max(omega, -limits.omega_max), limits.omega_max)
+        )

@@ -11,15 +11,22 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.collision import sweep
+from lme.geometry.frames import relative, to_world
 from lme.perception.scan_points import obstacle_points
-from lme.planners.commands import approach, limited
-from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
-from lme.planners.motion_tubes.kernels import Ranges
-from lme.planners.motion_tubes.surroundings import Surroundings
-from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
-from lme.planners.stopping import until_rest
+from lme.planners.commands import approach, limited, until_rest
+from lme.planners.motion_tubes.kernels import Ranges, known_free, out_of_sight
+from lme.planners.motion_tubes.tubes import (
+    BackwardTubes,
+    LidarView,
+    Route,
+    TubeChoice,
+    TubeChoiceConfig,
+    TubeGoal,
+    backward_tubes,
+    lidar_view,
+)
 from lme.ramp import towards
-from lme.robots import Robot
+from lme.robots import Footprint, Robot
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code
@@ -32,17 +39,6 @@ _BACK_OUT = ((0.25, 0.0), (0.25, -0.25))  # off the arc, if there is no room to 
 _GAP = 0.02  # [m] least clearance while stopping; a nearer robot must not come any nearer
 _ORIGIN = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
-_POSITIVE = (
-    "acceleration",
-    "deceleration",
-    "stop_deceleration",
-    "turn_speed",
-    "turn_acceleration",
-    "turn_tolerance",
-    "back_length",
-    "back_speed",
-    "back_bin",
-)
 
 
 @dataclass(slots=True)
@@ -63,7 +59,9 @@ class MotionTubesConfig(TubeChoiceConfig):
 
     def __post_init__(self) -> None:
         TubeChoiceConfig.__post_init__(self)
-        for key in _POSITIVE:
+        for key in ("acceleration", "deceleration", "stop_deceleration", "turn_speed", "turn_acceleration"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("turn_tolerance", "back_length", "back_speed", "back_bin"):
             require(key, getattr(self, key), above=0.0)
         for key in ("turn_margin", "rest_within"):
             require(key, getattr(self, key), at_least=0.0)
@@ -138,16 +136,13 @@ class MotionTubes:
         }
         desired = steps[self._state](scene)
         command = self._stopping_in_time(desired, scene)
+        # Change the state if the chosen tube was not safe to enter.
         if command == Twist(0.0, 0.0) != desired:
-            self._leave_unsafe_tube(observation.odometry)
+            if self._state is _Manoeuvre.FOLLOW:
+                self._state, self._stuck = _Manoeuvre.BACK, observation.odometry
+            elif self._state is _Manoeuvre.BACK:
+                self._state, self._stuck = _Manoeuvre.STOP, None
         return command
-
-    def _leave_unsafe_tube(self, pose: Pose) -> None:
-        """Change the state if the chosen tube was not safe to enter."""
-        if self._state is _Manoeuvre.FOLLOW:
-            self._state, self._stuck = _Manoeuvre.BACK, pose
-        elif self._state is _Manoeuvre.BACK:
-            self._state, self._stuck = _Manoeuvre.STOP, None
 
     def _forget(self) -> None:
         self._surroundings.forget()
@@ -303,3 +298,69 @@ def _within(points: Floats, reach: float) -> Floats:
     """Return the points (M, 2) that are nearer than `reach` [m]."""
     nearby: Floats = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return nearby
+
+
+class Surroundings:
+    """Latest scans and the robot's poses in the odometry frame. Obstacles are assumed to be static.
+
+    A scan is kept if the robot has moved or turned enough since the last kept scan; the oldest scan is dropped.
+    """
+
+    def __init__(self, footprint: Footprint, capacity: int, spacing: float, turn: float) -> None:
+        self._box = footprint.box
+        self._capacity, self._spacing, self._turn = capacity, spacing, turn
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all scans."""
+        self._poses: list[Pose] = []
+        self._ranges: list[Ranges] = []
+        self._hits: list[Floats] = []  # of each scan, in the odometry frame
+        self._view: LidarView | None = None
+
+    def see(self, odometry: Pose, view: LidarView, free_ranges: Ranges, points: Floats) -> None:
+        """Add a scan. It replaces the last one if the robot has not moved enough between the last two.
+
+        points (M, 2): its obstacle points in the base frame [m].
+        """
+        if view != self._view:
+            self.forget()
+            self._view = view
+        if len(self._poses) > 1 and not self._moved(self._poses[-2], self._poses[-1]):
+            self._poses.pop()
+            self._ranges.pop()
+            self._hits.pop()
+        self._poses.append(odometry)
+        self._ranges.append(free_ranges)
+        self._hits.append(to_world(points, odometry))
+        for memory in (self._poses, self._ranges, self._hits):
+            del memory[: -self._capacity]
+
+    def hidden_hits(self, reach: float) -> Floats:
+        """Return earlier points within `reach` of the base that are out of view now, in its frame: (K, 2) [m]."""
+        view = self._view
+        assert view is not None
+        lidar = (view.x, view.y, view.first)
+        hits = np.concatenate(self._hits)
+        return np.asarray(out_of_sight(hits, self._poses[-1], lidar, view.increment, view.num_beams, reach))
+
+    def known_free(self, points: Floats) -> Bools:
+        """Return whether the robot has stood on or seen past each of the points (P, 2) in the base frame: (P,)."""
+        view, bodies, lidars, ranges = self._in_base_frame()
+        return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
+
+    def _moved(self, previous: Pose, current: Pose) -> bool:
+        _, _, turn = relative(current, previous)
+        return math.dist(previous[:2], current[:2]) >= self._spacing or abs(turn) >= self._turn
+
+    def _in_base_frame(self) -> tuple[LidarView, Floats, Floats, Ranges]:
+        """Return the view, poses of base and lidar (M, 3) in the current base frame, ranges (M, B); newest first."""
+        view = self._view
+        assert view is not None
+        bodies = np.array([relative(pose, self._poses[-1]) for pose in reversed(self._poses)])
+        lidars = np.empty_like(bodies)
+        lidars[:, 2] = bodies[:, 2] + view.first
+        cos, sin = np.cos(bodies[:, 2]), np.sin(bodies[:, 2])
+        lidars[:, 0] = bodies[:, 0] + cos * view.x - sin * view.y
+        lidars[:, 1] = bodies[:, 1] + sin * view.x + cos * view.y
+        return view, bodies, lidars, np.stack(self._ranges[::-1])

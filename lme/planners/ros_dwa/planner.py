@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -161,12 +160,8 @@ class _Turn:
             return None
         remaining = past if self._half_done else 2.0 * math.pi - past
         self._half_done = self._half_done or math.pi - past < config.yaw_goal_tolerance
-        if any(costmap.outline_cost(pose._replace(yaw=yaw)) < 0 for yaw in _headings(pose.yaw, remaining)):
+        headings = (pose.yaw + k * _STEP for k in range(math.ceil(remaining / _STEP)))
+        if any(costmap.outline_cost(pose._replace(yaw=yaw)) < 0 for yaw in headings):
             return None
         fastest = math.sqrt(2.0 * config.acc_lim_theta * remaining)
         return min(max(fastest, config.min_in_place_vel_theta), config.max_vel_theta)
-
-
-def _headings(begin: float, turn: float) -> Iterator[float]:
-    """Headings during a turn [rad]."""
-    return (begin + k * _STEP for k in range(math.ceil(turn / _STEP)))

@@ -15,27 +15,6 @@ from lme.planners.ros_dwa.kernels import LOST, distances, score, way_cells
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist
 
-_POSITIVE = (
-    "max_vel_x",
-    "max_vel_theta",
-    "acc_lim_x",
-    "acc_lim_theta",
-    "sim_time",
-    "sim_granularity",
-    "angular_sim_granularity",
-)
-_NOT_NEGATIVE = (
-    "min_vel_x",
-    "min_in_place_vel_theta",
-    "pdist_scale",
-    "gdist_scale",
-    "occdist_scale",
-    "heading_lookahead",
-    "oscillation_reset_dist",
-    "escape_reset_dist",
-    "escape_reset_theta",
-)
-
 _MOST_SAMPLES = 201  # of v and of ω: all poses of every pair's trajectory are held
 
 
@@ -66,9 +45,13 @@ class TrajectoriesConfig:
     costmap: LocalCostmapConfig
 
     def __post_init__(self) -> None:
-        for key in _POSITIVE:
+        for key in ("max_vel_x", "max_vel_theta", "acc_lim_x", "acc_lim_theta"):
             require(key, getattr(self, key), above=0.0)
-        for key in _NOT_NEGATIVE:
+        for key in ("sim_time", "sim_granularity", "angular_sim_granularity"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("min_vel_x", "min_in_place_vel_theta", "pdist_scale", "gdist_scale", "occdist_scale"):
+            require(key, getattr(self, key), at_least=0.0)
+        for key in ("heading_lookahead", "oscillation_reset_dist", "escape_reset_dist", "escape_reset_theta"):
             require(key, getattr(self, key), at_least=0.0)
         require("min_vel_x", self.min_vel_x, at_most=self.max_vel_x)
         require("escape_vel", self.escape_vel, at_most=0.0)

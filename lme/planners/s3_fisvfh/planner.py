@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.geometry.frames import relative
 from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import approach, limited
-from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
 from lme.planners.s3_fisvfh.kernels import Costs, Valleys, histogram, least_clearance, nearest_ahead, search
 from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
@@ -19,6 +19,8 @@ _ENTRY_PERIOD = 0.1  # [s] period of the entry's smoothing
 _MARGIN = 0.01  # [m] least clearance of a command, plus twice the standard deviation of the lidar's noise
 _EQUAL = 1e-9  # [m] clearances of two sides that differ by less are equal
 _ROOM_MIN = 0.05  # [m] least room for backing up
+_INPUTS = 257  # samples of a fuzzy curve, interpolated linearly
+_OUTPUTS = 513  # samples of its output sets
 
 
 @dataclass(slots=True)
@@ -110,19 +112,14 @@ class S3Fisvfh:
         self._note_travel(observation.odometry)
         goal = np.asarray(guidance.subgoal, dtype=np.float64)
         bearing, distance = math.atan2(goal[1], goal[0]), math.hypot(*goal)
-        guard = self._front + min(
-            self._config.guard_clearance, distance
-        )  # obstacles beyond the goal do not count
+        # Obstacles beyond the goal do not count.
+        guard = self._front + min(self._config.guard_clearance, distance)
         heading = self._smoothed(self._search_heading(points, goal, bearing, observation.scan))
         if min(nearest_ahead(points, self._config.guard_ahead)) >= guard:
             omega = math.copysign(self._turn(abs(heading)), heading) * observation.limits.omega_max
             v = self._cruise(points, bearing, observation)
-            twist = limited(
-                self._arrival(v, omega, distance, bearing, observation),
-                omega,
-                observation,
-                self._robot.dt,
-            )
+            v = self._arrival(v, omega, distance, bearing, observation)
+            twist = limited(v, omega, observation, self._robot.dt)
             if self._is_free(twist, points, observation):
                 return twist
         return self._retreat(points, guard, heading, observation)
@@ -202,8 +199,7 @@ class S3Fisvfh:
     def _note_travel(self, pose: Pose) -> None:
         """Update the distance that the robot may back up into the lidar's blind arc [m]."""
         if self._pose is not None:
-            origin = self._pose
-            ahead = (pose.x - origin.x) * math.cos(origin.yaw) + (pose.y - origin.y) * math.sin(origin.yaw)
+            ahead = relative(pose, self._pose).x
             self._room = min(max(self._room + ahead, 0.0), self._config.retreat_room)
         self._pose = pose
 
@@ -224,3 +220,35 @@ def _unseen(robot: Robot, num_sectors: int) -> Bools:
     middles = -math.pi + (np.arange(num_sectors) + 0.5) * math.tau / num_sectors
     off_axis = np.abs(np.remainder(middles - lidar.yaw + math.pi, math.tau) - math.pi)
     return np.asarray(off_axis > lidar.fov / 2 + lidar.angle_increment / 2)
+
+
+class FuzzyCurve:
+    """Mamdani inference for rules "if the input is about a_k, then the output is about b_k".
+
+    Each set is a triangle between its neighbours' peaks. Output sets are clipped at the membership of the input
+    (min) and joined (max); the output is the centroid of the result. Inputs beyond the outermost peaks belong to
+    the outermost sets. The outermost sets are half triangles, so the outermost outputs are not quite reached.
+    Source: Mamdani & Assilian 1975, DOI 10.1016/S0020-7373(75)80002-2.
+    """
+
+    def __init__(self, inputs: Floats, outputs: Floats) -> None:
+        """Peaks (K,) of the input sets, rising, and of the output sets, rising or falling."""
+        rows, peaks = np.eye(len(outputs)), outputs
+        if outputs[0] > outputs[-1]:  # sort the output peaks, and keep the pairs
+            rows, peaks = rows[::-1], peaks[::-1]
+        self._at = np.linspace(inputs[0], inputs[-1], _INPUTS)
+        universe = np.linspace(peaks[0], peaks[-1], _OUTPUTS)
+        covered = np.zeros((_INPUTS, _OUTPUTS))
+        for membership, degrees in zip(np.eye(len(inputs)), rows, strict=True):
+            degree = np.interp(self._at, inputs, membership)
+            shape = np.interp(universe, peaks, degrees)
+            np.maximum(covered, np.minimum(degree[:, None], shape), out=covered)
+        # Centroid by the trapezoidal rule.
+        trapezoid = np.ones(_OUTPUTS)
+        trapezoid[[0, -1]] = 0.5
+        weights = covered * trapezoid
+        self._values = (weights @ universe) / weights.sum(axis=1)
+
+    def __call__(self, value: float) -> float:
+        """Return the output for one input."""
+        return float(np.interp(value, self._at, self._values))

@@ -60,17 +60,14 @@ class SafetyFilter:
         """Return the command for one control period. Raises InputError if the planner's is not two finite numbers."""
         points = self._blind.points(observation) if guidance.points is None else guidance.points
         v, omega = checked_command(self.planner.plan(observation, guidance), self.planner)
-        state = StoppingState.of(observation, points)
+        command = limited(v, omega, observation, self._dt)
         # Replace the command if the robot could not stop after it, and keep to the limits again.
-        command = limited(
-            *self._filtered(limited(v, omega, observation, self._dt), state), observation, self._dt
-        )
-        self._check.sent(command)
+        check, margin, state = self._check, self._margin, StoppingState.of(observation, points)
+        if check.clearance(command, state, margin) < margin:
+            braking_clearance = (
+                check.clearance(STILL, state, margin) - TOUCHING
+            )  # distance that braking keeps
+            command = check.nearest(command, state, max(braking_clearance, TOUCHING)) or STILL
+            command = limited(*command, observation, self._dt)
+        check.sent(command)
         return command
-
-    def _filtered(self, desired: Twist, state: StoppingState) -> Twist:
-        check, margin = self._check, self._margin
-        if check.clearance(desired, state, margin) >= margin:
-            return desired
-        braking_clearance = check.clearance(STILL, state, margin) - TOUCHING  # distance that braking keeps
-        return check.nearest(desired, state, max(braking_clearance, TOUCHING)) or STILL

@@ -1,19 +1,127 @@
-"""Timed elastic band: started along a path, moved along with the robot, and optimised."""
+"""Timed elastic band: its settings, its start along a path, its motion with the robot, and its optimisation."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from scipy.linalg.lapack import dpbsv
 
+from lme.errors import require
 from lme.geometry.frames import wrap_angle
-from lme.planners.teb.config import TebConfig
-from lme.planners.teb.kernels import Bounds, along, near_obstacles, normal_equations, resized
-from lme.planners.teb.optimizer import Equations, optimize
+from lme.mapping.costmap import LocalCostmapConfig
+from lme.planners.teb.kernels import Bounds, Weights, along, near_obstacles, normal_equations, resized
 from lme.types import Floats, Limits, Pose, Twist
 
+_NOT_NEGATIVE = (
+    "dt_hysteresis",
+    "force_reinit_new_goal_dist",
+    "force_reinit_new_goal_angular",
+    "feasibility_check_no_poses",
+    "max_vel_x_backwards",
+    "xy_goal_tolerance",
+    "min_obstacle_dist",
+    "obstacle_association_force_inclusion_factor",
+    "obstacle_association_cutoff_factor",
+    "costmap_obstacles_behind_robot_dist",
+    "penalty_epsilon",
+    "shrink_horizon_min_duration",
+    "oscillation_v_eps",
+    "oscillation_omega_eps",
+    "oscillation_recovery_min_duration",
+    "oscillation_filter_duration",
+)
+_WEIGHTS = (
+    "optimaltime",
+    "max_vel_x",
+    "max_vel_theta",
+    "acc_lim_x",
+    "acc_lim_theta",
+    "kinematics_nh",
+    "kinematics_forward_drive",
+    "obstacle",
+    "viapoint",
+    "prefer_rotdir",
+)
 _MAX_PASSED = 10  # samples, at most, that the robot leaves behind in one period
+# g2o's OptimizationAlgorithmLevenberg.
+_FIRST_DAMPING = 1e-5  # of the greatest diagonal element
+_TRIALS = 10  # of damping in one iteration
+_LEAST_SCALE, _GREATEST_SCALE = 1.0 / 3.0, 2.0 / 3.0  # of the damping after success
+_LEAST_GAIN = 1e-3  # keeps the expected gain from zero
+
+Equations = Callable[[Floats, Floats], tuple[float, Floats, Floats]]
+
+
+@dataclass(slots=True)
+class TebConfig:
+    """Settings with the names of teb_local_planner; the values are those of EW-Glab's BARN entry."""
+
+    dt_ref: float
+    dt_hysteresis: float
+    min_samples: int
+    max_samples: int
+    max_global_plan_lookahead_dist: float
+    global_plan_viapoint_sep: float
+    path_spacing: float
+    force_reinit_new_goal_dist: float
+    force_reinit_new_goal_angular: float
+    feasibility_check_no_poses: int
+    max_vel_x: float
+    max_vel_x_backwards: float
+    max_vel_theta: float
+    acc_lim_x: float
+    acc_lim_theta: float
+    xy_goal_tolerance: float
+    min_obstacle_dist: float
+    obstacle_association_force_inclusion_factor: float
+    obstacle_association_cutoff_factor: float
+    costmap_obstacles_behind_robot_dist: float
+    no_inner_iterations: int
+    no_outer_iterations: int
+    penalty_epsilon: float
+    weight_optimaltime: float
+    weight_max_vel_x: float
+    weight_max_vel_theta: float
+    weight_acc_lim_x: float
+    weight_acc_lim_theta: float
+    weight_kinematics_nh: float
+    weight_kinematics_forward_drive: float
+    weight_obstacle: float
+    weight_viapoint: float
+    weight_prefer_rotdir: float
+    weight_adapt_factor: float
+    shrink_horizon_min_duration: float
+    oscillation_v_eps: float
+    oscillation_omega_eps: float
+    oscillation_recovery_min_duration: float
+    oscillation_filter_duration: float
+    divergence_detection_max_chi_squared: float | None
+    costmap: LocalCostmapConfig
+
+    def __post_init__(self) -> None:
+        for key in ("dt_ref", "max_global_plan_lookahead_dist", "global_plan_viapoint_sep", "path_spacing"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("max_vel_x", "max_vel_theta", "acc_lim_x", "acc_lim_theta", "weight_adapt_factor"):
+            require(key, getattr(self, key), above=0.0)
+        for key in _NOT_NEGATIVE + tuple(f"weight_{name}" for name in _WEIGHTS):
+            require(key, getattr(self, key), at_least=0.0)
+        if self.divergence_detection_max_chi_squared is not None:
+            max_chi_squared = self.divergence_detection_max_chi_squared
+            require("divergence_detection_max_chi_squared", max_chi_squared, above=0.0)
+        require("min_samples", self.min_samples, at_least=2)
+        require("max_samples", self.max_samples, at_least=self.min_samples, at_most=10_000)
+        for key in ("no_inner_iterations", "no_outer_iterations"):
+            require(key, getattr(self, key), at_least=1)
+
+    def weights(self, factor: float) -> Weights:
+        """Return the weights in the order of the normal equations, that of the obstacles times `factor`."""
+        values = [float(getattr(self, f"weight_{name}")) for name in _WEIGHTS]
+        values[_WEIGHTS.index("obstacle")] *= factor
+        return cast("Weights", tuple(values))
 
 
 class LocalPath(NamedTuple):
@@ -126,3 +234,47 @@ class TimedBand:
 def _equations(*arguments: Any) -> Equations:
     """Return the normal equations as a function of the band alone, given the other arguments."""
     return lambda poses, times: normal_equations(poses, times, *arguments)
+
+
+def optimize(
+    poses: Floats, times: Floats, equations: Equations, iterations: int
+) -> tuple[Floats, Floats, float]:
+    """Return the band after a number of iterations, and its sum of squared errors.
+
+    equations: gives the sum, the banded matrix and the descent at a band
+    (`lme.planners.teb.kernels.normal_equations`). The damping is that of g2o (Kümmerle et al. 2011, DOI
+    10.1109/ICRA.2011.5979949). A step to a time difference that is not positive is refused. The sum is inf if it is
+    not finite at the given band.
+    """
+    total, matrix, descent = equations(poses, times)
+    if not np.isfinite(total):
+        return poses, times, np.inf
+    damping, growth = _FIRST_DAMPING * float(matrix[0].max()), 2.0
+    for _ in range(iterations):
+        for _ in range(_TRIALS):
+            # Try a step; it must keep all time differences positive.
+            step = _step(matrix, descent, damping)
+            new_band = poses + step[:, :3], times + step[:-1, 3]
+            candidate = equations(*new_band) if new_band[1].min() > 0.0 else (np.inf, matrix, descent)
+            # Ratio of the actual to the expected decrease of the sum.
+            flat = step.ravel()
+            gain = (total - candidate[0]) / float(flat @ (damping * flat + descent) + _LEAST_GAIN)
+            if gain > 0.0 and np.isfinite(candidate[0]):
+                (poses, times), (total, matrix, descent) = new_band, candidate
+                # Accepted: less damping the better the prediction was.
+                damping *= min(max(1.0 - (2.0 * gain - 1.0) ** 3, _LEAST_SCALE), _GREATEST_SCALE)
+                growth = 2.0
+                break
+            # Refused: more damping, ever faster.
+            damping, growth = damping * growth, growth * 2.0
+        else:
+            break
+    return poses, times, total
+
+
+def _step(matrix: Floats, descent: Floats, damping: float) -> Floats:
+    """Damped step (N, 4) of all variables; zero if the damped matrix is not positive definite."""
+    damped = matrix.copy()
+    damped[0] += damping
+    _, step, failed = dpbsv(damped, descent, lower=1, overwrite_ab=1)
+    return np.zeros((len(descent) // 4, 4)) if failed else step.reshape(-1, 4)

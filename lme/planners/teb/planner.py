@@ -1,8 +1,9 @@
-"""Timed elastic bands, as teb_local_planner drives them."""
+"""Timed elastic bands, as teb_local_planner drives them, and its recoveries."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from itertools import pairwise
 
 import numpy as np
@@ -12,13 +13,12 @@ from lme.grids.obstacle_grid import TOUCHING
 from lme.mapping.costmap import LocalCostmap
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
-from lme.planners.teb.band import LocalPath, TimedBand
-from lme.planners.teb.config import TebConfig
-from lme.planners.teb.recovery import Horizon, Oscillation
+from lme.planners.teb.band import LocalPath, TebConfig, TimedBand
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 
 _HEADING_POINTS = 3  # points of the path after the local goal that say its heading
+_MAX_FAILURES = 10  # failures in a row
 
 
 class Teb:
@@ -50,14 +50,20 @@ class Teb:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Return the command for one control period."""
+        config = self._config
         self.costmap.update(observation)
-        if math.hypot(*observation.target) < self._config.xy_goal_tolerance:
+        if math.hypot(*observation.target) < config.xy_goal_tolerance:
             self.band.reset()
             return limited(0.0, 0.0, observation, self._dt)
         feasible = self._optimize(observation, guidance)
         self._horizon.record(failed=not feasible)
-        command = Twist(*self._saturated(*self.band.command())) if feasible else Twist(0.0, 0.0)
-        if not feasible:
+        command = Twist(0.0, 0.0)
+        if feasible:
+            # The optimisation may exceed the configured limits.
+            v, omega = self.band.command()
+            v = min(max(v, -config.max_vel_x_backwards), config.max_vel_x)
+            command = Twist(v, min(max(omega, -config.max_vel_theta), config.max_vel_theta))
+        else:
             self.band.reset()
         self._oscillation.record(command, observation.ramp_start.omega)
         return limited(*command, observation, self._dt)
@@ -112,8 +118,71 @@ class Teb:
         """Return whether the padded outline touches an obstacle at a pose (3,)."""
         return self.costmap.outline_cost(Pose(*pose.tolist())) < 0
 
-    def _saturated(self, v: float, omega: float) -> tuple[float, float]:
-        """Limit the motion to the configured limits, which the optimisation may exceed."""
-        config = self._config
-        v = min(max(v, -config.max_vel_x_backwards), config.max_vel_x)
-        return v, min(max(omega, -config.max_vel_theta), config.max_vel_theta)
+
+class Horizon:
+    """Share of the horizon in use: half of it for some time after a failure, a quarter after ten in a row.
+
+    teb_local_planner says the same, but its code then uses three quarters.
+    """
+
+    def __init__(self, config: TebConfig, dt: float) -> None:
+        """dt: control period [s]."""
+        self._periods = round(config.shrink_horizon_min_duration / dt)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all failures."""
+        self._in_a_row, self._remaining = 0, 0
+
+    @property
+    def share(self) -> float:
+        """Share of the horizon to use."""
+        if self._remaining == 0:
+            return 1.0
+        return 0.25 if self._in_a_row >= _MAX_FAILURES else 0.5
+
+    def record(self, *, failed: bool) -> None:
+        """Record whether this period failed to give a feasible band."""
+        if failed:
+            self._in_a_row, self._remaining = self._in_a_row + 1, self._periods
+        else:
+            self._in_a_row, self._remaining = 0, max(self._remaining - 1, 0)
+
+
+class Oscillation:
+    """Detects commands that waver on the spot, and then keeps the current direction of turns for some time."""
+
+    def __init__(self, config: TebConfig, dt: float, v_max: float, omega_max: float) -> None:
+        """dt: control period [s]; v_max [m/s] and omega_max [rad/s]: the limits that commands are measured by."""
+        self._config = config
+        self._scale = (v_max, omega_max)
+        self._size = max(round(config.oscillation_filter_duration / dt), 2)
+        self._periods = round(config.oscillation_recovery_min_duration / dt)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all commands."""
+        self._commands: deque[tuple[float, float]] = deque(maxlen=self._size)
+        self._remaining, self.turn = 0, 0.0  # periods to keep to the direction; 1 left, -1 right, 0 any
+
+    def record(self, command: Twist, omega: float) -> None:
+        """Record a command, and the turn rate [rad/s] at which the robot is turning."""
+        self._commands.append((command.v / self._scale[0], command.omega / self._scale[1]))
+        self._remaining = max(self._remaining - 1, 0)
+        if self._wavers():
+            if self._remaining == 0:
+                self.turn = 1.0 if omega > 0.0 else -1.0
+            self._remaining = self._periods
+        elif self._remaining == 0:
+            self.turn = 0.0
+
+    def _wavers(self) -> bool:
+        """Return whether mean velocity and turn rate are near zero, but the turns change sides."""
+        commands, config = self._commands, self._config
+        if len(commands) < self._size // 2:
+            return False
+        v = sum(command[0] for command in commands) / len(commands)
+        omega = sum(command[1] for command in commands) / len(commands)
+        sides = [math.copysign(1.0, command[1]) if command[1] else 0.0 for command in commands]
+        changes = sum(side != next_side for side, next_side in pairwise(sides))
+        return abs(v) < config.oscillation_v_eps and abs(omega) < config.oscillation_omega_eps and changes > 1

@@ -47,22 +47,20 @@ def _dclp(path: Path) -> tuple[Arrays, Write]:
 
 
 def _drl_vo(path: Path, batch_norm: str = "sample") -> tuple[Arrays, Write]:
-    from lme.planners.drl_vo.graph import write_weights
     from lme.planners.drl_vo.importing import import_archive
+    from lme.planners.drl_vo.weights import write_weights
 
     return import_archive(path), partial(write_weights, batch_norm=batch_norm)
 
 
 def _lics(path: Path) -> tuple[Arrays, Write]:
-    from lme.planners.lics.importing import import_state
-    from lme.planners.lics.weights import write_weights
+    from lme.planners.lics import import_state, write_weights
 
     return import_state(path), write_weights
 
 
 def _ipaprec(path: Path, sectors: int, unit: float | None = None) -> tuple[Arrays, Write]:
-    from lme.planners.ipaprec.importing import import_checkpoint
-    from lme.planners.ipaprec.weights import write_weights
+    from lme.planners.ipaprec import import_checkpoint, write_weights
 
     return import_checkpoint(path, sectors), partial(write_weights, unit=unit)
 

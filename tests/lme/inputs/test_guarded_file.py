@@ -22,7 +22,7 @@ from lme.inputs.guarded_file import (
 from lme.inputs.onnx_file import OnnxNetwork
 from lme.inputs.onnx_graph import read_weights
 from lme.planners.drl_vo.importing import import_archive
-from lme.planners.lics.importing import import_state
+from lme.planners.lics import import_state
 from lme.worlds.barn.files import read_world
 from lme.worlds.bitmap import brightness, is_picture
 from lme.worlds.room import read_floor_plan

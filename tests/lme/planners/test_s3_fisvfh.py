@@ -12,7 +12,6 @@ from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
 from lme.planners.s3_fisvfh.kernels import (
     Costs,
     Valleys,
@@ -23,7 +22,7 @@ from lme.planners.s3_fisvfh.kernels import (
     search,
     valleys,
 )
-from lme.planners.s3_fisvfh.planner import S3Fisvfh
+from lme.planners.s3_fisvfh.planner import FuzzyCurve, S3Fisvfh
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World

@@ -7,8 +7,7 @@ import pytest
 
 from lme.config.presets import load_robot, load_settings
 from lme.inputs.onnx_file import TRAINED
-from lme.planners.dclp.interface import DclpInterface
-from lme.planners.dclp.network import Mixture
+from lme.planners.dclp.planner import DclpInterface, Mixture
 from lme.planners.dclp.weights import REPORTED, SHAPES, SIGNATURE, write_weights
 from lme.robots import Footprint
 from lme.types import Twist

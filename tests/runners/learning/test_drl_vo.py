@@ -5,10 +5,9 @@ import pytest
 
 from lme.config.presets import load_robot, load_settings
 from lme.inputs.onnx_file import TRAINED, SignedNetwork
-from lme.planners.drl_vo.architecture import Sizes, shapes
-from lme.planners.drl_vo.graph import SIGNATURE, read_weights, write_weights
-from lme.planners.drl_vo.interface import PEDESTRIANS, DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
+from lme.planners.drl_vo.planner import PEDESTRIANS, DrlVoInterface
+from lme.planners.drl_vo.weights import SIGNATURE, Sizes, read_weights, shapes, write_weights
 from lme.types import LaserScan, Twist
 from tests.builders import observation, stage
 from tests.networks import TINY, random_drl_vo, signed

@@ -9,7 +9,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.gym.reward import Reward
-from lme.planners.dclp.interface import DclpInterface
+from lme.planners.dclp.planner import DclpInterface
 from lme.robots import Footprint
 from tests.composing import jobs_of
 from tests.tolerances import FLOAT32_LAYER

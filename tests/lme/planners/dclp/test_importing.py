@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.inputs.onnx_file import TRAINED
-from lme.planners.dclp.bundle import INDEX, SHARD, read_entries
-from lme.planners.dclp.importing import import_checkpoint
+from lme.planners.dclp.importing import INDEX, SHARD, crc32c, import_checkpoint, read_entries
 from lme.planners.dclp.weights import SHAPES, SIGNATURE, write_weights
+from tests import oracles
 from tests.networks import checkpoint, random_weights, refused, signed, table
 
 REAL = os.environ.get("DCLP_CHECKPOINT")
@@ -154,3 +156,22 @@ def test_the_published_checkpoint(tmp_path):
     assert means[:, 0].min() > 0.5  # with nothing around, it drives ahead,
     state[1] = 1.0
     assert network.answer(seen, state)[1][:, 1].mean() > 0.5  # and turns left to a target there
+
+
+@pytest.mark.parametrize(
+    ("data", "checksum"),
+    [
+        (b"", 0),
+        (b"123456789", 0xE3069283),
+        (bytes(32), 0x8A9136AA),  # RFC 3720, appendix B.4, like the next two
+        (b"\xff" * 32, 0x62A8AB43),
+        (bytes(range(32)), 0x46DD794E),
+    ],
+)
+def test_the_published_checksums_come_out(data, checksum):
+    assert crc32c(data) == checksum
+
+
+@given(st.binary(max_size=100))
+def test_equals_the_checksum_bit_by_bit(data):
+    assert crc32c(data) == oracles.crc32c(data)

@@ -10,8 +10,7 @@ import pytest
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.inputs.onnx_file import SignedNetwork
-from lme.planners.dclp.network import Mixture, draw
-from lme.planners.dclp.planner import Dclp
+from lme.planners.dclp.planner import Dclp, Mixture, draw
 from lme.planners.dclp.weights import SIGNATURE, write_weights
 from lme.robots import Footprint
 from lme.types import Guidance, Twist

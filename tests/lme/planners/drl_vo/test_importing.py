@@ -9,9 +9,8 @@ import pytest
 
 from lme.errors import InputError
 from lme.inputs.onnx_file import TRAINED
-from lme.planners.drl_vo.architecture import Sizes, shapes
-from lme.planners.drl_vo.importing import import_archive
-from lme.planners.drl_vo.torch_file import PICKLE_MAX
+from lme.planners.drl_vo.importing import PICKLE_MAX, import_archive
+from lme.planners.drl_vo.weights import Sizes, shapes
 from tests.networks import TINY, random_drl_vo, refused
 from tests.torch_archives import FLOAT, REBUILD, archive, name_of, number, state, tensor, text, zipped
 

@@ -9,7 +9,7 @@ import pytest
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.planners.drl_vo import DrlVo
-from lme.planners.drl_vo.graph import write_weights
+from lme.planners.drl_vo.weights import write_weights
 from lme.types import Guidance, Twist
 from tests.builders import observation, shipped, stage
 from tests.networks import drl_vo_file, network_file, random_drl_vo

@@ -11,7 +11,7 @@ from lme.geometry.motion import drive
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.ramp import reachable
 from lme.types import Limits, Pose, Twist
-from tests.lme.planners.min_time.kernels.test_way_out import LONG, dead_end, pocket
+from tests.lme.planners.min_time.test_multi_point_turn_search import LONG, dead_end, pocket
 
 LIMITS = Limits(v_max=0.66, omega_max=1.0, alpha_v=1.0, alpha_omega=2.0)
 DT, MARGIN = 0.125, 0.05

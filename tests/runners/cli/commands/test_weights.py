@@ -6,7 +6,7 @@ from lme.errors import InputError
 from lme.guides.lme.weight_files import REGISTERED, find_network
 from lme.inputs.onnx_graph import read_weights
 from lme.planners.dclp.weights import SHAPES, SIGNATURE
-from lme.planners.ipaprec.importing import tensor_names
+from lme.planners.ipaprec import tensor_names
 from runners.cli.commands import weights
 from runners.config.build import navigator
 from tests.composing import jobs_of
