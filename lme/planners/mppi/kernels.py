@@ -16,8 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice
-from lme.grids.obstacle_grid import outline_capacity, outline_cost
+from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice, outline_capacity, outline_cost
 from lme.types import Bools, Floats
 
 Singles = NDArray[np.float32]

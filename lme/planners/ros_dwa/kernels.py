@@ -1,6 +1,6 @@
 """Distances on a costmap, and the scores of simulated trajectories, as in ROS base_local_planner.
 
-Lattice, `Grid` and `Costs` are those of `lme.grids.obstacle_grid`; outlines are those of `lme.grids.obstacle_grid`.
+Lattice, `Grid`, `Costs` and outlines are those of `lme.grids.obstacle_grid`.
 """
 
 import math
