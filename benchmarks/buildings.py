@@ -31,9 +31,8 @@ from lme.robots import Lidar
 from lme.simulation.events import nearby
 from lme.simulation.simulator import Simulator
 from lme.worlds.bitmap import read_ros_map
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.world import MapSet, Task
+from lme.worlds.world import FloorPlan, MapSet, Task
 from runners.config import build
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer

@@ -18,7 +18,7 @@ from lme.inputs.guarded_file import expanded, open_bytes, read_yaml
 from lme.inputs.yaml_entry import Entry
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import corners, outlines
-from lme.worlds.floor_plan import FloorPlan, enclosed
+from lme.worlds.world import FloorPlan, enclosed
 
 MAX_PIXELS = 100_000_000  # a larger picture is refused before it is decoded
 MAX_CORNERS = 1_000_000  # of obstacles, which take some 20 s

@@ -6,7 +6,7 @@ import numpy as np
 
 from lme.types import Bools, Floats
 from lme.worlds import clearance_kernels as kernels
-from lme.worlds.floor_plan import FloorPlan
+from lme.worlds.world import FloorPlan
 
 
 def clearance_field(plan: FloorPlan, x: Floats, y: Floats, reach: float) -> Floats:

@@ -18,13 +18,12 @@ from lme.worlds.barn.map_set import FIRST_FRESH
 from lme.worlds.building import Buildings
 from lme.worlds.check import check_task
 from lme.worlds.dynabarn import DIFFICULTIES, Dynabarn
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.indoor import Indoor
 from lme.worlds.indoor.map_set import KINDS
 from lme.worlds.rules import MOST_WORLDS, check_chosen, fair_limit
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.traps import Traps
-from lme.worlds.world import DrawnTask, Task
+from lme.worlds.world import DrawnTask, FloorPlan, Task
 
 BUILDINGS, STAND_IN = "buildings", "floor_plans"  # real maps; generated ones, where none are given
 STATIC, DYNABARN = "static", "dynabarn"

@@ -12,10 +12,9 @@ import numpy as np
 from lme.errors import InputError, argument_error, config_key, require
 from lme.inputs import plausibility
 from lme.types import Floats
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import MOTIONS, SCRIPTED, Mover
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.world import MapSet, Task
+from lme.worlds.world import FloorPlan, MapSet, Task
 
 PLACES = 3  # number of places that a person walks to in turn
 PLACES_TRIED = 200  # for the first place of a person, before the floor counts as full

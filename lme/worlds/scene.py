@@ -26,13 +26,12 @@ from lme.inputs.resources import resource_dir
 from lme.inputs.yaml_entry import Entry
 from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import Mover, mover_of
 from lme.worlds.rules import map_path
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
-from lme.worlds.world import Task, World
+from lme.worlds.world import FloorPlan, Task, World
 
 FOLDER = "scenes"  # of maps/
 

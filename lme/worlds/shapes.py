@@ -32,8 +32,8 @@ from lme.errors import InputError
 from lme.inputs.guarded_file import read_yaml
 from lme.inputs.yaml_entry import Entry
 from lme.types import Floats
-from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.movers import mover_of
+from lme.worlds.world import FloorPlan, enclosed
 
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 

@@ -19,12 +19,11 @@ import numpy as np
 from lme.errors import InputError, argument_error, require
 from lme.types import Floats, Pose
 from lme.worlds.crowded import Walking
-from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.movers import Mover
 from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
-from lme.worlds.world import Task, World
+from lme.worlds.world import FloorPlan, Task, World, enclosed
 
 GAP = 0.2  # [m] least gap between two people at first
 CLEAR = 1.5  # [m] least distance of people from the robot's start at first

@@ -20,8 +20,7 @@ from lme.inputs.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M, official_recipes
-from lme.worlds.barn.hard import hard_layout
-from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
+from lme.worlds.barn.layouts import Layout, fresh_layout, hard_layout, official_layout, published_layout
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
 from lme.worlds.rules import MOST_WORLDS, TaskRules, check_chosen
 from lme.worlds.world import Task, World
