@@ -12,10 +12,8 @@ import numpy as np
 
 from lme.errors import argument_error, require
 from lme.types import Floats, Pose
-from lme.worlds.indoor.corridors import corridors
-from lme.worlds.indoor.floor_plans import floor_plans
+from lme.worlds.indoor.kinds import corridors, floor_plans, offices
 from lme.worlds.indoor.layouts import CELL_M, Building
-from lme.worlds.indoor.offices import offices
 from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen, path_measures
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.starts import STAGE_RADIUS

@@ -12,7 +12,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.types import Pose
 from lme.worlds.check import point_clearance
-from lme.worlds.clearance import clearance_field
+from lme.worlds.lattice import clearance_field
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.world import enclosed

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lme.worlds.indoor.floor_plans import _split
+from lme.worlds.indoor.kinds import _split
 from lme.worlds.indoor.layouts import JAMB, Rectangle, borders, door, room
 
 LEFT, RIGHT, ABOVE = Rectangle(0, 0, 50, 60), Rectangle(50, 20, 100, 60), Rectangle(0, 60, 75, 100)
