@@ -28,8 +28,8 @@ from lme.geometry.collision import sweep
 from lme.navigation.navigator import Navigator
 from lme.perception.raycast import cast, cast_grid
 from lme.robots import Lidar
-from lme.simulation.events import nearby
 from lme.simulation.simulator import Simulator
+from lme.simulation.substeps import nearby
 from lme.worlds.bitmap import read_ros_map
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import FloorPlan, MapSet, Task

@@ -18,8 +18,7 @@ from lme.live.track import StampedMotion
 from lme.navigation.navigator import Explanations, Navigator
 from lme.perception.scan_points import obstacle_points
 from lme.planners.safety.check import StoppingCheck, StoppingState
-from lme.ramp import reachable
-from lme.robots import Robot
+from lme.robots import Robot, reachable
 from lme.types import Floats, Pose, Twist
 
 _STEP = 0.02  # [m] no point of the outline moves further between two poses

@@ -8,7 +8,7 @@ from collections import deque
 
 from lme.errors import InputError
 from lme.perception.dead_reckoning import DeadReckoning, Move
-from lme.ramp import reachable
+from lme.robots import reachable
 from lme.types import Feedback, Observation, Twist
 
 _STILL = Twist(0.0, 0.0)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lme.errors import argument_error, require
-from lme.ramp import reachable, towards
+from lme.robots import reachable, towards
 from lme.types import Floats, Observation, Twist
 
 MOST_SAMPLES = 1001  # of v and of ω: a planner holds values of every pair

@@ -20,8 +20,7 @@ from lme.planners.min_time.lag import Lag
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
-from lme.ramp import reachable
-from lme.robots import Robot
+from lme.robots import Robot, reachable
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency

@@ -18,8 +18,7 @@ from lme.planners.motion_tubes.kernels import Ranges
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
 from lme.planners.stopping import until_rest
-from lme.ramp import towards
-from lme.robots import Robot
+from lme.robots import Robot, towards
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code
