@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.gym.episodes import DrawRobot, Episodes
+from lme.gym.episodes import OUTCOMES, DrawRobot, Episodes, Result, Reward, distances
 from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, States, WorldArrays, advance, look
-from lme.gym.reward import OUTCOMES, Result, Reward, distances
 from lme.perception.raycast import beam_table
 from lme.robots import Robot
 from lme.simulation.disturbances import Disturbances
