@@ -12,22 +12,21 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.inputs.user_code import show_traceback, user_error
-from lme.live.clock import Clock
 from lme.live.config import LiveConfig, ScanConfig
 from lme.live.frames import Carrier, Frames, FramesConfig
 from lme.live.goal import Goal
 from lme.live.messages import SECOND, frame
 from lme.live.pilot import Pilot
-from lme.live.poses import Posture
+from lme.live.poses import Posture, StampedMotion
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSensors, LiveSight
 from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
-from lme.live.track import StampedMotion
 from lme.navigation.navigator import Navigator
 from lme.robots import Robot
 from lme.types import Floats
 
 _ANY_TIME = 1 << 62  # [ns]
+_JITTER = SECOND // 10  # [ns] threads may read the clock in one order and report it in another
 
 
 class _DecisionInputs(NamedTuple):
@@ -292,3 +291,31 @@ class LiveDriver:
 
 def _halt(step: LiveStep, reason: str) -> LiveStep:
     return step._replace(state=LiveState.STOPPED, reason=reason, command=STILL)
+
+
+class Clock:
+    """The latest time on the node's clock. Simulated time may jump or stand still.
+
+    time_jump [ns]: a clock that advances by more than this between two readings has jumped. wall: monotonic time [ns].
+    """
+
+    def __init__(self, time_jump: int, wall: Callable[[], int]) -> None:
+        self._time_jump, self._wall = time_jump, wall
+        self._latest: int | None = None
+        self._advanced_at = wall()
+
+    def read(self, now_ns: int) -> str:
+        """Note the time `now_ns`, and describe how the clock has jumped; "" if it has not."""
+        latest, self._latest = self._latest, now_ns
+        if latest is None or now_ns > latest:
+            self._advanced_at = self._wall()
+        if latest is None or -_JITTER <= now_ns - latest <= self._time_jump:
+            self._latest = now_ns if latest is None else max(now_ns, latest)
+            return ""
+        direction = "forwards" if now_ns > latest else "backwards"
+        return f"the clock jumped {direction} by {abs(now_ns - latest) / SECOND:.3g} s"
+
+    @property
+    def stalled_for(self) -> int:
+        """Wall time since the clock last advanced [ns]."""
+        return self._wall() - self._advanced_at

@@ -10,11 +10,10 @@ import numpy as np
 from lme.geometry.frames import relative, to_robot
 from lme.geometry.motion import drive
 from lme.live.messages import SECOND
-from lme.live.poses import Posture
+from lme.live.poses import Posture, StampedMotion
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
-from lme.live.track import StampedMotion
 from lme.navigation.navigator import Explanations, Navigator
 from lme.perception.scan_points import obstacle_points
 from lme.planners.safety.check import StoppingCheck, StoppingState

@@ -27,9 +27,8 @@ from lme.live.messages import (
     matrix_of,
     stamp_of,
 )
-from lme.live.poses import Posture, Sample, imu_tilt, is_sound, message_pose, tf_pose
+from lme.live.poses import Posture, Sample, StampedMotion, Track, imu_tilt, is_sound, message_pose, tf_pose
 from lme.live.step import NotReadyError
-from lme.live.track import StampedMotion, Track
 from lme.live.twist_check import TwistCheck
 from lme.types import Floats
 
