@@ -255,7 +255,15 @@ class Robot:
             require("v_min", self.v_min, at_most=0.0)
         require("settling_time", self.settling_time, at_least=0.0)
         if self.collision_radius is not None:
-            self._check_collision_radius(self.collision_radius)
+            # Below r_min no subgoal is reachable (paper §III.G).
+            radius = self.collision_radius
+            r_min, r_max = self.footprint.inscribed_radius, self.footprint.circumscribed_radius
+            if radius < r_min:
+                raise argument_error(
+                    f"collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
+                    f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
+                )
+            require("collision_radius", radius, above=0.0)
         if self.drivetrain is not None and self.response is not None:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
@@ -293,16 +301,6 @@ class Robot:
             f"collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "
             "some subgoals are reachable in some orientations only"
         )
-
-    def _check_collision_radius(self, radius: float) -> None:
-        """Raise InputError below r_min, where no subgoal is reachable (paper §III.G)."""
-        r_min, r_max = self.footprint.inscribed_radius, self.footprint.circumscribed_radius
-        if radius < r_min:
-            raise argument_error(
-                f"collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
-                f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
-            )
-        require("collision_radius", radius, above=0.0)
 
 
 def reachable(v: float, omega: float, twist: Twist, limits: Limits, dt: float) -> Twist:

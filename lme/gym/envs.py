@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.gym.episodes import CODES, DrawRobot, Result, Reward, distances, world_of
+from lme.gym.episodes import CODES, DrawRobot, Episodes, Result, Reward, distances, world_of
 from lme.gym.fleet import ONE_BY_ONE, Fleet, Transition, Views
 from lme.gym.frame import frame
 from lme.gym.spaces import (
@@ -62,7 +62,7 @@ class NavigationEnv(gym.Env[Any, Any]):
             raise InputError(f'render_mode is {render_mode!r}: must be None or "rgb_array"')
         self.render_mode = render_mode
         self._choices = choose(map, robot, sim, reward, map_config, sim_config)
-        self._episodes = self._choices.episodes()
+        self._episodes = Episodes(self._choices.map_set, self._choices.robot)
         self._people = people_source(people, self._episodes.robot)
         self._shows_people = people != People.none
         self.observation_space = observation_space(self._episodes.robot.lidar, self._shows_people)

@@ -281,22 +281,13 @@ class ColdTrial:
     """
 
     Config = ColdTrialConfig
+    name = NAME
 
     def __init__(self, config: ColdTrialConfig) -> None:
         self.config = config
         self._families = families(config.subset, config.paths)
-        self._numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
+        self.numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
         self._cached: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
-
-    @property
-    def name(self) -> str:
-        """Name of this map in the records."""
-        return NAME
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen episodes."""
-        return self._numbers
 
     def task(self, number: int) -> Task:
         """Build the task of episode `number`, for its own robot. Raises InputError as `drawn` does."""
@@ -307,13 +298,13 @@ class ColdTrial:
 
         Raises InputError for a number that was not chosen, and if no robot of the ranges fits into the world.
         """
-        check_chosen(number, self._numbers, "episode", NAME)
+        check_chosen(number, self.numbers, "episode", NAME)
         return self._cached(number)
 
     def _draw(self, number: int) -> DrawnTask:
         """Draw the world and the disturbances first, then robots until one fits into the world."""
         config = self.config
-        rng = np.random.default_rng(np.random.SeedSequence([config.trial_seed, number]))
+        rng = np.random.default_rng([config.trial_seed, number])
         family = self._families[number % len(self._families)]
         seed, choice = rng.integers(2**31, size=2).tolist()
         disturbances = drawn_disturbances(config.ranges, rng)

@@ -116,7 +116,7 @@ class Crowded:
         space = FreeSpace(_floor(task), _GRID, config.body_radius, _MARGIN)
         area = space.area(task.start)
         count = config.count or max(1, round(config.density * area))
-        rng = np.random.default_rng(np.random.SeedSequence([config.crowd_seed, number]))
+        rng = np.random.default_rng([config.crowd_seed, number])
         spots = self._spots(task, space, count, rng)
         people = tuple(config.person(rng, self._round(rng, space, spot), "cycle") for spot in spots)
         world = replace(task.world, movers=(*task.world.movers, *people))

@@ -76,20 +76,15 @@ class Dynabarn:
 
     def __init__(self, config: DynabarnConfig) -> None:
         self.config = config
-        self._numbers = config.numbers(range(WORLDS))
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen worlds."""
-        return self._numbers
+        self.numbers = config.numbers(range(WORLDS))
 
     def task(self, number: int) -> Task:
         """Build world `number`. Raises InputError for one that was not chosen."""
-        check_chosen(number, self._numbers, "world", "dynabarn")
+        check_chosen(number, self.numbers, "world", "dynabarn")
         config = self.config
         motion = DIFFICULTIES[config.difficulty]
         stream = [config.motion_seed, list(DIFFICULTIES).index(config.difficulty), number]
-        cylinders = movers(np.random.default_rng(np.random.SeedSequence(stream)), motion)
+        cylinders = movers(np.random.default_rng(stream), motion)
         length = math.dist(START[:2], GOAL)
         return config.task(
             f"dynabarn_{config.difficulty}",

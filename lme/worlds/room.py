@@ -19,7 +19,7 @@ from lme.inputs.guarded_file import read_yaml
 from lme.inputs.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
-from lme.worlds.rules import DrawnRules, check_chosen, map_path, path_measures
+from lme.worlds.rules import DrawnRules, check_chosen, check_numbers, map_path, path_measures
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS
@@ -42,9 +42,6 @@ class RoomConfig(DrawnRules):
         DrawnRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.unknown not in UNKNOWN:
             raise argument_error(f"unknown is {self.unknown!r}: must be {' or '.join(UNKNOWN)}")
-        self._check_size()
-
-    def _check_size(self) -> None:
         if self.size is not None:
             if len(self.size) != 2:
                 raise argument_error(f"size is {list(self.size)}: must be [width, height] in metres, or null")
@@ -64,33 +61,22 @@ class Room:
         source = (path, path.stat().st_mtime_ns, size, config.unknown)
         radius = STAGE_RADIUS if config.radius is None else config.radius
         self.config = config
-        self._name = config.name or path.stem
+        self.name = config.name or path.stem
         self._plan, self._space = _surveyed(*source, config.grid, radius, config.margin)
-        self._configurations = {
-            number: self._configuration(number) for number in config.numbers(self._available_numbers())
-        }
-
-    @property
-    def name(self) -> str:
-        """Name of this map in the records."""
-        return self._name
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen configurations."""
-        return tuple(self._configurations)
+        self.numbers = config.numbers(self._available_numbers())
+        self._configurations = {number: self._configuration(number) for number in self.numbers}
 
     def task(self, number: int) -> Task:
         """Build configuration `number`; its shortest path is computed once.
 
         Raises InputError for a number that was not chosen, and as `TaskRules.task` does.
         """
-        check_chosen(number, self.numbers, "configuration", self._name)
+        check_chosen(number, self.numbers, "configuration", self.name)
         start, goal = self._configurations[number]
         straight = float(np.hypot(*(goal - np.array(start[:2]))))
-        length = self._space.checked_length(f"map {self._name}, configuration {number}", start, goal)
+        length = self._space.checked_length(f"map {self.name}, configuration {number}", start, goal)
         return self.config.task(
-            self._name,
+            self.name,
             number,
             self._plan.world,
             start,
@@ -106,7 +92,7 @@ class Room:
         It is the one on the lattice: a disc of `config.radius` fits at its points. Raises InputError for a number
         that was not chosen.
         """
-        check_chosen(number, self.numbers, "configuration", self._name)
+        check_chosen(number, self.numbers, "configuration", self.name)
         start, goal = self._configurations[number]
         return self._space.way(np.array(start[:2]), goal)
 
@@ -117,7 +103,7 @@ class Room:
         return self._space.draw(self._rng(number), self.config.min_distance)
 
     def _rng(self, number: int) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence([self.config.sample_seed, number]))
+        return np.random.default_rng([self.config.sample_seed, number])
 
 
 def read_floor_plan(
@@ -179,8 +165,11 @@ class MapFileConfig(RoomConfig):
 
     def __post_init__(self) -> None:
         RoomConfig.__post_init__(self)  # super() fails in a dataclass with slots
-        _check_numbers("start", self.start, (2, 3), "[x, y] or [x, y, yaw] in metres and radians")
-        _check_numbers("goal", self.goal, (2,), "[x, y] in metres")
+        if self.start is not None:
+            right = "[x, y] or [x, y, yaw] in metres and radians, or null"
+            check_numbers("start", self.start, (2, 3), right)
+        if self.goal is not None:
+            check_numbers("goal", self.goal, (2,), "[x, y] in metres, or null")
         if self.start is not None and self.goal is not None:
             _check_single(self.worlds, "start and goal")
 
@@ -241,8 +230,3 @@ def _check_single(worlds: list[int] | None, keys: str) -> None:
         raise argument_error(
             f"worlds is {worlds}: must be null or [0], since {keys} together leave one configuration"
         )
-
-
-def _check_numbers(key: str, values: list[float] | None, counts: tuple[int, ...], right: str) -> None:
-    if values is not None and (len(values) not in counts or not all(map(math.isfinite, values))):
-        raise argument_error(f"{key} is {list(values)}: must be {right}, or null")

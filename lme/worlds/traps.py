@@ -154,10 +154,8 @@ def _surveyed(
 
     seed: seed of a random trap; None for a fixed one.
     """
-    if seed is None:
-        legs = DRAWINGS[kind](door)
-    else:  # 1 separates the trap's random stream from that of the start
-        legs = mixed(np.random.default_rng(np.random.SeedSequence([*seed, 1])), door)
+    # A 1 separates the trap's random stream from that of the start.
+    legs = DRAWINGS[kind](door) if seed is None else mixed(np.random.default_rng([*seed, 1]), door)
     walls = [{"points": leg} for leg in legs]
     plan = floor_plan(f"trap {kind}", {"bounds": [0.0, 0.0, SIDE, SIDE], "walls": walls})
     return plan.world, FreeSpace(plan, grid, radius, margin=0.0)

@@ -63,19 +63,14 @@ class Indoor:
     def __init__(self, config: IndoorConfig) -> None:
         self.config = config
         self._name = f"indoor_{config.kind}"
-        self._numbers = config.numbers(range(config.count))
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen worlds."""
-        return self._numbers
+        self.numbers = config.numbers(range(config.count))
 
     def task(self, number: int) -> Task:
         """Build world `number`; its building and its shortest path are computed once.
 
         Raises InputError for a number that was not chosen, and for distances that start and goal cannot have.
         """
-        check_chosen(number, self._numbers, "world", self._name)
+        check_chosen(number, self.numbers, "world", self._name)
         config = self.config
         radius = STAGE_RADIUS if config.radius is None else config.radius
         stream = (config.building_seed, list(KINDS).index(config.kind), number)
@@ -116,7 +111,7 @@ def _site(
     distances: tuple[float, float],
 ) -> _Site:
     """Draw the world of a random stream, once per process."""
-    rng = np.random.default_rng(np.random.SeedSequence(stream))
+    rng = np.random.default_rng(stream)
     building = KINDS[kind](rng, math.ceil((2 * radius + passage_margin) / CELL_M - 1e-9))
     plan = building.floor_plan()
     space = FreeSpace(plan, grid, radius, margin)
