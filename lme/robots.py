@@ -25,9 +25,7 @@ class Controller:
     omega_max: float  # [rad/s]
     alpha_v: float  # [m/s²]
     alpha_omega: float  # [rad/s²]
-    separation_multiplier: float = (
-        1.0  # [-] the track that the controller assumes, as a multiple of the real one
-    )
+    separation_multiplier: float = 1.0  # [-] the track that the controller assumes / the real one
     timeout: float = 0.25  # [s] without a command, after which the wheels stop
 
     def __post_init__(self) -> None:
@@ -244,9 +242,7 @@ class Robot:
     drivetrain: Drivetrain | None = None  # for sim=skid
     response: Response | None = None  # for sim=skid, in place of a drivetrain
     v_min: float | None = None  # [m/s], at most 0: it backs up no faster; None: −v_max
-    settling_time: float = (
-        0.0  # [s] for which the motion goes on after a command has changed; for `MinTime` and `Dwa`
-    )
+    settling_time: float = 0.0  # [s] of motion after a command has changed; for `MinTime` and `Dwa`
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):

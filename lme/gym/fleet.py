@@ -44,14 +44,12 @@ class Views(NamedTuple):
 
     def of(self, chosen: Ints) -> Views:
         """Return the observations of some of the robots, in new arrays."""
-        twists, limits, boxes = self.twists[chosen], self.limits[chosen], self.boxes[chosen]
-        return Views(self.ranges[chosen], self.targets[chosen], twists, limits, boxes)
+        return Views(*(array[chosen] for array in self))
 
     def put(self, chosen: Ints, views: Views) -> None:
         """Replace the observations of some of the robots."""
-        self.ranges[chosen] = views.ranges
-        self.targets[chosen], self.twists[chosen] = views.targets, views.twists
-        self.limits[chosen], self.boxes[chosen] = views.limits, views.boxes
+        for array, new in zip(self, views, strict=True):
+            array[chosen] = new
 
 
 class Transition(NamedTuple):

@@ -29,14 +29,6 @@ _ANY_TIME = 1 << 62  # [ns]
 _JITTER = SECOND // 10  # [ns] threads may read the clock in one order and report it in another
 
 
-class _DecisionInputs(NamedTuple):
-    """Everything that a decision needs. target: (2,) [m] at the stamp of the scan."""
-
-    sight: LiveSight
-    target: Floats
-    number: int
-
-
 class _FirstScan(NamedTuple):
     """A scan for whose lidar guide and planner are built.
 
@@ -197,8 +189,8 @@ class LiveDriver:
             self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
-            ready = self._decision_inputs(now_ns)
-        return self._decide(ready, now_ns)
+            sight, target, number = self._decision_inputs(now_ns)
+        return self._decide(sight, target, number, now_ns)
 
     def _check_clock(self, now_ns: int) -> None:
         """Raise NotReadyError after shutdown, after a jump of the clock, or if it stands still."""
@@ -238,8 +230,11 @@ class LiveDriver:
         pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
-    def _decision_inputs(self, now_ns: int) -> _DecisionInputs:
-        """Collect everything for a decision. Raises NotReadyError if the robot must stand."""
+    def _decision_inputs(self, now_ns: int) -> tuple[LiveSight, Floats, int]:
+        """Collect what a decision needs: sensor data, target (2,) [m] at the stamp of the scan, number of the goal.
+
+        Raises NotReadyError if the robot must stand.
+        """
         if self._goal is None:
             raise NotReadyError(*self._idle_reason)
         # The sensor data must be fresh, and the scan plausible.
@@ -257,33 +252,29 @@ class LiveDriver:
         if math.hypot(*remaining) <= self.config.goal_tolerance:
             self._end_goal(LiveState.ARRIVED, "arrived")
             raise NotReadyError(*self._idle_reason)
-        return _DecisionInputs(sight, target, self._number)
+        return sight, target, self._number
 
     def _end_goal(self, state: LiveState, reason: str) -> None:
         self._goal, self._idle_reason = None, (reason, state)
 
-    def _decide(self, inputs: _DecisionInputs, now_ns: int) -> LiveStep:
+    def _decide(self, sight: LiveSight, target: Floats, number: int, now_ns: int) -> LiveStep:
         """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
         pilot, last_command = self._pilot, self._last_step.command
         assert pilot is not None
-        step = pilot.decide(inputs.sight, inputs.target, inputs.number, last_command, now_ns)
-        with self._lock:
-            self._check_goal(inputs.number)
+        step = pilot.decide(sight, target, number, last_command, now_ns)
+        with self._lock:  # the goal may have changed meanwhile
+            if self._shutdown_reason:
+                raise NotReadyError(self._shutdown_reason)
+            if self._goal is None:
+                raise NotReadyError(*self._idle_reason)
+            if number != self._number:
+                raise NotReadyError("a new goal was set during the decision")
         if step.decision_us > self.config.stale * 1e6:
             return _halt(step, f"the decision took {step.decision_us / 1e6:.2f} s")
         if self.config.soft_stop and pilot.leads_into_contact(step, last_command):
             self.soft_stops += 1
             return _halt(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
         return step
-
-    def _check_goal(self, number: int) -> None:
-        """Raise NotReadyError if the goal changed during the decision."""
-        if self._shutdown_reason:
-            raise NotReadyError(self._shutdown_reason)
-        if self._goal is None:
-            raise NotReadyError(*self._idle_reason)
-        if number != self._number:
-            raise NotReadyError("a new goal was set during the decision")
 
     def _standing_step(self, now_ns: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
         return LiveStep(now_ns, state, reason, STILL, self._number, motion=self.motion)
