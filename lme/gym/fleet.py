@@ -44,12 +44,12 @@ class Views(NamedTuple):
 
     def of(self, chosen: Ints) -> Views:
         """Return the observations of some of the robots, in new arrays."""
-        return Views(*(array[chosen] for array in self))
+        return Views._make(array[chosen] for array in self)
 
     def put(self, chosen: Ints, views: Views) -> None:
         """Replace the observations of some of the robots."""
-        for array, new in zip(self, views, strict=True):
-            array[chosen] = new
+        for name in self._fields:
+            getattr(self, name)[chosen] = getattr(views, name)
 
 
 class Transition(NamedTuple):
