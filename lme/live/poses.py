@@ -29,7 +29,7 @@ FASTEST = 50.0  # [m/s], [rad/s] likewise
 TWISTS = (
     "measured",
     "poses",
-)  # where velocities come from: the messages, as far as they have them, or the poses
+)  # velocities come from the messages, as far as they have them, or from the poses
 _CLOUD_WINDOW = SECOND // 4  # [ns] before and after the stamp of a cloud, whose points take about 0.1 s
 _KEPT = 5 * SECOND
 _TRIMMED_AT = 4096  # samples

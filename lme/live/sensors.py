@@ -70,11 +70,10 @@ class LiveSensors:
         """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
         self.scan: Any = None
         self.track, self._twists = Track(), TwistCheck()
-        self._last_stamps: dict[
-            str, int
-        ] = {}  # by kind of message [ns]: its stamp or its arrival, whichever is earlier
+        # Stamp or arrival, whichever is earlier [ns], by kind of message, and of moving transforms by child frame.
+        self._last_stamps: dict[str, int] = {}
+        self._moving_stamps: dict[str, int] = {}
         self._scan_stamp = 0
-        self._moving_stamps: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
         self._problems: dict[str, str] = {}
 
     def note_problem(self, kind: str, problem: str) -> None:

@@ -28,9 +28,8 @@ PERIOD = 0.1  # [s] between two decisions of a person
 HASTE = 1.3  # greatest speed of a person, relative to the wanted one (Helbing & Molnár 1995)
 
 _RADIUS, _SPEED, _FASTEST, _SEES_ROBOT, _STARTS = range(5)  # of the traits
-_LEG, _SIGN, _STUCK = range(
-    3
-)  # of a plan: the next waypoint, the direction along the path, seconds without progress
+# Of a plan: the next waypoint, the direction along the path, seconds without progress.
+_LEG, _SIGN, _STUCK = range(3)
 _BACK_AND_FORTH, _CYCLE = REPEATS.index("back_and_forth"), REPEATS.index("cycle")
 
 _REACHED = 0.3  # [m] from a waypoint
@@ -311,9 +310,8 @@ def _interaction(relative, velocity):
     if length == 0.0:
         return 0.0, 0.0
     tx, ty = along_x / length, along_y / length
-    theta = math.atan2(
-        tx * ey - ty * ex, tx * ex + ty * ey
-    )  # from the direction of interaction to the person
+    # Angle from the direction of interaction to the person.
+    theta = math.atan2(tx * ey - ty * ex, tx * ex + ty * ey)
     # Deceleration along t and evasion across it: A exp(−d / B − (n B θ)²) with B = γ |D|.
     reach = _GAMMA * length
     slowing = _STRENGTH * math.exp(-distance / reach - (_N_TURN * reach * theta) ** 2)

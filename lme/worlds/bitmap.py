@@ -66,9 +66,8 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
         levels, white, transparent = _levels(picture)
     except InputError as error:
         raise InputError(f"{path}: image is {image}: {error}") from error
-    shades = (
-        np.arange(white + 1) / white
-    )  # of each level; a picture of floats would take eight times the memory
+    # The shade of each level: a picture of floats would take eight times the memory.
+    shades = np.arange(white + 1) / white
     negate = entry.value("negate")
     if negate not in (0, 1):
         raise entry.mistake("negate", "0 or 1")

@@ -28,9 +28,7 @@ HALF_SIDE = 10.0  # [m] of the arena, to the middle of its walls
 WALL = 0.5  # [m] thick
 WORLDS = 60  # published
 
-_FURTHEST = (
-    HALF_SIDE - WALL / 2 - RADIUS
-)  # [m] greatest |x| or |y| of a cylinder's centre, clear of the walls
+_FURTHEST = HALF_SIDE - WALL / 2 - RADIUS  # [m] greatest |x| or |y| of a cylinder, clear of the walls
 _SHORTEST = HALF_SIDE  # [m] least distance between the ends of a crossing
 _BOW = 0.2  # greatest swing of a curve, as a share of its end-to-end distance; 4 bends have radius 1.2 m then
 _STEP_M = 0.1  # greatest distance between waypoints; the polyline is within 1 mm of a curve of radius 1.2 m

@@ -33,11 +33,8 @@ from lme.worlds.barn.generator import (
 from lme.worlds.barn.path import barn_measures, inflated, middle_path, random_path
 
 SETTINGS = tuple(itertools.product(FILLS, SMOOTHINGS))  # the benchmark's twelve
-MEASURES = (
-    "closest_wall",
-    "avg_visibility",
-    "characteristic_dimension",
-)  # of difficulty, by which a world is hard
+# Measures of difficulty, by which a world is hard.
+MEASURES = ("closest_wall", "avg_visibility", "characteristic_dimension")
 HARDEST = range(200, 300)  # official numbers
 
 _HARD = 0x68617264  # keeps the random streams of hard worlds apart from those of the other fresh ones
