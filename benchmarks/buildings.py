@@ -28,12 +28,11 @@ from lme.geometry.collision import sweep
 from lme.navigation.navigator import Navigator
 from lme.perception.raycast import cast_grid, cast_shapes
 from lme.robots import Lidar
-from lme.simulation.events import nearby
 from lme.simulation.simulator import Simulator
+from lme.simulation.substeps import nearby
 from lme.worlds.bitmap import read_ros_map
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.world import MapSet, Task
+from lme.worlds.world import FloorPlan, MapSet, Task
 from runners.config import build
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer

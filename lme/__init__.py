@@ -26,7 +26,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from lme import numba_cache
-from lme.gym import discovery
+from lme.gym import registration
 
 if TYPE_CHECKING:
     from lme.config.presets import load_map_set as load_map_set
@@ -103,7 +103,7 @@ _MODULES = {
 __all__ = ["__version__", *_MODULES]
 
 numba_cache.choose()
-discovery.register_with_gymnasium()
+registration.register_with_gymnasium()
 
 
 def __getattr__(name: str) -> Any:

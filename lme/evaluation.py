@@ -7,9 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-_EXPERIMENTS = (
-    "runners.evaluate.from_python"  # imported at the call: the library does not depend on experiments
-)
+_EXPERIMENTS = "runners.evaluate.from_python"  # imported at the call, since the library does not need it
 _NEEDED = ("runners", "hydra", "matplotlib", "pandas", "pyarrow", "rich")
 
 

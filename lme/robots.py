@@ -1,18 +1,83 @@
-"""A robot's footprint, limits, control rate and lidar; each robot is one YAML in `conf/robot/`."""
+"""Robots: footprint, lidar, limits, the drivetrain that moves them, and how fast a command may change.
+
+Each robot is one YAML in `conf/robot/`.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from lme.drivetrain import Drivetrain, Response
 from lme.errors import argument_error, require
 from lme.inputs.plausibility import check_fields, check_mount
-from lme.types import Floats, Limits, Pose
+from lme.types import Floats, Limits, Pose, Twist
 
 _MOST_BEAMS = 100_000  # of a lidar
+
+
+@dataclass(slots=True)
+class Controller:
+    """The wheels' velocity controller. Wheel speeds follow v and ω, which ramp to the command."""
+
+    v_max: float  # [m/s]
+    omega_max: float  # [rad/s]
+    alpha_v: float  # [m/s²]
+    alpha_omega: float  # [rad/s²]
+    separation_multiplier: float = 1.0  # [-] the track that the controller assumes / the real one
+    timeout: float = 0.25  # [s] without a command, after which the wheels stop
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            require(field.name, getattr(self, field.name), above=0.0)
+        check_fields(self)
+
+
+@dataclass(slots=True)
+class Drivetrain:
+    """Four wheels on a floor, or two on one axle, and the body that they carry."""
+
+    mass: float  # [kg] of the whole robot
+    inertia: float  # [kg m²] of the whole robot, about the vertical through its centre of mass
+    track: float  # [m] between the middles of left and right wheels
+    wheel_radius: float  # [m]
+    friction: float  # [-] coefficient between wheel and floor
+    controller: Controller
+    wheel_base: float = 0.0  # [m] between the axles; 0: two wheels, and casters that bear no load
+    wheel_width: float = 0.0  # [m]
+    com_x: float = 0.0  # [m] centre of mass ahead of the middle of the wheels
+    com_height: float = 0.0  # [m] over the floor
+
+    def __post_init__(self) -> None:
+        for key in ("mass", "inertia", "track", "wheel_radius", "friction"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("wheel_base", "wheel_width", "com_height"):
+            require(key, getattr(self, key), at_least=0.0)
+        if not abs(self.com_x) <= self.wheel_base / 2:
+            raise argument_error(
+                f"com_x is {self.com_x:g} m: must lie between the axles, within ±{self.wheel_base / 2:g}"
+            )
+        check_fields(self)
+
+
+@dataclass(slots=True)
+class Response:
+    """Ground velocity of a real robot: after a delay it ramps to a share of the command."""
+
+    gain_v: float  # [-] v over ground per v of the command
+    gain_omega: float  # [-]
+    delay_v: float  # [s]
+    delay_omega: float  # [s]
+    alpha_v: float  # [m/s²] over ground
+    alpha_omega: float  # [rad/s²]
+
+    def __post_init__(self) -> None:
+        for key in ("gain_v", "gain_omega", "alpha_v", "alpha_omega"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("delay_v", "delay_omega"):
+            require(key, getattr(self, key), at_least=0.0)
+        check_fields(self)
 
 
 @dataclass(slots=True)
@@ -177,9 +242,7 @@ class Robot:
     drivetrain: Drivetrain | None = None  # for sim=skid
     response: Response | None = None  # for sim=skid, in place of a drivetrain
     v_min: float | None = None  # [m/s], at most 0: it backs up no faster; None: −v_max
-    settling_time: float = (
-        0.0  # [s] for which the motion goes on after a command has changed; for `MinTime` and `Dwa`
-    )
+    settling_time: float = 0.0  # [s] of motion after a command has changed; for `MinTime` and `Dwa`
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
@@ -188,7 +251,15 @@ class Robot:
             require("v_min", self.v_min, at_most=0.0)
         require("settling_time", self.settling_time, at_least=0.0)
         if self.collision_radius is not None:
-            self._check_collision_radius(self.collision_radius)
+            # Below r_min no subgoal is reachable (paper §III.G).
+            radius = self.collision_radius
+            r_min, r_max = self.footprint.inscribed_radius, self.footprint.circumscribed_radius
+            if radius < r_min:
+                raise argument_error(
+                    f"collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
+                    f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
+                )
+            require("collision_radius", radius, above=0.0)
         if self.drivetrain is not None and self.response is not None:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
@@ -227,12 +298,17 @@ class Robot:
             "some subgoals are reachable in some orientations only"
         )
 
-    def _check_collision_radius(self, radius: float) -> None:
-        """Raise InputError below r_min, where no subgoal is reachable (paper §III.G)."""
-        r_min, r_max = self.footprint.inscribed_radius, self.footprint.circumscribed_radius
-        if radius < r_min:
-            raise argument_error(
-                f"collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
-                f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
-            )
-        require("collision_radius", radius, above=0.0)
+
+def reachable(v: float, omega: float, twist: Twist, limits: Limits, dt: float) -> Twist:
+    """Return the twist nearest to (v, ω) within the limits of velocity that can be reached from `twist` in `dt` [s]."""
+    v = min(max(v, limits.lowest), limits.v_max)
+    omega = min(max(omega, -limits.omega_max), limits.omega_max)
+    return Twist(
+        towards(v, twist.v, limits.alpha_v, dt),
+        towards(omega, twist.omega, limits.alpha_omega, dt),
+    )
+
+
+def towards(goal: float, rate: float, alpha: float, dt: float) -> float:
+    """Return the rate nearest to `goal` that is reachable from `rate` in a period `dt` at acceleration `alpha`."""
+    return min(max(goal, rate - alpha * dt), rate + alpha * dt)

@@ -13,8 +13,8 @@ from lme.geometry.frames import compose
 from lme.navigation.episode import run_episode
 from lme.perception.people.source import TrackedPeople
 from lme.robots import Robot
+from lme.simulation.crowd import discs_in_sight
 from lme.simulation.simulator import Simulator, State
-from lme.simulation.tracker import discs_in_sight
 from lme.types import Floats, Guidance, Observation, Outcome, Twist
 from lme.worlds.world import Task
 from runners.config import build

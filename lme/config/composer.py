@@ -7,15 +7,16 @@ own program as to `lme eval`; a parser of our own would be simpler only for the 
 
 from __future__ import annotations
 
+import math
 import os.path
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from string import Template
 from typing import Any, cast
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.inputs.guarded_file import YAML_BYTES, read_text, read_yaml
 from lme.inputs.resources import overlaid, resource_dir
 
@@ -109,6 +110,37 @@ def resolved(group: str, values: Mapping[str, Any], config: Mapping[str, Any], p
         raise InputError(f"{place}{reason.removeprefix(raised)}") from error
 
 
+def parameters(
+    weights: str,
+    ablation: Mapping[str, float],
+    criteria: Iterable[str] = (),
+    scale: Mapping[str, float] | None = None,
+    weight_set: str | None = None,
+) -> dict[str, float]:
+    """Return the parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
+
+    weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
+    a YAML with a mapping `parameters`; the paper's set stands for the guide's own. criteria: names of criteria besides
+    those of the guide's own set. scale: factors by name; an ablation replaces what they give. weight_set: the guide's
+    own; None: the paper's. Raises InputError naming the file where it is missing or malformed, and for a scale of no
+    parameter or a factor that is negative or not finite.
+    """
+    # Imported only here, since help composes too and must answer at once.
+    from lme.guides.lme.weight_files import PUBLISHED, learned_parameters
+
+    learned = learned_parameters(weights, weight_set or PUBLISHED, criteria)
+    factors = scale or {}
+    for name, factor in factors.items():
+        if name not in learned:
+            names = sorted(learned)
+            raise InputError(
+                f"scale.{name}: no such key; {nearest(name, names)}scale holds: {', '.join(names)}"
+            )
+        if not (math.isfinite(factor) and factor >= 0):
+            raise InputError(f"scale.{name} is {factor:g}: must be a number, at least 0 and finite")
+    return {**learned, **{name: learned[name] * factor for name, factor in factors.items()}, **ablation}
+
+
 def register_resolvers() -> None:
     """Make the resolvers of `conf/` known to OmegaConf; safe to call again."""
     from omegaconf import OmegaConf
@@ -121,17 +153,9 @@ def _parameters(*, _root_: Any, _parent_: Any) -> dict[str, float]:
     """Resolve the parameters of a guide, whose other keys are beside this one."""
     from omegaconf import OmegaConf
 
-    # Imported only here, since help composes too and must answer at once.
-    from lme.config.parameters import parameters
-    from lme.guides.lme.weight_files import PUBLISHED
-
-    return parameters(
-        _root_.weights,
-        _root_.ablation,
-        _parent_.get("criteria") or (),
-        OmegaConf.select(_root_, "scale"),
-        _parent_.get("weight_set") or PUBLISHED,
-    )
+    criteria, weight_set = _parent_.get("criteria") or (), _parent_.get("weight_set")
+    scale = OmegaConf.select(_root_, "scale")
+    return parameters(_root_.weights, _root_.ablation, criteria, scale, weight_set)
 
 
 def _given(key: str, default: Any, *, _root_: Any) -> Any:

@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError
 
 if TYPE_CHECKING:
+    from lme.gym.envs import NavigationEnv as NavigationEnv
+    from lme.gym.envs import NavigationVectorEnv as NavigationVectorEnv
+    from lme.gym.episodes import Reward as Reward
     from lme.gym.fleet import Fleet as Fleet
-    from lme.gym.reward import Reward as Reward
-    from lme.gym.single import NavigationEnv as NavigationEnv
     from lme.gym.spaces import FlatObservation as FlatObservation
     from lme.gym.spaces import flattened as flattened
-    from lme.gym.vector import NavigationVectorEnv as NavigationVectorEnv
 
 _MODULES = {
     "FlatObservation": "lme.gym.spaces",
     "Fleet": "lme.gym.fleet",
-    "NavigationEnv": "lme.gym.single",
-    "NavigationVectorEnv": "lme.gym.vector",
-    "Reward": "lme.gym.reward",
+    "NavigationEnv": "lme.gym.envs",
+    "NavigationVectorEnv": "lme.gym.envs",
+    "Reward": "lme.gym.episodes",
     "flattened": "lme.gym.spaces",
 }
 __all__ = [*_MODULES]

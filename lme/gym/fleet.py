@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.gym.episodes import DrawRobot, Episodes
+from lme.gym.episodes import OUTCOMES, DrawRobot, Episodes, Result, Reward, distances
 from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, States, WorldArrays, advance, look
-from lme.gym.reward import OUTCOMES, Result, Reward, distances
 from lme.perception.raycast import beam_table
 from lme.robots import Robot
 from lme.simulation.disturbances import Disturbances
@@ -45,14 +44,12 @@ class Views(NamedTuple):
 
     def of(self, chosen: Ints) -> Views:
         """Return the observations of some of the robots, in new arrays."""
-        twists, limits, boxes = self.twists[chosen], self.limits[chosen], self.boxes[chosen]
-        return Views(self.ranges[chosen], self.targets[chosen], twists, limits, boxes)
+        return Views._make(array[chosen] for array in self)
 
     def put(self, chosen: Ints, views: Views) -> None:
         """Replace the observations of some of the robots."""
-        self.ranges[chosen] = views.ranges
-        self.targets[chosen], self.twists[chosen] = views.targets, views.twists
-        self.limits[chosen], self.boxes[chosen] = views.limits, views.boxes
+        for name in self._fields:
+            getattr(self, name)[chosen] = getattr(views, name)
 
 
 class Transition(NamedTuple):

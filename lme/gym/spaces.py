@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_map_set, load_robot, load_simulator
 from lme.errors import InputError, building, nearest, require
-from lme.gym.episodes import DrawRobot, Episodes
-from lme.gym.reward import Reward
+from lme.gym.episodes import DrawRobot, Reward
 from lme.robots import Lidar, Robot
 from lme.types import Floats
 from lme.worlds.world import MapSet
@@ -84,10 +83,6 @@ class Choices:
     simulator: Any
     config: Any
     reward: Reward
-
-    def episodes(self) -> Episodes:
-        """Return the episodes to drive."""
-        return Episodes(self.map_set, self.robot)
 
 
 def choose(

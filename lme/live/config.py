@@ -20,9 +20,7 @@ class LiveConfig:
     """Conditions in which the robot must stand, and in which it has arrived."""
 
     stale: float = 0.5  # [s] older scans, poses and transforms stop the robot
-    time_jump: float = (
-        1.0  # [s] ASSUMED: a clock that advances by more than this between two calls has jumped
-    )
+    time_jump: float = 1.0  # [s] ASSUMED: a clock that advances by more between two calls has jumped
     goal_tolerance: float = 0.2  # [m] ASSUMED: as for map=env1
     soft_stop: bool = True  # stop if the robot would touch what the lidar sees before it could stand
     clock: str = "header"  # header: the messages' stamps | received: the times at which they arrive

@@ -12,30 +12,21 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.inputs.user_code import show_traceback, user_error
-from lme.live.clock import Clock
 from lme.live.config import LiveConfig, ScanConfig
 from lme.live.frames import Carrier, Frames, FramesConfig
 from lme.live.goal import Goal
 from lme.live.messages import SECOND, frame
 from lme.live.pilot import Pilot
-from lme.live.poses import Posture
+from lme.live.poses import Posture, StampedMotion
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSensors, LiveSight
 from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
-from lme.live.track import StampedMotion
 from lme.navigation.navigator import Navigator
 from lme.robots import Robot
 from lme.types import Floats
 
 _ANY_TIME = 1 << 62  # [ns]
-
-
-class _DecisionInputs(NamedTuple):
-    """Everything that a decision needs. target: (2,) [m] at the stamp of the scan."""
-
-    sight: LiveSight
-    target: Floats
-    number: int
+_JITTER = SECOND // 10  # [ns] threads may read the clock in one order and report it in another
 
 
 class _FirstScan(NamedTuple):
@@ -198,8 +189,8 @@ class LiveDriver:
             self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
-            ready = self._decision_inputs(now_ns)
-        return self._decide(ready, now_ns)
+            sight, target, number = self._decision_inputs(now_ns)
+        return self._decide(sight, target, number, now_ns)
 
     def _check_clock(self, now_ns: int) -> None:
         """Raise NotReadyError after shutdown, after a jump of the clock, or if it stands still."""
@@ -239,8 +230,11 @@ class LiveDriver:
         pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
-    def _decision_inputs(self, now_ns: int) -> _DecisionInputs:
-        """Collect everything for a decision. Raises NotReadyError if the robot must stand."""
+    def _decision_inputs(self, now_ns: int) -> tuple[LiveSight, Floats, int]:
+        """Collect what a decision needs: sensor data, target (2,) [m] at the stamp of the scan, number of the goal.
+
+        Raises NotReadyError if the robot must stand.
+        """
         if self._goal is None:
             raise NotReadyError(*self._idle_reason)
         # The sensor data must be fresh, and the scan plausible.
@@ -258,18 +252,23 @@ class LiveDriver:
         if math.hypot(*remaining) <= self.config.goal_tolerance:
             self._end_goal(LiveState.ARRIVED, "arrived")
             raise NotReadyError(*self._idle_reason)
-        return _DecisionInputs(sight, target, self._number)
+        return sight, target, self._number
 
     def _end_goal(self, state: LiveState, reason: str) -> None:
         self._goal, self._idle_reason = None, (reason, state)
 
-    def _decide(self, inputs: _DecisionInputs, now_ns: int) -> LiveStep:
+    def _decide(self, sight: LiveSight, target: Floats, number: int, now_ns: int) -> LiveStep:
         """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
         pilot, last_command = self._pilot, self._last_step.command
         assert pilot is not None
-        step = pilot.decide(inputs.sight, inputs.target, inputs.number, last_command, now_ns)
-        with self._lock:
-            self._check_goal(inputs.number)
+        step = pilot.decide(sight, target, number, last_command, now_ns)
+        with self._lock:  # the goal may have changed meanwhile
+            if self._shutdown_reason:
+                raise NotReadyError(self._shutdown_reason)
+            if self._goal is None:
+                raise NotReadyError(*self._idle_reason)
+            if number != self._number:
+                raise NotReadyError("a new goal was set during the decision")
         if step.decision_us > self.config.stale * 1e6:
             return _halt(step, f"the decision took {step.decision_us / 1e6:.2f} s")
         if self.config.soft_stop and pilot.leads_into_contact(step, last_command):
@@ -277,18 +276,37 @@ class LiveDriver:
             return _halt(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
         return step
 
-    def _check_goal(self, number: int) -> None:
-        """Raise NotReadyError if the goal changed during the decision."""
-        if self._shutdown_reason:
-            raise NotReadyError(self._shutdown_reason)
-        if self._goal is None:
-            raise NotReadyError(*self._idle_reason)
-        if number != self._number:
-            raise NotReadyError("a new goal was set during the decision")
-
     def _standing_step(self, now_ns: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
         return LiveStep(now_ns, state, reason, STILL, self._number, motion=self.motion)
 
 
 def _halt(step: LiveStep, reason: str) -> LiveStep:
     return step._replace(state=LiveState.STOPPED, reason=reason, command=STILL)
+
+
+class Clock:
+    """The latest time on the node's clock. Simulated time may jump or stand still.
+
+    time_jump [ns]: a clock that advances by more than this between two readings has jumped. wall: monotonic time [ns].
+    """
+
+    def __init__(self, time_jump: int, wall: Callable[[], int]) -> None:
+        self._time_jump, self._wall = time_jump, wall
+        self._latest: int | None = None
+        self._advanced_at = wall()
+
+    def read(self, now_ns: int) -> str:
+        """Note the time `now_ns`, and describe how the clock has jumped; "" if it has not."""
+        latest, self._latest = self._latest, now_ns
+        if latest is None or now_ns > latest:
+            self._advanced_at = self._wall()
+        if latest is None or -_JITTER <= now_ns - latest <= self._time_jump:
+            self._latest = now_ns if latest is None else max(now_ns, latest)
+            return ""
+        direction = "forwards" if now_ns > latest else "backwards"
+        return f"the clock jumped {direction} by {abs(now_ns - latest) / SECOND:.3g} s"
+
+    @property
+    def stalled_for(self) -> int:
+        """Wall time since the clock last advanced [ns]."""
+        return self._wall() - self._advanced_at

@@ -81,9 +81,7 @@ class Carrier(Enum):
     """The part of the frame tree that a frame moves with; it decides whether a cloud in it must be levelled."""
 
     BASE = auto()  # it tilts as the base does
-    LEVEL = (
-        auto()
-    )  # it is between the odometry frame and the base, such as base_footprint: it goes along, but is level
+    LEVEL = auto()  # it is between both frames, such as base_footprint: it goes along, but is level
     ODOMETRY = auto()  # it is the odometry frame
     MAP = auto()  # it is above the odometry frame
 

@@ -7,7 +7,7 @@ import numpy as np
 from lme.geometry.frames import to_robot, to_world
 from lme.live.frames import Frames, TransformTree
 from lme.live.messages import planar_matrix
-from lme.live.track import StampedMotion, Track
+from lme.live.poses import StampedMotion, Track
 from lme.types import Floats
 
 FARTHEST = 1e4  # [m] a goal farther away is a fault; some planners sample the way to it

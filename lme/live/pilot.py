@@ -10,16 +10,14 @@ import numpy as np
 from lme.geometry.frames import relative, to_robot
 from lme.geometry.motion import drive
 from lme.live.messages import SECOND
-from lme.live.poses import Posture
+from lme.live.poses import Posture, StampedMotion
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
-from lme.live.track import StampedMotion
 from lme.navigation.navigator import Explanations, Navigator
 from lme.perception.scan_points import obstacle_points
 from lme.planners.safety.check import StoppingCheck, StoppingState
-from lme.ramp import reachable
-from lme.robots import Robot
+from lme.robots import Robot, reachable
 from lme.types import Floats, Pose, Twist
 
 _STEP = 0.02  # [m] no point of the outline moves further between two poses

@@ -16,8 +16,7 @@ from lme.live.clouds import CloudReader
 from lme.live.config import ScanConfig, mount_of
 from lme.live.frames import Carrier
 from lme.live.messages import frame, is_cloud, planar_matrix, scan_of
-from lme.live.poses import Posture
-from lme.live.track import StampedMotion
+from lme.live.poses import Posture, StampedMotion
 from lme.perception.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.perception.scan_check import ScanFault, check_unit_of_angles, scan_faults
 from lme.robots import Lidar, Robot

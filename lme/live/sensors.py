@@ -27,9 +27,8 @@ from lme.live.messages import (
     matrix_of,
     stamp_of,
 )
-from lme.live.poses import Posture, Sample, imu_tilt, is_sound, message_pose, tf_pose
+from lme.live.poses import Posture, Sample, StampedMotion, Track, imu_tilt, is_sound, message_pose, tf_pose
 from lme.live.step import NotReadyError
-from lme.live.track import StampedMotion, Track
 from lme.live.twist_check import TwistCheck
 from lme.types import Floats
 
@@ -71,11 +70,10 @@ class LiveSensors:
         """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
         self.scan: Any = None
         self.track, self._twists = Track(), TwistCheck()
-        self._last_stamps: dict[
-            str, int
-        ] = {}  # by kind of message [ns]: its stamp or its arrival, whichever is earlier
+        # Stamp or arrival, whichever is earlier [ns], by kind of message, and of moving transforms by child frame.
+        self._last_stamps: dict[str, int] = {}
+        self._moving_stamps: dict[str, int] = {}
         self._scan_stamp = 0
-        self._moving_stamps: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
         self._problems: dict[str, str] = {}
 
     def note_problem(self, kind: str, problem: str) -> None:

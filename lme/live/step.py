@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from lme.guides.lme.explanation import Explanation
-from lme.live.track import StampedMotion
+from lme.live.poses import StampedMotion
 from lme.perception.people.interface import Tracks
 from lme.types import Guidance, Observation, Twist
 

@@ -10,8 +10,7 @@ import numpy as np
 from lme.errors import argument_error, require
 from lme.geometry.collision import sweep
 from lme.geometry.motion import drive
-from lme.ramp import reachable, towards
-from lme.robots import Robot
+from lme.robots import Robot, reachable, towards
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 MOST_SAMPLES = 1001  # of v and of ω: a planner holds values of every pair

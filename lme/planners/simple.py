@@ -9,8 +9,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.planners.commands import approach
-from lme.ramp import towards
-from lme.robots import Robot
+from lme.robots import Robot, towards
 from lme.types import Guidance, Observation, Twist
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -15,23 +15,7 @@ from lme.geometry.frames import between, compose, relative, to_robot, to_world
 from lme.types import Floats, Pose, Twist
 
 Ranges = NDArray[np.float32]
-
-
-_NOT_NEGATIVE = (
-    "latency",
-    "odometry_age",
-    "lag",
-    "natural_frequency_v",
-    "natural_frequency_omega",
-    "ripple_v",
-    "ripple_omega",
-    "tilt",
-    "slip",
-    "odometry_error",
-    "scan_noise",
-    "goal_noise",
-    "goal_noise_yaw",
-)
+_MOST = {"overshoot_v": 0.95, "overshoot_omega": 0.95, "scan_dropout": 1.0}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -57,13 +41,10 @@ class Disturbances:
     goal_rate: float | None
 
     def __post_init__(self) -> None:
-        for key in _NOT_NEGATIVE:
-            require(key, getattr(self, key), at_least=0.0)
-        for key in ("overshoot_v", "overshoot_omega"):
-            require(key, getattr(self, key), at_least=0.0, at_most=0.95)
-        require("scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
-        if self.goal_rate is not None:
-            require("goal_rate", self.goal_rate, at_least=0.0)
+        for field in fields(Disturbances):
+            value = getattr(self, field.name)
+            if value is not None:  # only goal_rate may be None
+                require(field.name, value, at_least=0.0, at_most=_MOST.get(field.name))
 
     @property
     def has_gait(self) -> bool:

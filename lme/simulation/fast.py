@@ -14,10 +14,9 @@ from lme.inputs.plausibility import check_fields
 from lme.robots import Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Disturbances
-from lme.simulation.events import until_event
 from lme.simulation.gait import check_height
 from lme.simulation.simulator import Sensors, State, forward_enough
-from lme.simulation.substeps import Body, Substepper, rolled
+from lme.simulation.substeps import Body, Substepper, rolled, until_event
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
 

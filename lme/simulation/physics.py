@@ -113,9 +113,8 @@ class RigidBody:
         self._touching = 0
         self._space = pymunk.Space()
         self._space.collision_slop = 1e-4  # [m] the default, 0.1, is meant for pixels
-        self._space.collision_bias = (
-            1e-200  # share of an overlap left after a second: bodies separate within one substep
-        )
+        # Share of an overlap left after a second: bodies separate within one substep.
+        self._space.collision_bias = 1e-200
         self._space.on_collision(_ROBOT, _OBSTACLE, begin=self._begin, separate=self._separate)
         self._add(self._space.static_body, _static_shapes(self._space.static_body, world))
         self._movers = [

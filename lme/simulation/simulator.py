@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from lme.geometry.frames import compose, relative
 from lme.perception.raycast import add_noise, cast_grid, cast_shapes
 from lme.perception.resampling import resampled, tidied
-from lme.ramp import reachable
-from lme.robots import Robot
-from lme.simulation.crowd import Crowd
+from lme.robots import Robot, reachable
+from lme.simulation.crowd import Crowd, tracked
 from lme.simulation.disturbances import (
     Disturbances,
     Measured,
@@ -23,7 +22,6 @@ from lme.simulation.disturbances import (
 )
 from lme.simulation.gait import floor_ranges, is_walking, rippled
 from lme.simulation.mid360 import mid360_of
-from lme.simulation.tracker import tracked
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
 

@@ -1,4 +1,4 @@
-"""Motion in short substeps, which delay, lag, gait, slip, movers and rigid bodies need."""
+"""Motion until contact or arrival, also in short substeps, which delay, lag, gait, slip, movers and bodies need."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Protocol
 
 import numpy as np
 
-from lme.geometry.collision import sweep
+from lme.geometry.collision import first_event, sweep
 from lme.geometry.frames import compose
+from lme.grids.edge_grid import near_edges
 from lme.robots import Footprint, Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
-from lme.simulation.events import nearby
 from lme.simulation.gait import GaitResponse, response_of
 from lme.simulation.simulator import State
 from lme.types import Floats, Limits, Pose, Twist
-from lme.worlds.world import Task
+from lme.worlds.world import Task, World
 
 
 class Body(Protocol):
@@ -160,6 +160,33 @@ class Substepper:
             return 0.0, True, False
         distance = math.hypot(pose.x - self._goal[0], pose.y - self._goal[1])
         return clearance, False, distance <= self._tolerance
+
+
+def until_event(
+    travel: Floats, task: Task, box: tuple[float, float, float], circles: Floats, edges: Floats
+) -> tuple[Floats, float, bool, bool]:
+    """Return the poses up to contact or arrival, least clearance [m], contact, arrival.
+
+    travel (K, 3); box: the collision footprint; circles (C, 3) and edges (E, 4), those of the task's world first.
+    Contact on arrival counts as contact only.
+    """
+    edges = nearby(task.world, travel, box, edges)
+    goal = np.asarray(task.goal, dtype=np.float64)
+    driven, clearance, contact, arrived = first_event(
+        travel, goal, float(task.goal_tolerance), box, circles, edges
+    )
+    return travel[:driven], clearance, contact, arrived
+
+
+def nearby(world: World, poses: Floats, box: tuple[float, float, float], edges: Floats) -> Floats:
+    """Drop edges that are too far away to be the nearest one to a motion. edges (E, 4): the world's come first.
+
+    poses (K, 3) and box (half_length, half_width, rounding) [m] of the footprint. All of a small world's edges stay.
+    """
+    if not len(world.grid.edges):
+        return edges
+    near_world, crowd_edges = near_edges(world.grid, poses, box), edges[len(world.edges) :]
+    return np.vstack([near_world, crowd_edges]) if len(crowd_edges) else near_world
 
 
 def track(footprint: Footprint) -> float:

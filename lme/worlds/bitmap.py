@@ -18,7 +18,7 @@ from lme.inputs.guarded_file import expanded, open_bytes, read_yaml
 from lme.inputs.yaml_entry import Entry
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import corners, outlines
-from lme.worlds.floor_plan import FloorPlan, enclosed
+from lme.worlds.world import FloorPlan, enclosed
 
 MAX_PIXELS = 100_000_000  # a larger picture is refused before it is decoded
 MAX_CORNERS = 1_000_000  # of obstacles, which take some 20 s
@@ -66,11 +66,17 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
         levels, white, transparent = _levels(picture)
     except InputError as error:
         raise InputError(f"{path}: image is {image}: {error}") from error
-    shades = (
-        np.arange(white + 1) / white
-    )  # of each level; a picture of floats would take eight times the memory
-    occupancy = shades if _negated(entry) else 1.0 - shades
-    occupied_above, free_below = _thresholds(entry)
+    # The shade of each level: a picture of floats would take eight times the memory.
+    shades = np.arange(white + 1) / white
+    negate = entry.value("negate")
+    if negate not in (0, 1):
+        raise entry.mistake("negate", "0 or 1")
+    occupancy = shades if negate else 1.0 - shades
+    occupied_above, free_below = entry.number("occupied_thresh"), entry.number("free_thresh")
+    if not 0.0 <= free_below <= 1.0:
+        raise entry.mistake("free_thresh", "from 0 to 1")
+    if not free_below <= occupied_above <= 1.0:
+        raise entry.mistake("occupied_thresh", f"from free_thresh, {free_below:g}, to 1")
     occupied = (occupancy >= free_below if unknown_is_obstacle else occupancy > occupied_above)[levels]
     if transparent is not None:
         occupied[transparent] = unknown_is_obstacle
@@ -98,7 +104,10 @@ def brightness(path: Path) -> Floats:
     Colours have the brightness that they have to the eye (ITU-R 601-2); transparent pixels are white.
     """
     with _opened(path) as image:
-        return np.asarray(_grey(image), dtype=np.float64)[::-1] / 255.0
+        if _may_be_transparent(image):
+            picture = image.convert("RGBA")
+            image = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)
+        return np.asarray(image.convert("L"), dtype=np.float64)[::-1] / 255.0
 
 
 def _levels(path: Path) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int, Bools | None]:
@@ -148,14 +157,6 @@ def _check_picture(path: Path, image: Image.Image) -> None:
         )
 
 
-def _grey(image: Image.Image) -> Image.Image:
-    """The picture in 8-bit grey, on a white background."""
-    if _may_be_transparent(image):
-        picture = image.convert("RGBA")
-        image = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)
-    return image.convert("L")
-
-
 def _may_be_transparent(image: Image.Image) -> bool:
     return image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info
 
@@ -170,22 +171,6 @@ def _ros_entry(path: Path) -> Entry:
             names = ", ".join(f"{key!s:.40}" for key in foreign[:8])
             warnings.warn(f"{path}: ignoring keys that map_server does not have: {names}", stacklevel=2)
     return Entry(str(path), content, _ROS_KEYS, ["mode"])
-
-
-def _negated(entry: Entry) -> bool:
-    negate = entry.value("negate")
-    if negate not in (0, 1):
-        raise entry.mistake("negate", "0 or 1")
-    return bool(negate)
-
-
-def _thresholds(entry: Entry) -> tuple[float, float]:
-    occupied_above, free_below = entry.number("occupied_thresh"), entry.number("free_thresh")
-    if not 0.0 <= free_below <= 1.0:
-        raise entry.mistake("free_thresh", "from 0 to 1")
-    if not free_below <= occupied_above <= 1.0:
-        raise entry.mistake("occupied_thresh", f"from free_thresh, {free_below:g}, to 1")
-    return occupied_above, free_below
 
 
 def _floor_plan(path: Path, occupied: Bools, pixel: Floats, origin: Pose) -> FloorPlan:

@@ -48,47 +48,37 @@ class Buildings:
         self.config = config
         self._paths = _maps(config.paths)
         single = self._paths[0].stem if len(self._paths) == 1 else "building"
-        self._name = config.name or single
-        self._numbers = config.numbers(range(len(self._paths) * config.configurations))
+        self.name = config.name or single
+        self.numbers = config.numbers(range(len(self._paths) * config.configurations))
         last_number = len(self._paths) * config.configurations - 1
-        if max(self._numbers) > last_number:
+        if max(self.numbers) > last_number:
             raise argument_error(
-                f"worlds holds {max(self._numbers)}: must be at most {last_number}, for {len(self._paths)} "
+                f"worlds holds {max(self.numbers)}: must be at most {last_number}, for {len(self._paths)} "
                 f"buildings with {config.configurations} configurations each (configurations)"
             )
         self._rooms: dict[int, _MeasuredRoom] = {}
-
-    @property
-    def name(self) -> str:
-        """Name of this map in the records."""
-        return self._name
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen configurations."""
-        return self._numbers
 
     def task(self, number: int) -> Task:
         """Build configuration `number`; its shortest path is computed once.
 
         Raises InputError for a number that was not chosen, and as `Room` does for the building's map.
         """
-        check_chosen(number, self._numbers, "configuration", self._name)
+        check_chosen(number, self.numbers, "configuration", self.name)
         building, configuration = divmod(number, self.config.configurations)
         task = self._room(building).task(configuration)
         measures = {"building": float(building), **task.measures}
-        return replace(task, map_name=self._name, number=number, measures=measures)
+        return replace(task, map_name=self.name, number=number, measures=measures)
 
     def way(self, number: int) -> Floats:
         """Return the turns of the shortest path of configuration `number`, as `Room.way` does."""
-        check_chosen(number, self._numbers, "configuration", self._name)
+        check_chosen(number, self.numbers, "configuration", self.name)
         building, configuration = divmod(number, self.config.configurations)
         return self._room(building).way(configuration)
 
     def _room(self, building: int) -> _MeasuredRoom:
         if building not in self._rooms:
             count = self.config.configurations
-            worlds = [number % count for number in self._numbers if number // count == building]
+            worlds = [number % count for number in self.numbers if number // count == building]
             shared = {key: getattr(self.config, key) for key in _SHARED}
             self._rooms[building] = _MeasuredRoom(
                 RoomConfig(

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,13 +17,12 @@ from lme.worlds.barn.map_set import FIRST_FRESH
 from lme.worlds.building import Buildings
 from lme.worlds.check import check_task
 from lme.worlds.dynabarn import DIFFICULTIES, Dynabarn
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.indoor import Indoor
 from lme.worlds.indoor.map_set import KINDS
 from lme.worlds.rules import MOST_WORLDS, check_chosen, fair_limit
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.traps import Traps
-from lme.worlds.world import DrawnTask, Task
+from lme.worlds.world import DrawnTask, FloorPlan, Task
 
 BUILDINGS, STAND_IN = "buildings", "floor_plans"  # real maps; generated ones, where none are given
 STATIC, DYNABARN = "static", "dynabarn"
@@ -40,106 +38,38 @@ ROBOT = "drawn"  # the name of every robot
 ATTEMPTS = 100  # robots drawn for a world, before it counts as too narrow for the ranges
 
 
-class TrialSetting(NamedTuple):
-    """The inputs that decide a world, together with its family.
+def draw_task(
+    family: str, *, seed: int, choice: int, radius: float, margin: float, paths: Sequence[str] = ()
+) -> Task:
+    """Build the task of a family.
 
     seed: seed of the world. choice: a number that selects a kind or a building. radius: radius of the disc that must
-    have a path [m]. margin: additional free space around start and goal [m]. paths: ROS maps of buildings.
+    have a path [m]. margin: additional free space around start and goal [m]. paths: ROS maps of buildings. Raises
+    InputError if the world has no path for the disc.
     """
-
-    seed: int
-    choice: int
-    radius: float
-    margin: float
-    paths: tuple[str, ...]
-
-
-def _barn(setting: TrialSetting) -> Task:
-    """A fresh BARN world. Raises InputError if its passages, whose width is not chosen, are too narrow."""
-    number = FIRST_FRESH + setting.choice
-    task = Barn(load_settings("map/barn", subset="fresh", fresh_seed=setting.seed, worlds=[number])).task(
-        number
-    )
-    space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, setting.radius, setting.margin)
-    length = space.checked_length(f"map barn, world {number}", task.start, task.goal)
-    return replace(task, shortest_path_length=length)
-
-
-def _indoor(setting: TrialSetting) -> Task:
-    """A generated building of any kind."""
-    kind = list(KINDS)[setting.choice % len(KINDS)]
-    config = load_settings(
-        "map/indoor", kind=kind, building_seed=setting.seed, radius=setting.radius, margin=setting.margin
-    )
-    return Indoor(config).task(0)
-
-
-def _floor_plan(setting: TrialSetting) -> Task:
-    """A generated floor plan, with start and goal as far apart as in a real building."""
-    config = load_settings(
-        "map/indoor",
-        kind="floor_plan",
-        building_seed=setting.seed,
-        min_distance=_MIN_DISTANCE_M,
-        radius=setting.radius,
-        margin=setting.margin,
-    )
-    return Indoor(config).task(0)
-
-
-def _building(setting: TrialSetting) -> Task:
-    """One of the real buildings, with a start and a goal of its own."""
-    config = load_settings(
-        "map/building",
-        paths=list(setting.paths),
-        configurations=1,
-        sample_seed=setting.seed,
-        min_distance=_MIN_DISTANCE_M,
-        radius=setting.radius,
-        margin=setting.margin,
-    )
-    maps = Buildings(config)
-    return maps.task(setting.choice % len(maps.numbers))
-
-
-def _traps(setting: TrialSetting) -> Task:
-    """A random trap."""
-    return Traps(
-        load_settings("map/traps", kind="mixed", starts=1, start_seed=setting.seed, radius=setting.radius)
-    ).task(0)
-
-
-def _dynabarn(setting: TrialSetting) -> Task:
-    """Moving cylinders, at any difficulty; the arena is wide enough for all footprints."""
-    difficulty = list(DIFFICULTIES)[setting.choice % len(DIFFICULTIES)]
-    return Dynabarn(load_settings("map/dynabarn", difficulty=difficulty, motion_seed=setting.seed)).task(0)
-
-
-_MAKERS: dict[str, Callable[[TrialSetting], Task]] = {
-    "barn": _barn,
-    "indoor": _indoor,
-    BUILDINGS: _building,
-    STAND_IN: _floor_plan,
-    "traps": _traps,
-    DYNABARN: _dynabarn,
-}
-
-
-def families(subset: str, paths: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the names of the subset's families. Generated floor plans replace buildings if there are no maps."""
-    if subset == DYNABARN:
-        return (DYNABARN,)
-    return ("barn", "indoor", BUILDINGS if paths else STAND_IN, "traps")
-
-
-def draw_task(family: str, setting: TrialSetting) -> Task:
-    """Build the task of a family. Raises InputError if the world has no path for a disc of the setting's radius."""
-    return _MAKERS[family](setting)
-
-
-def check_paths(paths: Sequence[str]) -> None:
-    """Raise InputError for a path of a building that does not exist."""
-    Buildings(load_settings("map/building", paths=list(paths), configurations=1))
+    room = {"radius": radius, "margin": margin}
+    if family == "barn":  # the width of its passages is not chosen, so they may be too narrow
+        number = FIRST_FRESH + choice
+        barn = Barn(load_settings("map/barn", subset="fresh", fresh_seed=seed, worlds=[number]))
+        task = barn.task(number)
+        space = FreeSpace(FloorPlan(task.world, _BARN_OUTLINE), _GRID_M, radius, margin)
+        length = space.checked_length(f"map barn, world {number}", task.start, task.goal)
+        return replace(task, shortest_path_length=length)
+    if family == "indoor":
+        kind = list(KINDS)[choice % len(KINDS)]
+        return Indoor(load_settings("map/indoor", kind=kind, building_seed=seed, **room)).task(0)
+    if family == STAND_IN:
+        plan = {"kind": "floor_plan", "building_seed": seed, "min_distance": _MIN_DISTANCE_M}
+        return Indoor(load_settings("map/indoor", **plan, **room)).task(0)
+    if family == BUILDINGS:
+        drawn = {"configurations": 1, "sample_seed": seed, "min_distance": _MIN_DISTANCE_M}
+        maps = Buildings(load_settings("map/building", paths=list(paths), **drawn, **room))
+        return maps.task(choice % len(maps.numbers))
+    if family == "traps":
+        trap = load_settings("map/traps", kind="mixed", starts=1, start_seed=seed, radius=radius)
+        return Traps(trap).task(0)
+    difficulty = list(DIFFICULTIES)[choice % len(DIFFICULTIES)]  # the arena is wide enough for all footprints
+    return Dynabarn(load_settings("map/dynabarn", difficulty=difficulty, motion_seed=seed)).task(0)
 
 
 @dataclass(slots=True)
@@ -180,11 +110,6 @@ class TrialRanges:
         else:
             require(low, bounds[0], above=0.0)
         require(high, bounds[1])
-
-
-def drawn_disturbances(ranges: TrialRanges, rng: np.random.Generator) -> dict[str, float]:
-    """Draw a value for each key of the simulator in DISTURBANCES."""
-    return {key: float(rng.uniform(*getattr(ranges, key))) for key in DISTURBANCES}
 
 
 def drawn_robot(name: str, ranges: TrialRanges, rng: np.random.Generator) -> Robot:
@@ -271,8 +196,8 @@ class ColdTrialConfig:
             raise argument_error(
                 f"worlds is {list(worlds)}: must be numbers from 0 to {self.count - 1}, at least one, or null"
             )
-        if self.paths is not None:
-            check_paths(self.paths)
+        if self.paths is not None:  # they must exist
+            Buildings(load_settings("map/building", paths=list(self.paths), configurations=1))
 
 
 class ColdTrial:
@@ -282,22 +207,15 @@ class ColdTrial:
     """
 
     Config = ColdTrialConfig
+    name = NAME
 
     def __init__(self, config: ColdTrialConfig) -> None:
         self.config = config
-        self._families = families(config.subset, config.paths)
-        self._numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
+        buildings = BUILDINGS if config.paths else STAND_IN
+        static = ("barn", "indoor", buildings, "traps")
+        self._families = (DYNABARN,) if config.subset == DYNABARN else static
+        self.numbers = tuple(range(config.count) if config.worlds is None else config.worlds)
         self._cached: Callable[[int], DrawnTask] = lru_cache(maxsize=8)(self._draw)
-
-    @property
-    def name(self) -> str:
-        """Name of this map in the records."""
-        return NAME
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen episodes."""
-        return self._numbers
 
     def task(self, number: int) -> Task:
         """Build the task of episode `number`, for its own robot. Raises InputError as `drawn` does."""
@@ -308,16 +226,16 @@ class ColdTrial:
 
         Raises InputError for a number that was not chosen, and if no robot of the ranges fits into the world.
         """
-        check_chosen(number, self._numbers, "episode", NAME)
+        check_chosen(number, self.numbers, "episode", NAME)
         return self._cached(number)
 
     def _draw(self, number: int) -> DrawnTask:
         """Draw the world and the disturbances first, then robots until one fits into the world."""
         config = self.config
-        rng = np.random.default_rng(np.random.SeedSequence([config.trial_seed, number]))
+        rng = np.random.default_rng([config.trial_seed, number])
         family = self._families[number % len(self._families)]
         seed, choice = rng.integers(2**31, size=2).tolist()
-        disturbances = drawn_disturbances(config.ranges, rng)
+        disturbances = {key: float(rng.uniform(*getattr(config.ranges, key))) for key in DISTURBANCES}
         for redrawn in range(ATTEMPTS):
             robot = drawn_robot(ROBOT, config.ranges, rng)
             try:
@@ -340,7 +258,8 @@ class ColdTrial:
         config, shape = self.config, robot.footprint
         radius = shape.inscribed_radius + config.passage_margin
         margin = max(0.0, shape.circumscribed_radius + config.start_margin - radius)
-        task = draw_task(family, TrialSetting(seed, choice, radius, margin, tuple(config.paths or ())))
+        paths = config.paths or ()
+        task = draw_task(family, seed=seed, choice=choice, radius=radius, margin=margin, paths=paths)
         check_task(task, robot)
         fastest = task.shortest_path_length / robot.v_max
         return replace(

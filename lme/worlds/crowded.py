@@ -12,10 +12,9 @@ import numpy as np
 from lme.errors import InputError, argument_error, config_key, require
 from lme.inputs import plausibility
 from lme.types import Floats
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import MOTIONS, SCRIPTED, Mover
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.world import MapSet, Task
+from lme.worlds.world import FloorPlan, MapSet, Task
 
 PLACES = 3  # number of places that a person walks to in turn
 PLACES_TRIED = 200  # for the first place of a person, before the floor counts as full
@@ -117,7 +116,7 @@ class Crowded:
         space = FreeSpace(_floor(task), _GRID, config.body_radius, _MARGIN)
         area = space.area(task.start)
         count = config.count or max(1, round(config.density * area))
-        rng = np.random.default_rng(np.random.SeedSequence([config.crowd_seed, number]))
+        rng = np.random.default_rng([config.crowd_seed, number])
         spots = self._spots(task, space, count, rng)
         people = tuple(config.person(rng, self._round(rng, space, spot), "cycle") for spot in spots)
         world = replace(task.world, movers=(*task.world.movers, *people))

@@ -28,9 +28,7 @@ HALF_SIDE = 10.0  # [m] of the arena, to the middle of its walls
 WALL = 0.5  # [m] thick
 WORLDS = 60  # published
 
-_FURTHEST = (
-    HALF_SIDE - WALL / 2 - RADIUS
-)  # [m] greatest |x| or |y| of a cylinder's centre, clear of the walls
+_FURTHEST = HALF_SIDE - WALL / 2 - RADIUS  # [m] greatest |x| or |y| of a cylinder, clear of the walls
 _SHORTEST = HALF_SIDE  # [m] least distance between the ends of a crossing
 _BOW = 0.2  # greatest swing of a curve, as a share of its end-to-end distance; 4 bends have radius 1.2 m then
 _STEP_M = 0.1  # greatest distance between waypoints; the polyline is within 1 mm of a curve of radius 1.2 m
@@ -76,20 +74,15 @@ class Dynabarn:
 
     def __init__(self, config: DynabarnConfig) -> None:
         self.config = config
-        self._numbers = config.numbers(range(WORLDS))
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen worlds."""
-        return self._numbers
+        self.numbers = config.numbers(range(WORLDS))
 
     def task(self, number: int) -> Task:
         """Build world `number`. Raises InputError for one that was not chosen."""
-        check_chosen(number, self._numbers, "world", "dynabarn")
+        check_chosen(number, self.numbers, "world", "dynabarn")
         config = self.config
         motion = DIFFICULTIES[config.difficulty]
         stream = [config.motion_seed, list(DIFFICULTIES).index(config.difficulty), number]
-        cylinders = movers(np.random.default_rng(np.random.SeedSequence(stream)), motion)
+        cylinders = movers(np.random.default_rng(stream), motion)
         length = math.dist(START[:2], GOAL)
         return config.task(
             f"dynabarn_{config.difficulty}",

@@ -45,16 +45,15 @@ class Mover:
     start_after: float = 0.0  # [s]
     starts_within: float | None = None  # [m] from the robot's base; None: starts whatever the robot does
     trigger: tuple[float, float] | None = None  # [m] the point that the robot must come near
-    waits_within: float | None = (
-        None  # [m] it stops while the robot's base is this near in front of its centre
-    )
+    waits_within: float | None = None  # [m] it stops while the robot's base is this near before its centre
     repeat: str = "once"  # once | back_and_forth | cycle (from the last waypoint to the first)
     motion: str = SCRIPTED  # scripted | orca | social_force
     sees_robot: bool = True  # of people: they keep out of the robot's way as well
     times: Floats | None = None  # (P,) [s]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "path", _poses(self.path))
+        path = _rows(self.path, "path", (2, 3), 1)
+        object.__setattr__(self, "path", path if path.shape[1] == 3 else np.pad(path, ((0, 0), (0, 1))))
         if (self.radius is None) == (self.outline is None):
             raise InputError("a mover needs either a radius (disc) or an outline (polygon)")
         if self.outline is not None:
@@ -67,8 +66,10 @@ class Mover:
         if self.radius is not None:
             plausibility.check_fields(self)
         require("start_after", self.start_after, at_least=0.0)
-        if self.trigger is not None:
-            self._check_trigger(self.trigger)
+        if self.trigger is not None and self.starts_within is None:
+            raise argument_error("trigger needs starts_within: how near to it the robot must come")
+        if self.trigger is not None and (len(self.trigger) != 2 or not all(map(math.isfinite, self.trigger))):
+            raise argument_error(f"trigger is {self.trigger}: must be x, y in metres")
         self._check_motion()
         if self.times is not None:
             object.__setattr__(self, "times", self._checked_times(self.times))
@@ -85,12 +86,6 @@ class Mover:
             assert self.radius is not None
             return self.radius
         return float(np.hypot(*self.outline.T).max())
-
-    def _check_trigger(self, trigger: tuple[float, float]) -> None:
-        if self.starts_within is None:
-            raise argument_error("trigger needs starts_within: how near to it the robot must come")
-        if len(trigger) != 2 or not all(map(math.isfinite, trigger)):
-            raise argument_error(f"trigger is {trigger}: must be x, y in metres")
 
     def _check_motion(self) -> None:
         if self.motion not in MOTIONS:
@@ -115,12 +110,6 @@ class Mover:
                 "from 0 s on, one for each of at least two"
             )
         return values
-
-
-def _poses(path: Floats) -> Floats:
-    """(P, 3) poses [m, rad] from poses or positions."""
-    rows = _rows(path, "path", (2, 3), 1)
-    return rows if rows.shape[1] == 3 else np.column_stack([rows, np.zeros(len(rows))])
 
 
 def _rows(values: Floats, key: str, columns: tuple[int, ...], min_rows: int) -> Floats:

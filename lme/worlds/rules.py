@@ -164,6 +164,12 @@ def map_path(value: str, right: str) -> Path:
     return path
 
 
+def check_numbers(key: str, values: list[float], counts: tuple[int, ...], right: str) -> None:
+    """Raise InputError unless the values are finite and as many as one of `counts`. right: what they must be."""
+    if len(values) not in counts or not all(map(math.isfinite, values)):
+        raise argument_error(f"{key} is {list(values)}: must be {right}")
+
+
 def check_chosen(number: int, numbers: tuple[int, ...], kind: str, map_name: str) -> None:
     """Raise InputError if world `number` is not among the chosen `numbers`. kind: what a number stands for."""
     if number not in numbers:

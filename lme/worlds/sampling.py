@@ -13,9 +13,8 @@ from scipy import ndimage
 
 from lme.errors import InputError, argument_error
 from lme.types import Floats, Ints, Pose
-from lme.worlds.clearance import clearance_field, inside
-from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.lattice import shortest_path, shortest_way
+from lme.worlds.lattice import clearance_field, inside, shortest_path, shortest_way
+from lme.worlds.world import FloorPlan
 
 MAX_POINTS = 32_000_000  # of the lattice, which takes about 30 bytes for each
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance

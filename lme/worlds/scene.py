@@ -26,13 +26,12 @@ from lme.inputs.resources import resource_dir
 from lme.inputs.yaml_entry import Entry
 from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
-from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import Mover, mover_of
 from lme.worlds.rules import map_path
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
-from lme.worlds.world import Task, World
+from lme.worlds.world import FloorPlan, Task, World
 
 FOLDER = "scenes"  # of maps/
 
@@ -64,16 +63,13 @@ class Scene(Starts):
         path = _path(config)
         self._radius = STAGE_RADIUS if config.radius is None else config.radius
         drawing, space = _surveyed(path, path.stat().st_mtime_ns, self._radius, config.grid)
-        self._site = drawing.plan.world, space
-        super().__init__(config.name or path.stem, config, self._shared_site, drawing.start, drawing.goal)
+        site = drawing.plan.world, space
+        super().__init__(config.name or path.stem, config, lambda number: site, drawing.start, drawing.goal)
 
     @property
     def name(self) -> str:
         """Name of this scene in the records."""
         return self._name
-
-    def _shared_site(self, number: int) -> tuple[World, FreeSpace]:
-        return self._site
 
     def task(self, number: int) -> Task:
         """Build the task as `Starts.task` does. Also raises InputError if a mover stands at the start."""
@@ -88,7 +84,7 @@ class Scene(Starts):
 
 
 def read_scene(path: Path) -> Drawing:
-    """Read a scene file. Raises InputError as `read_shapes` does, and for invalid movers."""
+    """Read a scene file. Raises InputError as `lme.worlds.shapes.floor_plan` does, and for invalid movers."""
     content = read_yaml(path)
     entry = Entry(str(path), content, ["bounds", "start", "goal"], [*SHAPES, "movers"])
     shapes = {key: entry.value(key) for key in ("bounds", *SHAPES) if entry.value(key) is not None}

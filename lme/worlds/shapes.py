@@ -24,16 +24,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from lme.errors import InputError
-from lme.inputs.guarded_file import read_yaml
 from lme.inputs.yaml_entry import Entry
 from lme.types import Floats
-from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.movers import mover_of
+from lme.worlds.world import FloorPlan, enclosed
 
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 
@@ -43,18 +41,13 @@ _PAIRS_AT_ONCE = 1_000_000
 _SLACK = 1e-9  # [m] rounding error allowed where a shape touches the bounds
 
 
-def read_shapes(path: Path) -> FloorPlan:
-    """Read a shape file.
+def floor_plan(place: str, drawing: object) -> FloorPlan:
+    """Build the plan from the content of the YAML. place: the file's name in messages.
 
     Raises InputError that names the file, the entry and what would be right, for unknown or missing keys, wrong
     numbers, sizes that are not positive, polygons that cross themselves or enclose no area, and shapes outside
     the bounds.
     """
-    return floor_plan(str(path), read_yaml(path))
-
-
-def floor_plan(place: str, drawing: object) -> FloorPlan:
-    """Build the plan from the content of the YAML, as `read_shapes` does. place: the file's name in messages."""
     entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_OTHER_KEYS))
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:

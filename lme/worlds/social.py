@@ -19,12 +19,11 @@ import numpy as np
 from lme.errors import InputError, argument_error, require
 from lme.types import Floats, Pose
 from lme.worlds.crowded import Walking
-from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.movers import Mover
 from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
-from lme.worlds.world import Task, World
+from lme.worlds.world import FloorPlan, Task, World, enclosed
 
 GAP = 0.2  # [m] least gap between two people at first
 CLEAR = 1.5  # [m] least distance of people from the robot's start at first
@@ -86,26 +85,16 @@ class Social:
 
     def __init__(self, config: SocialConfig) -> None:
         self.config = config
-        self._name = f"social_{config.kind}"
-        self._numbers = config.numbers(range(config.count))
+        self.name = f"social_{config.kind}"
+        self.numbers = config.numbers(range(config.count))
         self._radius = STAGE_RADIUS if config.radius is None else config.radius
-
-    @property
-    def name(self) -> str:
-        """Name of this map in the records."""
-        return self._name
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen worlds."""
-        return self._numbers
 
     def task(self, number: int) -> Task:
         """Build world `number`. Raises InputError for one that was not chosen, or if people have no room in it."""
-        check_chosen(number, self._numbers, "world", self._name)
+        check_chosen(number, self.numbers, "world", self.name)
         config, scene = self.config, SCENES[self.config.kind]
         stream = [config.scene_seed, list(SCENES).index(config.kind), number]
-        rng = np.random.default_rng(np.random.SeedSequence(stream))
+        rng = np.random.default_rng(stream)
         middle = scene.size[1] / 2
         offset, turn = rng.uniform(-1.0, 1.0, 2).tolist()
         start, goal = (
@@ -114,9 +103,9 @@ class Social:
         )
         plan, space = _floor(config.kind, self._radius)
         people = self._people(rng, scene, start, number)
-        subject = f"map {self._name}, world {number}"
+        subject = f"map {self.name}, world {number}"
         return config.task(
-            self._name,
+            self.name,
             number,
             World(segments=plan.world.segments, movers=people),
             start,
@@ -142,7 +131,7 @@ class Social:
             if len(people) == count:
                 return tuple(people)
         raise InputError(
-            f"map {self._name}, world {number} has no room for {count} people: must be a lower density"
+            f"map {self.name}, world {number} has no room for {count} people: must be a lower density"
         )
 
 

@@ -54,12 +54,7 @@ class Starts:
         self.config = config
         self._name, self._make_world = name, make_world
         self._start, self._goal = start, goal
-        self._numbers = config.numbers(range(config.starts))
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen starts."""
-        return self._numbers
+        self.numbers = config.numbers(range(config.starts))
 
     def task(self, number: int) -> Task:
         """Build the task from start `number`; its shortest path is computed once.
@@ -67,7 +62,7 @@ class Starts:
         Raises InputError for a number that was not chosen, for a start at the goal, for a start or goal that is
         not in free space, or if no path between them is wide enough.
         """
-        check_chosen(number, self._numbers, "start", self._name)
+        check_chosen(number, self.numbers, "start", self._name)
         start = drawn_start(self._start, self._goal, self.config, number)
         straight = math.dist(start[:2], self._goal)
         world, space = self._make_world(number)
@@ -86,7 +81,7 @@ class Starts:
 
 def drawn_start(start: Floats, goal: Floats, config: StartsConfig, number: int) -> Pose:
     """Draw start `number`: `start` (2,) moved sideways off its line to `goal` (2,) [m], heading near the goal."""
-    rng = np.random.default_rng(np.random.SeedSequence([config.start_seed, number]))
+    rng = np.random.default_rng([config.start_seed, number])
     offset, turn = rng.uniform(-1.0, 1.0, 2).tolist()
     ahead = math.atan2(goal[1] - start[1], goal[0] - start[0])
     step = offset * config.lateral

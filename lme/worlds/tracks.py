@@ -20,7 +20,7 @@ from lme.errors import InputError, argument_error, require
 from lme.inputs.guarded_file import read_text
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
-from lme.worlds.rules import PacedRules, check_chosen, map_path
+from lme.worlds.rules import PacedRules, check_chosen, check_numbers, map_path
 from lme.worlds.world import Task, World
 
 MOST_BEGINNINGS = 100_000
@@ -50,9 +50,8 @@ class RecordedPeopleConfig(PacedRules):
         for key in ("frame_rate", "every", "body_radius"):
             require(key, getattr(self, key), above=0.0)
         for key in ("start", "goal"):
-            point = getattr(self, key)
-            if point is not None and (len(point) != 2 or not all(map(math.isfinite, point))):
-                raise argument_error(f"{key} is {list(point)}: must be x, y in metres, or null")
+            if getattr(self, key) is not None:
+                check_numbers(key, getattr(self, key), (2,), "x, y in metres, or null")
 
 
 class RecordedPeople:
@@ -70,7 +69,7 @@ class RecordedPeople:
             raise argument_error(f"path is null: must be a file with lines of {_COLUMNS}")
         path = map_path(config.path, f"a file with lines of {_COLUMNS}")
         self.config = config
-        self._name = config.name or path.stem
+        self.name = config.name or path.stem
         # By default, the robot crosses the recorded area in the direction of x, in the middle of y.
         self._tracks = _read(path, path.stat().st_mtime_ns, config.frame_rate)
         positions = np.vstack([track[:, 1:] for track in self._tracks])
@@ -92,33 +91,23 @@ class RecordedPeople:
             raise argument_error(
                 f"start is {self._start.tolist()}: must be a place where nobody stands at first"
             )
-        self._numbers = config.numbers(offered)
-        if not set(self._numbers) <= set(offered):
+        self.numbers = config.numbers(offered)
+        if not set(self.numbers) <= set(offered):
             raise argument_error(
-                f"worlds is {list(self._numbers)}: must be of {', '.join(map(str, offered))}, at whose beginning "
+                f"worlds is {list(self.numbers)}: must be of {', '.join(map(str, offered))}, at whose beginning "
                 f"nobody is within {CLEAR:g} m of the start"
             )
 
-    @property
-    def name(self) -> str:
-        """Name of this recording in the records."""
-        return self._name
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen beginnings."""
-        return self._numbers
-
     def task(self, number: int) -> Task:
         """Build the task of beginning `number`. Raises InputError for one that was not chosen."""
-        check_chosen(number, self._numbers, "world", self._name)
+        check_chosen(number, self.numbers, "world", self.name)
         config = self.config
         displacement = self._goal - self._start
         x, y = self._start.tolist()
         length = float(np.hypot(*displacement))
         people = self._people(number, config.limit(length))
         return config.task(
-            self._name,
+            self.name,
             number,
             World(movers=people),
             Pose(x, y, math.atan2(displacement[1], displacement[0])),

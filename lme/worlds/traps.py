@@ -29,28 +29,19 @@ def mixed(rng: np.random.Generator, door: float) -> Legs:
     return [[[x, SIDE - y] for x, y in leg] for leg in legs] if rng.random() < 0.5 else legs
 
 
-def _u(door: float) -> Legs:
-    """A U of 2 × 2 m, open towards the start."""
-    return [[[4.0, 4.0], [6.0, 4.0], [6.0, 6.0], [4.0, 6.0]]]
-
-
-def _wall(door: float) -> Legs:
-    """A wall 4 m long, across the straight line to the goal."""
-    return [[[5.0, 3.0], [5.0, 7.0]]]
-
-
-def _door(door: float) -> Legs:
-    """A wall across the room; its only door is 2.5 m off the straight line to the goal."""
-    middle = 7.5
-    return [[[5.0, 0.0], [5.0, middle - door / 2]], [[5.0, middle + door / 2], [5.0, SIDE]]]
-
-
-def _zigzag(door: float) -> Legs:
-    """Three walls from alternate sides; each crosses the straight line to the goal and overlaps the next."""
-    return [[[3.5, 0.0], [3.5, 6.5]], [[5.0, 3.5], [5.0, SIDE]], [[6.5, 0.0], [6.5, 6.5]]]
-
-
-DRAWINGS: dict[str, Callable[[float], Legs]] = {"u": _u, "wall": _wall, "door": _door, "zigzag": _zigzag}
+def drawing(kind: str, door: float) -> Legs:
+    """Return the walls of a trap of fixed kind. door: width of the door [m]."""
+    middle = 7.5  # of the door
+    return {
+        # A U of 2 × 2 m, open towards the start
+        "u": [[[4.0, 4.0], [6.0, 4.0], [6.0, 6.0], [4.0, 6.0]]],
+        # A wall 4 m long, across the straight line to the goal
+        "wall": [[[5.0, 3.0], [5.0, 7.0]]],
+        # A wall across the room; its only door is 2.5 m off the straight line to the goal
+        "door": [[[5.0, 0.0], [5.0, middle - door / 2]], [[5.0, middle + door / 2], [5.0, SIDE]]],
+        # Three walls from alternate sides; each crosses the straight line to the goal and overlaps the next
+        "zigzag": [[[3.5, 0.0], [3.5, 6.5]], [[5.0, 3.5], [5.0, SIDE]], [[6.5, 0.0], [6.5, 6.5]]],
+    }[kind]
 
 
 def _random_u(draw: Uniform, door: float) -> Legs:
@@ -114,6 +105,7 @@ _RANDOM = (
 )  # fmt: skip
 
 
+DRAWINGS = ("u", "wall", "door", "zigzag")
 KINDS = (*DRAWINGS, "mixed")
 
 
@@ -154,10 +146,8 @@ def _surveyed(
 
     seed: seed of a random trap; None for a fixed one.
     """
-    if seed is None:
-        legs = DRAWINGS[kind](door)
-    else:  # 1 separates the trap's random stream from that of the start
-        legs = mixed(np.random.default_rng(np.random.SeedSequence([*seed, 1])), door)
+    # A 1 separates the trap's random stream from that of the start.
+    legs = drawing(kind, door) if seed is None else mixed(np.random.default_rng([*seed, 1]), door)
     walls = [{"points": leg} for leg in legs]
     plan = floor_plan(f"trap {kind}", {"bounds": [0.0, 0.0, SIDE, SIDE], "walls": walls})
     return plan.world, FreeSpace(plan, grid, radius, margin=0.0)

@@ -20,8 +20,8 @@ from torch import Tensor
 
 from lme.errors import InputError
 from lme.guides.lme.weight_files import with_network
+from lme.gym.episodes import Result, Reward
 from lme.gym.fleet import Fleet, Transition, Views
-from lme.gym.reward import Result, Reward
 from lme.robots import Robot
 from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Bools, Floats, LaserScan, Limits, Observation, Outcome, Pose, Twist

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lme.errors import InputError, require
-from lme.gym.reward import Reward
+from lme.gym.episodes import Reward
 
 
 @dataclass(slots=True)

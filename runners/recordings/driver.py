@@ -18,9 +18,8 @@ from lme.geometry.motion import drive
 from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.maintenance import Choice
 from lme.live.messages import SECOND, twist_of
-from lme.live.poses import Posture
+from lme.live.poses import Posture, StampedMotion
 from lme.live.scan_source import ScanSource
-from lme.live.track import StampedMotion
 from lme.navigation.navigator import Navigator
 from lme.perception.scan_check import ScanTally
 from lme.perception.scan_points import obstacle_points

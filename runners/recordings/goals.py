@@ -12,7 +12,7 @@ from lme.geometry.frames import to_robot
 from lme.live.frames import TransformTree
 from lme.live.goal import Goal
 from lme.live.messages import frame
-from lme.live.track import StampedMotion, Track
+from lme.live.poses import StampedMotion, Track
 from lme.types import Floats
 from runners.recordings.bags import Message
 from runners.recordings.recording import Recording

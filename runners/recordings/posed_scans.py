@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from lme.errors import InputError
 from lme.live.messages import SECOND, frame, is_cloud
-from lme.live.poses import Posture, imu_tilt
-from lme.live.track import StampedMotion, Track
+from lme.live.poses import Posture, StampedMotion, Track, imu_tilt
 from lme.live.twist_check import TwistCheck
 from runners.recordings.bags import Message
 from runners.recordings.recording import RecordedPose, Recording, is_whole

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from omegaconf import OmegaConf
 
-from lme.config.parameters import parameters
+from lme.config.composer import parameters
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.config import schema

@@ -10,7 +10,7 @@ from lme.config.presets import load_map_set, load_simulator
 from lme.errors import InputError
 from lme.gym.fleet import Fleet
 from lme.planners.commands import limited
-from lme.ramp import reachable
+from lme.robots import reachable
 from tests.builders import observation, stage, task
 
 BACK = lme.Twist(-0.4, 0.3)

@@ -110,7 +110,7 @@ def _read_ros_map(folder: Path) -> None:
 
 
 def _own_map(path: Path) -> None:
-    from lme.worlds.map_file import MapFile
+    from lme.worlds.room import MapFile
 
     maps = MapFile(load_settings("map/file", path=str(path), configurations=2, grid=0.2))
     for number in maps.numbers:

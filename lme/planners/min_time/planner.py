@@ -20,8 +20,7 @@ from lme.planners.commands import Weighed, limited, turn_shares, without_tiny_ra
 from lme.planners.min_time.kernels import best_command, best_twist, tried
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
-from lme.ramp import reachable
-from lme.robots import Robot
+from lme.robots import Robot, reachable
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency

@@ -25,8 +25,7 @@ from lme.planners.motion_tubes.tubes import (
     backward_tubes,
     lidar_view,
 )
-from lme.ramp import towards
-from lme.robots import Footprint, Robot
+from lme.robots import Footprint, Robot, towards
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.planners.safety.kernels import StoppingMotion, stopping_clearances
-from lme.ramp import reachable
-from lme.robots import Footprint
+from lme.robots import Footprint, reachable
 from lme.types import Floats, Limits, Observation, Twist
 
 STILL = Twist(0.0, 0.0)

@@ -1,18 +1,26 @@
-"""The sources of BARN worlds: official recipes, published files, and fresh seeds."""
+"""The sources of BARN worlds: official recipes, published files, and fresh seeds.
+
+The benchmark orders its worlds by difficulty, and three of its measures follow that order (correlations of about
+−0.55). A fresh world counts as hard if the official world most like it in these measures is one of 200–299, the hardest
+third. So hard fresh worlds have the measures of the official ones, with the same spread.
+"""
 
 from __future__ import annotations
 
 import itertools
 import random
+import shutil
+import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from lme.errors import InputError
 from lme.types import Bools, Floats, Ints
-from lme.worlds.barn.files import path_file, read_path, read_world
+from lme.worlds.barn.files import find_worlds, path_file, read_path, read_world
 from lme.worlds.barn.generator import (
     FILLS,
     SMOOTHINGS,
@@ -22,10 +30,14 @@ from lme.worlds.barn.generator import (
     occupancy,
     official_recipes,
 )
-from lme.worlds.barn.measures import barn_measures
-from lme.worlds.barn.path import inflated, middle_path, random_path
+from lme.worlds.barn.path import barn_measures, inflated, middle_path, random_path
 
 SETTINGS = tuple(itertools.product(FILLS, SMOOTHINGS))  # the benchmark's twelve
+# Measures of difficulty, by which a world is hard.
+MEASURES = ("closest_wall", "avg_visibility", "characteristic_dimension")
+HARDEST = range(200, 300)  # official numbers
+
+_HARD = 0x68617264  # keeps the random streams of hard worlds apart from those of the other fresh ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +65,7 @@ class Layout:
 
 def official_layout(number: int) -> Layout:
     """Official world 0…299, regenerated from its recipe."""
-    layout = generated_layout(official_recipes()[number])
-    assert layout is not None, "the benchmark published only worlds with a way through"
-    return layout
+    return accepted_layout(official_recipes()[number])
 
 
 def fresh_layout(fresh_seed: int, index: int) -> Layout:
@@ -85,9 +95,9 @@ def first_accepted(stream: tuple[int, ...], setting: tuple[float, int]) -> Recip
 
 
 def accepted_layout(recipe: Recipe) -> Layout:
-    """The world of a recipe that has a way through."""
+    """The world of a recipe that has a way through, as all of the benchmark's do."""
     layout = generated_layout(recipe)
-    assert layout is not None, "only accepted recipes are returned"
+    assert layout is not None, "the recipe has been accepted"
     return layout
 
 
@@ -134,3 +144,96 @@ def _own_path(world_file: Path, grid: Bools, rng: random.Random | None) -> Ints:
             f"{world_file} has no way through that is wide enough for the benchmark's path: must have one"
         )
     return path
+
+
+def hard_layout(fresh_seed: int, index: int) -> Layout:
+    """Hard fresh world `index` of the seed `fresh_seed`: never an official one, always with a way through.
+
+    It is the first hard one in its own random stream, where every world has one of the benchmark's twelve settings at
+    random. A world does not depend on which others are made.
+    """
+    return accepted_layout(_hard_recipe(fresh_seed, index))
+
+
+def most_alike(measures: Mapping[str, float]) -> int:
+    """Return the official world nearest in the three measures.
+
+    Differences count in standard deviations of the measure over the official worlds.
+    """
+    official = _official()
+    differences = (official - [measures[name] for name in MEASURES]) / official.std(axis=0)
+    return int((differences**2).sum(axis=1).argmin())
+
+
+@lru_cache(maxsize=4096)
+def _hard_recipe(fresh_seed: int, index: int) -> Recipe:
+    for candidate in itertools.count():
+        stream = (fresh_seed, index, _HARD, candidate)
+        draw = int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0])
+        recipe = first_accepted(stream, SETTINGS[draw % len(SETTINGS)])
+        if most_alike(accepted_layout(recipe).measures()) in HARDEST:
+            return recipe
+    raise AssertionError("unreachable: the candidates are endless")
+
+
+@cache
+def _official() -> Floats:
+    """(300, 3) measures of the official worlds [cells]; computing them takes a second."""
+    worlds = [official_layout(number).measures() for number in official_recipes()]
+    return np.array([[world[name] for name in MEASURES] for world in worlds])
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedWorld:
+    """Comparison of an imported world with the regenerated one of the same number."""
+
+    number: int
+    cylinders: str  # "equal" | "different" | "not official"
+    path: str  # "equal" | "different" | "missing" | "not official"
+
+
+def import_worlds(source: Path, destination: Path) -> list[ImportedWorld]:
+    """Check every world in `source`, compare it with the regenerated one, and copy worlds and paths.
+
+    The copy in `destination` is complete or absent, and can serve as `map.source`. Raises InputError for a
+    broken file, or for a destination that is not empty or cannot be written.
+    """
+    files = find_worlds(source)
+    if destination.exists() and not (destination.is_dir() and not any(destination.iterdir())):
+        raise InputError(
+            f"{destination} already exists: must be a new or empty folder; nothing is overwritten"
+        )
+    report = [_compare(number, file) for number, file in files.items()]
+    try:
+        _copy_whole(list(files.values()), destination)
+    except OSError as error:
+        raise InputError(f"{destination} cannot be written: {error.strerror or error}") from None
+    return report
+
+
+def _compare(number: int, file: Path) -> ImportedWorld:
+    published = published_layout(number, file)
+    has_path = path_file(file).exists()
+    if number not in official_recipes():
+        return ImportedWorld(number, "not official", "not official" if has_path else "missing")
+    same_path = np.array_equal(published.path, official_layout(number).path)
+    return ImportedWorld(
+        number,
+        "different" if published.recipe is None else "equal",
+        ("equal" if same_path else "different") if has_path else "missing",
+    )
+
+
+def _copy_whole(files: list[Path], destination: Path) -> None:
+    """Fill a hidden folder next to the destination, then rename it."""
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=destination.parent, prefix=f".{destination.name}-") as hidden:
+        filled = Path(hidden) / "worlds"
+        (filled / "path_files").mkdir(parents=True)
+        for file in files:
+            shutil.copyfile(file, filled / file.name)
+            if path_file(file).exists():
+                shutil.copyfile(path_file(file), filled / "path_files" / path_file(file).name)
+        if destination.exists():
+            destination.rmdir()
+        filled.rename(destination)

@@ -7,7 +7,6 @@ Protocol: the benchmark's `run.py` (Daffan/the-barn-challenge); worlds: Perille 
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -20,10 +19,9 @@ from lme.inputs.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M, official_recipes
-from lme.worlds.barn.hard import hard_layout
-from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
+from lme.worlds.barn.layouts import Layout, fresh_layout, hard_layout, official_layout, published_layout
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
-from lme.worlds.rules import MOST_WORLDS, TaskRules, check_chosen
+from lme.worlds.rules import MOST_WORLDS, TaskRules, check_chosen, check_numbers
 from lme.worlds.world import Task, World
 
 FRESH = ("fresh", "fresh_hard")  # subsets that are generated; the others are official worlds
@@ -91,8 +89,8 @@ class BarnConfig(TaskRules):
             )
         require("count", self.count, at_least=1, at_most=MOST_WORLDS)
         require("fresh_seed", self.fresh_seed, at_least=0)
-        _check_numbers("start", self.start, "three finite numbers: x, y [m], yaw [rad]", 3)
-        _check_numbers("goal", self.goal, "two finite numbers: x, y [m]", 2)
+        check_numbers("start", self.start, (3,), "three finite numbers: x, y [m], yaw [rad]")
+        check_numbers("goal", self.goal, (2,), "two finite numbers: x, y [m]")
 
 
 class Barn:
@@ -104,19 +102,31 @@ class Barn:
         """Choose the worlds; `task` reads the files. Raises InputError if a requested world does not exist."""
         self.config = config
         self._files = None if config.source is None else find_worlds(config.source)
-        self._numbers = config.numbers(self._subset())
-        absent = [number for number in self._numbers if not self._exists(number)]
+        self.numbers = config.numbers(self._subset())
+        absent = [number for number in self.numbers if not self._exists(number)]
         if absent:
             raise argument_error(self._describe_missing(absent))
 
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen worlds."""
-        return self._numbers
-
     def task(self, number: int) -> Task:
-        """Build world `number`. Raises InputError for a broken published file."""
-        return self._task(number, self.layout(number))
+        """Build world `number`. Raises InputError for a broken published file.
+
+        Its measures are cylinders, fill, the five of difficulty, and the recipe's smoothings if the recipe is known.
+        """
+        layout = self.layout(number)
+        start, goal = Pose(*self.config.start), np.array(self.config.goal, dtype=np.float64)
+        measures = {"cylinders": float(len(layout.cylinders)), "fill": layout.fill}
+        if layout.recipe is not None:
+            measures["smoothings"] = float(layout.recipe.smoothings)
+        return self.config.task(
+            "barn",
+            number,
+            World(circles=layout.cylinders),
+            start,
+            goal,
+            length=benchmark_length(layout.path, start, goal),
+            speed=OPTIMAL_SPEED_M_S,
+            measures=measures | layout.measures(),
+        )
 
     def way(self, number: int) -> Floats:
         """(P, 2) the benchmark's path through world `number` with start and goal [m].
@@ -128,26 +138,13 @@ class Barn:
 
     def layout(self, number: int) -> Layout:
         """Cylinders, grid, the benchmark's path and the recipe of world `number`."""
-        check_chosen(number, self._numbers, "world", "barn")
+        check_chosen(number, self.numbers, "world", "barn")
         if self._files is not None:
             return published_layout(number, self._files[number])
         if self.config.subset in FRESH:
             generate = hard_layout if self.config.subset == "fresh_hard" else fresh_layout
             return generate(self.config.fresh_seed, number - FIRST_FRESH)
         return official_layout(number)
-
-    def _task(self, number: int, layout: Layout) -> Task:
-        start, goal = Pose(*self.config.start), np.array(self.config.goal, dtype=np.float64)
-        return self.config.task(
-            "barn",
-            number,
-            World(circles=layout.cylinders),
-            start,
-            goal,
-            length=benchmark_length(layout.path, start, goal),
-            speed=OPTIMAL_SPEED_M_S,
-            measures=_measures(layout),
-        )
 
     def _subset(self) -> Iterable[int]:
         config = self.config
@@ -172,15 +169,3 @@ class Barn:
             return f"{key} asks for worlds that source {config.source} does not hold: {listing}"
         right = f"from {FIRST_FRESH} on with subset={config.subset}" if config.subset in FRESH else "0 to 299"
         return f"worlds asks for {listing}: must be {right}"
-
-
-def _measures(layout: Layout) -> dict[str, float]:
-    """Cylinders, fill, the five difficulty measures, and the recipe's smoothings if the recipe is known."""
-    smoothings = {} if layout.recipe is None else {"smoothings": float(layout.recipe.smoothings)}
-    counts = {"cylinders": float(len(layout.cylinders)), "fill": layout.fill}
-    return {**counts, **smoothings, **layout.measures()}
-
-
-def _check_numbers(key: str, values: list[float], right: str, count: int) -> None:
-    if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise argument_error(f"{key} is {list(values)}: must be {right}")

@@ -11,7 +11,7 @@ import numpy as np
 
 from lme.types import Floats
 from lme.worlds.contours import outlines
-from lme.worlds.floor_plan import FloorPlan, enclosed
+from lme.worlds.world import FloorPlan, enclosed
 
 CELL_M = 0.05  # [m] side of a cell
 WALL = 3  # cells: walls are 0.15 m thick

@@ -12,10 +12,8 @@ import numpy as np
 
 from lme.errors import argument_error, require
 from lme.types import Floats, Pose
-from lme.worlds.indoor.corridors import corridors
-from lme.worlds.indoor.floor_plans import floor_plans
+from lme.worlds.indoor.kinds import corridors, floor_plans, offices
 from lme.worlds.indoor.layouts import CELL_M, Building
-from lme.worlds.indoor.offices import offices
 from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen, path_measures
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
@@ -65,19 +63,14 @@ class Indoor:
     def __init__(self, config: IndoorConfig) -> None:
         self.config = config
         self._name = f"indoor_{config.kind}"
-        self._numbers = config.numbers(range(config.count))
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """The numbers of the chosen worlds."""
-        return self._numbers
+        self.numbers = config.numbers(range(config.count))
 
     def task(self, number: int) -> Task:
         """Build world `number`; its building and its shortest path are computed once.
 
         Raises InputError for a number that was not chosen, and for distances that start and goal cannot have.
         """
-        check_chosen(number, self._numbers, "world", self._name)
+        check_chosen(number, self.numbers, "world", self._name)
         config = self.config
         radius = STAGE_RADIUS if config.radius is None else config.radius
         stream = (config.building_seed, list(KINDS).index(config.kind), number)
@@ -118,7 +111,7 @@ def _site(
     distances: tuple[float, float],
 ) -> _Site:
     """Draw the world of a random stream, once per process."""
-    rng = np.random.default_rng(np.random.SeedSequence(stream))
+    rng = np.random.default_rng(stream)
     building = KINDS[kind](rng, math.ceil((2 * radius + passage_margin) / CELL_M - 1e-9))
     plan = building.floor_plan()
     space = FreeSpace(plan, grid, radius, margin)

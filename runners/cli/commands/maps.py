@@ -178,7 +178,7 @@ def _default_output(tasks: Sequence[Task]) -> Path:
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from lme.worlds.barn.importing import import_worlds
+    from lme.worlds.barn.layouts import import_worlds
     from runners.config.quoting import lme_command, override
 
     report = import_worlds(expanded(arguments.source), expanded(arguments.destination))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.orca import before_point, beside_disc, best_velocity
-from lme.simulation.walkers.kernels import orca
+from lme.simulation.walkers import orca
 from tests.tolerances import KERNEL
 
 V_MAX = 1.3

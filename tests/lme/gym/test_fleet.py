@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.geometry.frames import wrap_angle
+from lme.gym.episodes import CODES, Reward
 from lme.gym.fleet import Fleet
 from lme.gym.kernels import RUNNING, wrapped
-from lme.gym.reward import CODES, Reward
 from lme.navigation.episode import Progress
 from lme.robots import Footprint
 from lme.simulation.fast import FastSimulator

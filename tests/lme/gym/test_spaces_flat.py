@@ -7,7 +7,7 @@ gym = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from lme.errors import InputError  # noqa: E402
-from lme.gym.single import NavigationEnv  # noqa: E402
+from lme.gym.envs import NavigationEnv  # noqa: E402
 from lme.gym.spaces import FlatObservation  # noqa: E402
 
 

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.live.pilot import predict, touches
-from lme.ramp import reachable
-from lme.robots import Footprint
+from lme.robots import Footprint, reachable
 from lme.types import Limits, Pose, Twist
 from tests import builders
 

@@ -11,7 +11,7 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.planners.commands import approach
 from lme.planners.simple import Simple
-from lme.ramp import towards
+from lme.robots import towards
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Pose, Twist
 from tests.builders import SHIPPED, observation, shipped, stage, task

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.drivetrain import Response
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative, to_robot
 from lme.navigation.episode import run_episode
-from lme.robots import Contact
+from lme.robots import Contact, Response
 from lme.simulation.fast import FastSimulator
 from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.skid.simulator import SkidSimulator

@@ -15,8 +15,8 @@ from scipy import ndimage
 from lme.errors import InputError
 from lme.types import Pose
 from lme.worlds.bitmap import _floor_plan, brightness, read_bitmap, read_ros_map
-from lme.worlds.clearance import clearance_field
 from lme.worlds.contours import corners, outlines
+from lme.worlds.lattice import clearance_field
 from lme.worlds.room import read_floor_plan
 from tests.places import SHARED
 from tests.tolerances import KERNEL

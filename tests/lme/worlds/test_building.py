@@ -11,7 +11,7 @@ from lme.config.presets import load_map_set, load_settings
 from lme.errors import InputError
 from lme.worlds import building
 from lme.worlds.building import Buildings
-from lme.worlds.map_file import MapFile
+from lme.worlds.room import MapFile
 
 RADIUS = 0.2
 KEYS = {"configurations": 4, "min_distance": 3.0, "radius": RADIUS}

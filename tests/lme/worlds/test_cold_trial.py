@@ -8,7 +8,7 @@ import pytest
 from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.worlds.check import check_task
-from lme.worlds.cold_trial import TrialSetting, draw_task
+from lme.worlds.cold_trial import draw_task
 
 SEED = 7
 
@@ -45,7 +45,7 @@ def test_families_take_turns_and_every_robot_has_a_path():
 
 def test_a_barn_world_refuses_a_disc_that_is_too_wide():
     with pytest.raises(InputError, match=r"no path|too near"):
-        draw_task("barn", TrialSetting(seed=1, choice=0, radius=1.5, margin=0.1, paths=()))
+        draw_task("barn", seed=1, choice=0, radius=1.5, margin=0.1)
 
 
 def test_the_task_is_for_the_drawn_robot_alone(says):

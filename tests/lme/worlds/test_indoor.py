@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lme.worlds.clearance import clearance_field
 from lme.worlds.indoor.layouts import CELL_M, WALL
 from lme.worlds.indoor.map_set import KINDS
+from lme.worlds.lattice import clearance_field
 
 SEEDS = range(6)
 NARROW, WIDE = 16, 22  # least widths of ways, 0.8 and 1.1 m

@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.inputs.resources import resource_dir
 from lme.robots import Robot
 from lme.worlds.check import check_task
-from lme.worlds.clearance import clearance_field
+from lme.worlds.lattice import clearance_field
 from lme.worlds.room import Room, read_floor_plan
 from runners.config import catalogue
 from runners.config.instantiate import build, fill_dataclass

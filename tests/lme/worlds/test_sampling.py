@@ -12,10 +12,10 @@ from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.types import Pose
 from lme.worlds.check import point_clearance
-from lme.worlds.clearance import clearance_field
-from lme.worlds.floor_plan import enclosed
+from lme.worlds.lattice import clearance_field
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan
+from lme.worlds.world import enclosed
 from tests.tolerances import KERNEL
 
 LONGEST_DETOUR = 1.0132  # of a path on 32 directions against the straight line: 1 / cos of half of 18.4°

@@ -10,8 +10,9 @@ from scipy import ndimage
 
 from lme.errors import InputError
 from lme.inputs.resources import resource_dir
+from lme.worlds.room import read_floor_plan
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.shapes import _crosses_itself, _side, floor_plan, read_shapes
+from lme.worlds.shapes import _crosses_itself, _side, floor_plan
 from tests.tolerances import KERNEL
 
 BOUNDS = "bounds: [0, 0, 10, 10]\n"
@@ -43,7 +44,7 @@ walls:
   - {points: [[0, 7], [3, 7], [3, 8]]}
   - {points: [[6, 0], [6, 1]], thickness: 0.1}
 """
-    plan = read_shapes(written(tmp_path, text))
+    plan = read_floor_plan(written(tmp_path, text))
     box, triangle, ellipse, bar = plan.world.polygons
     assert {tuple(corner) for corner in box.round(9)} == {(1.9, 2.8), (2.1, 2.8), (2.1, 3.2), (1.9, 3.2)}
     assert triangle.tolist() == [[5, 5], [5.5, 5], [5.2, 5.6]]
@@ -133,7 +134,7 @@ def test_turning_keeps_area_and_centre(kind, size, yaw_deg):
 def test_a_mistake_is_one_line_that_names_file_and_remedy(tmp_path, text, says):
     path = written(tmp_path, text)
     with pytest.raises(InputError) as error:
-        read_shapes(path)
+        read_floor_plan(path)
     message = str(error.value)
     assert message.startswith(str(path))
     says(message)
@@ -143,17 +144,17 @@ def test_a_mistake_is_one_line_that_names_file_and_remedy(tmp_path, text, says):
 
 def test_files_that_cannot_be_read_are_named(tmp_path, says):
     with says.raises(InputError):
-        read_shapes(tmp_path / "absent.yaml")
+        read_floor_plan(tmp_path / "absent.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"bounds: \xff\xfe")
     with says.raises(InputError):
-        read_shapes(tmp_path / "binary.yaml")
+        read_floor_plan(tmp_path / "binary.yaml")
 
 
 @pytest.mark.parametrize(
     ("name", "shapes", "fill"), [("env1", 41, (0.04, 0.044)), ("env2", 14, (0.005, 0.015))]
 )
 def test_shipped_drawings_are_as_described(name, shapes, fill):
-    plan = read_shapes(resource_dir("maps") / name / "shapes.yaml")
+    plan = read_floor_plan(resource_dir("maps") / name / "shapes.yaml")
     assert len(plan.world.polygons) == shapes
     assert np.ptp(plan.outline, axis=0).tolist() == [10, 10]
     assert fill[0] < sum(abs(area(polygon)) for polygon in plan.world.polygons) / 100 < fill[1]
@@ -161,7 +162,7 @@ def test_shipped_drawings_are_as_described(name, shapes, fill):
 
 @pytest.mark.parametrize("name", ["env1", "env2"])
 def test_a_disc_of_30_cm_gets_everywhere_in_shipped_drawings(name):
-    plan = read_shapes(resource_dir("maps") / name / "shapes.yaml")
+    plan = read_floor_plan(resource_dir("maps") / name / "shapes.yaml")
     space = FreeSpace(plan, step=0.02, radius=0.3, margin=0.0)
     _, regions = ndimage.label(space.clearance >= 0.3)
     assert regions == 1

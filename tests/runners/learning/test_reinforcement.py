@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.gym.reward import Reward
+from lme.gym.episodes import Reward
 from lme.planners.dclp.planner import DclpInterface
 from lme.robots import Footprint
 from tests.composing import jobs_of

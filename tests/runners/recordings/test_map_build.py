@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.geometry.frames import compose, relative
 from lme.mapping.occupancy import FREE, OCCUPIED
 from lme.types import Pose
-from lme.worlds.map_file import MapFile
+from lme.worlds.room import MapFile
 from runners.recordings.log import DriveLog, LogConfig, log_config
 from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
 from tests.made_bags import BEGAN, MOUNT, OTHERS, SECOND, TF, BagMaker, drive, seen

@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from lme.config.parameters import parameters
+from lme.config.composer import parameters
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.lme.guide import LocalMinimumEscaper

@@ -9,7 +9,7 @@ from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot
 from lme.geometry.motion import drive
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
-from lme.ramp import reachable
+from lme.robots import reachable
 from lme.types import Limits, Pose, Twist
 from tests.lme.planners.min_time.test_multi_point_turn_search import LONG, dead_end, pocket
 

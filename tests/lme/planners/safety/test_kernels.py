@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lme.config.presets import load_settings
 from lme.geometry.frames import to_robot
 from lme.planners.safety.kernels import StoppingMotion, stopping_clearances
-from lme.ramp import reachable
+from lme.robots import reachable
 from lme.simulation.fast import FastSimulator
 from lme.types import Pose, Twist
 from tests import oracles

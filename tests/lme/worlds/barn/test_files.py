@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.worlds.barn.files import find_worlds, read_path, read_world
-from lme.worlds.barn.importing import import_worlds
-from lme.worlds.barn.layouts import official_layout
+from lme.worlds.barn.layouts import import_worlds, official_layout
 from lme.worlds.barn.map_set import Barn
 
 MODEL = """<model name='{name}'><static>1</static><pose frame=''>{x:.6f} {y:.6f} 0 0 0 0</pose>

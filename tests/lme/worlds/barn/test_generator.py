@@ -26,8 +26,16 @@ from lme.worlds.barn.generator import (
     official_recipes,
 )
 from lme.worlds.barn.layouts import fresh_layout, generated_layout, official_layout
-from lme.worlds.barn.measures import avg_visibility, barn_measures, dispersion
-from lme.worlds.barn.path import benchmark_length, inflated, middle_path, path_digest, plan
+from lme.worlds.barn.path import (
+    avg_visibility,
+    barn_measures,
+    benchmark_length,
+    dispersion,
+    inflated,
+    middle_path,
+    path_digest,
+    plan,
+)
 from tests.places import SHARED
 
 PUBLISHED = SHARED / "barn"

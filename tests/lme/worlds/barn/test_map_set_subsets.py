@@ -8,8 +8,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.worlds.barn.generator import official_recipes
-from lme.worlds.barn.hard import HARDEST, MEASURES, hard_layout, most_alike
-from lme.worlds.barn.layouts import fresh_layout, official_layout
+from lme.worlds.barn.layouts import HARDEST, MEASURES, fresh_layout, hard_layout, most_alike, official_layout
 from lme.worlds.barn.map_set import Barn, lab100
 from tests.places import SHARED
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.robots import Lidar
+from lme.simulation.crowd import discs_in_sight
 from lme.simulation.fast import FastSimulator
 from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.skid.simulator import SkidSimulator
-from lme.simulation.tracker import discs_in_sight
 from lme.types import Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from lme.config.presets import load_map_set, load_robot, load_simulator  # noqa: E402
 from lme.errors import InputError  # noqa: E402
-from lme.gym.single import NavigationEnv  # noqa: E402
+from lme.gym.envs import NavigationEnv  # noqa: E402
 from lme.perception.people.source import people_source  # noqa: E402
 from lme.types import Twist  # noqa: E402
 

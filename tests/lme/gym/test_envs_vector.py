@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 from lme.config.presets import load_robot  # noqa: E402
 from lme.errors import InputError  # noqa: E402
-from lme.gym.vector import NavigationVectorEnv  # noqa: E402
+from lme.gym.envs import NavigationVectorEnv  # noqa: E402
 
 SHORT = {"worlds": [0, 150, 299], "time_limit": 2.5}
 

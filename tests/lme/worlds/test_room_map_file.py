@@ -9,8 +9,7 @@ from PIL import Image
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.worlds.check import check_task
-from lme.worlds.map_file import MapFile
-from lme.worlds.room import Room
+from lme.worlds.room import MapFile, Room
 from lme.worlds.traps import Traps
 from lme.worlds.world import Named
 from tests.builders import stage

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lme.live.track import Track
+from lme.live.poses import Track
 from lme.types import Pose, Twist
 
 SECOND = 1_000_000_000
