@@ -14,6 +14,7 @@ from lme.guides.lme.explanation import Decision, Explanation
 from lme.inputs.returned import ReturnedError, checked_command, checked_guidance, checked_people
 from lme.perception.dead_reckoning import DeadReckoning, Move
 from lme.perception.people.source import PeopleSource
+from lme.robots import reachable
 from lme.types import Feedback, Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
