@@ -21,7 +21,7 @@ from lme import numba_cache
 from lme.errors import InputError
 from lme.requirements import DISTRIBUTION, install
 from runners.config import extras
-from runners.config.urls import masked
+from runners.config.escaping import masked
 from runners.records.atomic_write import obstacle
 from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
 from runners.workers import kernels

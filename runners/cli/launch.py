@@ -23,10 +23,10 @@ from runners.cli.hydra_jobs import LauncherError
 from runners.config import arguments, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, without_hydra
-from runners.config.hydra_errors import translate_error
+from runners.config.escaping import masked_text
+from runners.config.instantiate import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
-from runners.config.urls import masked_text
 from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers import forkserver
 from runners.workers.environment import search_working_folder_last

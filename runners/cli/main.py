@@ -29,7 +29,7 @@ from lme.inputs.user_code import explained, show_traceback
 from runners.cli import commands, help
 from runners.cli.error_messages import explain_missing, explain_os_error
 from runners.cli.guards import plain_output, status_of, terminable
-from runners.config.urls import masked_text
+from runners.config.escaping import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
 

@@ -15,12 +15,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import user_error
-from runners.config import arguments, conflicting_overrides, diagnosis, worlds
+from runners.config import arguments, diagnosis, map_sets
+from runners.config.changes import namesakes, radius_note
 from runners.config.composer import COMPOSING, Composer, without_hydra
-from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
+from runners.config.instantiate import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
-from runners.config.likeness import namesakes, radius_note
-from runners.config.overrides import SEVERAL_OPTIONS, normalised, text_of
+from runners.config.overrides import SEVERAL_OPTIONS, normalised, refuse_conflicts, text_of
 
 MAX_JOBS_CHECKED = 64  # of a sweep; in larger ones every value is checked once
 
@@ -65,7 +65,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
-    conflicting_overrides.refuse(composer.parse(typed), made.configs.values())
+    refuse_conflicts(composer.parse(typed), made.configs.values())
     return made
 
 
@@ -189,7 +189,7 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping also adds keys of other commands
     try:
-        worlds.expand_worlds(config)
+        map_sets.expand_worlds(config)
     except InputError as error:
         raise diagnosis.add_location(error, config, job, composer) from error
     return config

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
 from lme.errors import InputError, nearest, require
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 from runners.config.instantiate import fill_dataclass
 from runners.config.schema import SystemConfig, TrainConfig
 

@@ -1,4 +1,8 @@
-"""Named pairs of guide and planner: `conf/system/*.yaml`, and a user's own. Figures: `conf/published.yaml`."""
+"""Systems and ablations, whose names tables show: `conf/system/*.yaml`, `conf/ablation/*.yaml`, and a user's own.
+
+A system is a named pair of guide and planner; its published figures are in `conf/published.yaml`. An ablation sets
+keys of the config.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,9 @@ from typing import Any
 
 from lme.config.composer import SHIPPED
 from lme.errors import InputError, nearest
+from lme.inputs.resources import overlaid
 from runners.config.catalogue import Catalogue, shipped
-from runners.config.hydra_errors import unknown_key
+from runners.config.instantiate import unknown_key
 
 PAIR = ("guide", "planner")  # the groups that a system chooses
 
@@ -86,3 +91,41 @@ def _read(catalogue: Catalogue, name: str) -> System:
     if not (isinstance(guide, str) and isinstance(planner, str)):
         raise InputError(f"{file}: must choose guide and planner, by `override /guide: NAME` in its defaults")
     return System(node["label"], guide, planner)
+
+
+ABLATION = "ablation"
+SEVERAL = "+"  # joins the names of ablations that are chosen together
+
+
+def ablation_settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
+    """Return what an ablation, or several joined by +, sets in the whole config. Names without a file set nothing."""
+    merged: dict[str, Any] = {}
+    for name in choice.split(SEVERAL):
+        if catalogue.has(f"{ABLATION}/{name}"):
+            merged = overlaid(merged, catalogue.option(f"{ABLATION}/{name}").settings)
+    return merged
+
+
+@cache
+def ablation_labels(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, str]:
+    """Return the text that tables add to a system's name, such as "without memory", by ablation; read once.
+
+    Raises InputError for a label that is not text.
+    """
+    catalogue = Catalogue(folders)
+    found = {name: _label(name, catalogue) for name in catalogue.options(ABLATION)}
+    return {name: label for name, label in found.items() if label}
+
+
+def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
+    """Return "without c_o and without c_t" for "no_c_o+no_c_t"; empty if one has no label. known: labels by name."""
+    names = choice.split(SEVERAL)
+    return " and ".join(known[name] for name in names) if known.keys() >= set(names) else ""
+
+
+def _label(name: str, catalogue: Catalogue) -> str:
+    node = ablation_settings(name, catalogue).get("system")
+    label = node.get("ablated", "") if isinstance(node, dict) else ""
+    if not isinstance(label, str):
+        raise InputError(f"{catalogue.file(f'{ABLATION}/{name}')}: system.ablated is {label!r}: must be text")
+    return label

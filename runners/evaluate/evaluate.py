@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lme.errors import InputError
 from lme.worlds.world import DrawsRobots, MapSet
-from runners.config import ablations, build, instantiate, systems, weights
+from runners.config import build, instantiate, systems
 from runners.config.instantiate import configured
 from runners.config.job import Job
 from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 def validate(job: Job[EvalConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
-    weights.check_scale(job.config.scale, job.config.guide)
+    job.check_scale()
     check_report(job)
     _check_drawn(job)
     build.check_drive(job.config)
@@ -170,7 +170,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
 
     run_dir = job.run_dir
     frame = read_episodes([run_dir])
-    rows = summarise(frame, systems=systems.systems(job.folders), labels=ablations.labels(job.folders))
+    rows = summarise(frame, systems=systems.systems(job.folders), labels=systems.ablation_labels(job.folders))
     tables = write_tables(frame, rows, run_dir)
     picture = draw_run(frame, run_dir, maps, run_dir / "trajectories.png")
     return frame, rows, [*tables, *picture, run_dir / EPISODES]

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from runners.config import build, instantiate, weights
+from runners.config import build, instantiate
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
+from runners.config.map_sets import parse_worlds
 from runners.config.schema import FigureConfig
-from runners.config.worlds import parse_worlds
 from runners.evaluate import evaluate
 from runners.evaluate.labels import resume_hint, run_labels
 from runners.records.launch_record import LAUNCH
@@ -32,7 +32,7 @@ def validate(job: Job[FigureConfig]) -> None:
     if config.run is not None:
         find_runs([Path(config.run)])
     elif kind.drives:
-        weights.check_scale(config.scale, config.guide)
+        job.check_scale()
         build.check_drive(_with_worlds(config), num_tasks=None)
 
 

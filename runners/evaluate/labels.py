@@ -9,12 +9,12 @@ from pathlib import Path
 
 from lme.worlds.world import DrawsRobots, MapSet, Named
 from runners.config import systems
-from runners.config.ablations import SEVERAL
 from runners.config.build import people_of
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.quoting import resume_command
 from runners.config.schema import DriveConfig
+from runners.config.systems import SEVERAL
 from runners.records.episode_record import CUSTOM_SUBSET, RunLabels
 
 DRAWN = "drawn"  # instead of a robot's name, if every episode has another robot

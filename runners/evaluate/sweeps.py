@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runners.config import instantiate
-from runners.config.ablations import labels
 from runners.config.changes import describe_changes
 from runners.config.job import Job
 from runners.config.schema import ReportConfig
-from runners.config.systems import systems
+from runners.config.systems import ablation_labels, systems
 from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes
 from runners.reports.analysis.summary import Row, numbers, summarise
@@ -37,7 +36,7 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     frame = read_episodes(run_dirs)
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
-    rows = summarise(frame, job.config.table, systems(job.folders), labels(job.folders))
+    rows = summarise(frame, job.config.table, systems(job.folders), ablation_labels(job.folders))
     artifacts, lines = report(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in lines:

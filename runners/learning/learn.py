@@ -12,8 +12,7 @@ from lme.errors import InputError, require
 from lme.guides.lme.weight_files import NETWORK, find_network, with_network
 from lme.requirements import install
 from runners.config import build, instantiate
-from runners.config.job import Job
-from runners.config.options import named_option
+from runners.config.job import Job, named_option
 from runners.config.quoting import lme_command, override
 from runners.config.schema import LearnConfig
 from runners.evaluate import evaluate

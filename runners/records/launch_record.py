@@ -19,12 +19,12 @@ from lme.errors import InputError
 from lme.inputs.guarded_file import decode_json, read_bytes
 from lme.perception.people.source import People
 from runners.config import catalogue
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
+from runners.config.escaping import masked_text, masked_values
 from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
 from runners.config.quoting import lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
-from runners.config.urls import masked_text, masked_values
 from runners.records import input_search, inputs, trust
 from runners.records.atomic_write import write_atomically
 from runners.records.inputs import Input

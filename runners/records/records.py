@@ -16,10 +16,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from runners.config.changes import describe_changes
-from runners.config.flatten import flatten
-from runners.config.likeness import map_like, robot_difference, robots_like
-from runners.config.weights import scale_in_words
+from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
+from runners.config.job import scale_in_words
 from runners.records.append_log import (
     APPEND_LOG,
     AppendLog,

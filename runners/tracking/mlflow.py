@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from lme.errors import InputError
-from runners.config.urls import masked, masked_text
+from runners.config.escaping import masked, masked_text
 from runners.records.versions import commit, versions
 from runners.tracking.store import (
     DEFAULT_URI,

@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from runners.config.flatten import flatten
-from runners.config.urls import masked_text
+from runners.config.changes import flatten
+from runners.config.escaping import masked_text
 
 if TYPE_CHECKING:
     from runners.records.episode_record import RunLabels

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import read_json
-from runners.config.flatten import flatten
-from runners.config.urls import masked
+from runners.config.changes import flatten
+from runners.config.escaping import masked
 from runners.records.atomic_write import obstacle, write_atomically
 from runners.tracking.names import fitting_names, fitting_text, renamed
 

@@ -11,7 +11,7 @@ from lme.errors import InputError
 from runners.cli.main import main
 from runners.config import schema
 from runners.config.composer import Composer
-from runners.config.weights import scale_from_words, scale_in_words
+from runners.config.job import scale_from_words, scale_in_words
 from runners.evaluate import sweeps
 from runners.records.records import find_runs, read_episodes
 from runners.reports.analysis.summary import summarise

@@ -16,12 +16,11 @@ from lme.live.config import LiveConfig
 from lme.robots import Robot
 from lme.worlds.check import check_task
 from runners.cli.main import command_files
-from runners.config import ablations, build, catalogue, schema, systems
+from runners.config import build, catalogue, schema, systems
+from runners.config.changes import flatten
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer, without_hydra
-from runners.config.flatten import flatten
-from runners.config.hydra_errors import dataclass_of
-from runners.config.instantiate import configured
+from runners.config.instantiate import configured, dataclass_of
 from runners.records import launch_record
 from runners.reports.analysis.published import TEXTS
 
@@ -253,7 +252,7 @@ def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for(chosen):
 
 @pytest.mark.parametrize("option", [name for name in CATALOGUE.options("ablation") if name != "none"])
 def test_every_ablation_has_a_label_of_its_own(option):
-    labels = ablations.labels()
+    labels = systems.ablation_labels()
     assert labels[option].startswith("without ")
     assert list(labels.values()).count(labels[option]) == 1
 

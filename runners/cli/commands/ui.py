@@ -27,7 +27,7 @@ _OPEN = (
 
 def main(argv: list[str]) -> int:
     """Serve until Ctrl-C. Raises InputError if there is no store or the port is taken."""
-    from runners.config.urls import masked
+    from runners.config.escaping import masked
     from runners.tracking.store import DEFAULTS
 
     arguments = _parser().parse_args(argv)
@@ -113,7 +113,7 @@ def _announce(server: subprocess.Popen[bytes], address: str) -> None:
 
 def _check_store(uri: str) -> None:
     from lme.errors import InputError
-    from runners.config.urls import masked
+    from runners.config.escaping import masked
     from runners.tracking.store import check_uri, sqlite_path
 
     check_uri("--uri", uri)

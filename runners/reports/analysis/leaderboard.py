@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lme.errors import InputError
 from lme.worlds.barn.map_set import FRESH, OFFICIAL
-from runners.config.changes import describe_changes
-from runners.config.flatten import flatten
+from runners.config.changes import describe_changes, flatten
 from runners.records.append_log import APPEND_LOG
 from runners.records.collect import NOT_AS_WRITTEN, not_as_written
 from runners.records.episode_record import CUSTOM_SUBSET

@@ -3,7 +3,7 @@
 import pytest
 
 from lme.errors import InputError
-from runners.config import ablations
+from runners.config import systems
 from runners.config.catalogue import shipped
 from runners.config.space import read_space
 from runners.evaluate.evaluate import _recorded
@@ -60,21 +60,19 @@ def test_the_command_line_has_the_last_word(own):
 
 
 def test_labels_are_what_the_files_say(own):
-    known = ablations.labels(shipped(own).folders)
+    known = systems.ablation_labels(shipped(own).folders)
     assert known["no_random"] == "without random candidates"
     assert known["whole"] == "with ten candidates"
     assert known["inherited"] == "without c_h"
     assert not {"none", "flat"} & set(known)
-    assert ablations.describe_ablation("no_c_o+no_c_t", known) == "without c_o and without c_t"
-    assert (
-        ablations.describe_ablation("no_c_o+flat", known) == ablations.describe_ablation("none", known) == ""
-    )
+    assert systems.describe_ablation("no_c_o+no_c_t", known) == "without c_o and without c_t"
+    assert systems.describe_ablation("no_c_o+flat", known) == systems.describe_ablation("none", known) == ""
 
 
 def test_a_label_must_be_text(own, says):
     (own / "ablation" / "whole.yaml").write_text(WHOLE.replace("with ten candidates", "[3]"))
     with says.raises(InputError):
-        ablations.labels(shipped(own).folders)
+        systems.ablation_labels(shipped(own).folders)
 
 
 def test_a_key_that_an_ablation_sets_is_not_searched():

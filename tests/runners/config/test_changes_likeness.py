@@ -7,8 +7,8 @@ import pytest
 
 from lme.config.composer import SHIPPED
 from runners.config.catalogue import Catalogue
+from runners.config.changes import map_like, robot_difference, robots_like
 from runners.config.command_line import compose
-from runners.config.likeness import map_like, robot_difference, robots_like
 from runners.records.launch_record import identity
 
 SHIPPED_ROBOTS = Catalogue(SHIPPED).options("robot")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from runners.config.urls import fault_of_password, masked, masked_text, masked_values, reveals_password
+from runners.config.escaping import fault_of_password, masked, masked_text, masked_values, reveals_password
 
 NASTY = (
     "secret",

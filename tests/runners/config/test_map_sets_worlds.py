@@ -5,7 +5,7 @@ import pytest
 from lme.errors import InputError
 from runners.config.build import map_set
 from runners.config.catalogue import shipped
-from runners.config.worlds import parse_worlds
+from runners.config.map_sets import parse_worlds
 from runners.records.launch_record import fingerprint, identity
 from tests.composing import jobs_of
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from lme.errors import InputError
-from runners.config.lookalikes import check_words
+from runners.config.arguments import check_words
 
 
 @pytest.mark.parametrize(

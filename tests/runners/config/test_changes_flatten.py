@@ -1,6 +1,6 @@
 """Dotted keys of nested configs."""
 
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 
 
 def test_flatten():

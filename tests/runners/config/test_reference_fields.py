@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import lme
-from runners.config.fields import ConfigField, as_rst, fields
+from runners.config.reference import ConfigField, as_rst, fields
 
 
 @dataclass
