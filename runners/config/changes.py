@@ -49,6 +49,8 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
         given: Any = OmegaConf.select(config, node)
         if not isinstance(given, DictConfig):
             raise InputError(f"{node} is {given!r}: must be a mapping, such as a file in conf/ has")
+        if not given:  # such as crowd=none
+            continue
         written = _written(names, {**_of_family(node, config, catalogue), **ablated.get(node, {})}, catalogue)
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):

@@ -15,7 +15,7 @@ from runners.config.job import Job
 from runners.config.map_sets import parse_worlds
 from runners.config.schema import FigureConfig
 from runners.evaluate import evaluate
-from runners.evaluate.labels import resume_hint, run_labels
+from runners.evaluate.evaluate import resume_hint, run_labels
 from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
 from runners.reports.figures.driven_runs import Kind, check_guided, read_runs

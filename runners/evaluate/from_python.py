@@ -18,11 +18,10 @@ from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.quoting import quoted
 from runners.config.schema import EvalConfig
-from runners.evaluate.evaluate import drive, run_and_report, start_tracking, validate
-from runners.evaluate.labels import run_labels
+from runners.evaluate.evaluate import drive, run_labels, validate
+from runners.evaluate.evaluate import evaluate as evaluate_job
 from runners.records import launch_record, run_directories, trust
 from runners.records.records import episode_tables
-from runners.tracking.mlflow import closed_by
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -163,8 +162,6 @@ def _evaluate_into(
     job: Job[EvalConfig], words: Sequence[str], run_dir: Path, resume: bool, progress: bool
 ) -> pd.DataFrame:
     """Drive in a run directory as the command does, and write everything that it writes."""
-    from runners.reports.analysis.summary import metrics
-
     record = launch_record.launch_of("eval", [job], list(words), False, None)
     if resume and run_directories.holds_run(run_dir):
         run_directories.check_same(record, run_dir)
@@ -173,10 +170,7 @@ def _evaluate_into(
     job = replace(job, run_dir=run_dir)
     # The run may be trusted: its config is the one just composed.
     with trust.trusting(run_dir):
-        maps = build.map_set(job.config)
-        with closed_by(start_tracking(job, maps)) as tracking:
-            frame, _, artifacts = run_and_report(job, maps, progress)
-            tracking.finish(metrics(frame), artifacts)
+        evaluate_job(job, progress=progress, summary=False)
     return _records(run_dir)
 
 

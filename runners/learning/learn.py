@@ -17,7 +17,7 @@ from runners.config.quoting import lme_command, override
 from runners.config.schema import LearnConfig
 from runners.evaluate import evaluate
 from runners.evaluate.driven import driven
-from runners.evaluate.labels import resume_hint, run_labels
+from runners.evaluate.evaluate import resume_hint, run_labels
 from runners.learning.learnable import check_learnable, learned_config, learned_part, learns_guide
 from runners.records import network_file
 from runners.records.launch_record import fingerprint, identity

@@ -13,8 +13,8 @@ from runners.config import build, command_line
 from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.schema import DriveConfig
+from runners.evaluate.evaluate import run_labels
 from runners.evaluate.from_python import to_hydra
-from runners.evaluate.labels import run_labels
 from runners.play.session import Entrant, Setup, Source
 from runners.records.episode_record import RunLabels
 

@@ -13,8 +13,7 @@ from runners.config.job import Job
 from runners.config.schema import EvalConfig, HeldOutConfig
 from runners.config.space import PARAMETERS, with_values
 from runners.config.systems import ablation_labels, systems
-from runners.evaluate.evaluate import drive, report
-from runners.evaluate.labels import run_labels
+from runners.evaluate.evaluate import drive, report, run_labels
 from runners.records import inputs
 from runners.records.launch_record import launch_of
 from runners.reports.explainer import pages

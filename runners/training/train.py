@@ -19,7 +19,7 @@ from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.evaluate import evaluate
 from runners.evaluate.driven import driven
-from runners.evaluate.labels import resume_hint, run_labels
+from runners.evaluate.evaluate import resume_hint, run_labels
 from runners.records import weight_file
 from runners.records.episode_record import RunLabels
 from runners.records.launch_record import fingerprint, identity

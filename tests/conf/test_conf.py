@@ -10,6 +10,7 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
+from lme.config.composer import SHIPPED
 from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.inputs.resources import resource_dir
 from lme.live.config import LiveConfig
@@ -277,6 +278,7 @@ def test_a_system_is_the_pair_that_its_file_chooses(chosen, option):
     assert (system.guide, system.planner) == (choices["guide"], choices["planner"])
     assert system.global_planner == ("global_map" in config.guide)
     assert config.system.label == system.label
+    assert systems.system_of(system.guide, system.planner, SHIPPED, option) == {option: system}
 
 
 def test_published_figures_are_rates_of_systems_that_there_are():

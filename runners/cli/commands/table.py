@@ -80,13 +80,13 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
 def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], directory: Path) -> list[str]:
     """Rewrite the tables and pictures of a run or sweep and return its findings. Raises InputError if that fails."""
     from lme.errors import InputError
-    from runners.evaluate import sweeps
+    from runners.evaluate import evaluate
     from runners.reports.analysis.tables import write_tables
 
     try:
         directory.mkdir(parents=True, exist_ok=True)
         if runs != [directory]:
-            return sweeps.report(frame, rows, runs, directory).lines
+            return evaluate.report_runs(frame, rows, runs, directory).lines
         write_tables(frame, rows, directory)
         _draw(frame, directory)
     except OSError as error:

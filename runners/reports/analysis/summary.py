@@ -143,7 +143,7 @@ def summarise(
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
     """Return all numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
-    row = summarise(frame, systems={})[0]
+    row = summarise(frame, systems={}, labels={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
