@@ -16,9 +16,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import explained, show_traceback
-from runners.cli import hydra_jobs, show
-from runners.cli.error_messages import explain_os_error
-from runners.cli.guards import status_of, terminable
+from runners.cli import hydra_jobs
+from runners.cli.guards import explain_os_error, status_of, terminable
 from runners.cli.hydra_jobs import LauncherError
 from runners.config import arguments, command_line, schema
 from runners.config.catalogue import Catalogue
@@ -61,6 +60,8 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     args, resumed = _with_resumed(command.name, typed_args)
     config_name = args.config_name or command.name
     if args.info or args.hydra_help:
+        from runners.cli import show
+
         return show.print_hydra_info(command.name, config_name, args)
     # Compose the config of every job.
     with Composer(config_name, args.config_dir) as composer:
@@ -68,6 +69,8 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         if resumed is not None:
             _check_code(plan, resumed)
         if args.cfg:
+            from runners.cli import show
+
             show.config(plan.first, args.cfg, args.package, args.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:

@@ -26,9 +26,8 @@ import lme
 from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.inputs.user_code import explained, show_traceback
-from runners.cli import commands, help
-from runners.cli.error_messages import explain_missing, explain_os_error
-from runners.cli.guards import plain_output, status_of, terminable
+from runners.cli import commands
+from runners.cli.guards import explain_missing, explain_os_error, plain_output, status_of, terminable
 from runners.config.escaping import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
@@ -150,6 +149,8 @@ def _parsed(path: Path) -> ast.Module:
 
 def _run(name: str, argv: list[str], command_paths: dict[str, Path]) -> int:
     if name in ("-h", "--help", "help"):
+        from runners.cli import help
+
         print(help.overview({name: title(path) for name, path in command_paths.items()}))
         return 0
     if name in ("-V", "--version"):
@@ -160,6 +161,8 @@ def _run(name: str, argv: list[str], command_paths: dict[str, Path]) -> int:
             f"{name}: no such command; {nearest(name, command_paths)}there are: {', '.join(command_paths)}"
         )
     if {"-h", "--help"} & set(argv) and (resource_dir("conf") / f"{name}.yaml").is_file():
+        from runners.cli import help
+
         print(help.command(name, title(command_paths[name]), examples(command_paths[name]), argv))
         return 0
     module = importlib.import_module(f"{commands.__name__}.{command_paths[name].stem}")

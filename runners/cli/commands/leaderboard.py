@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 from lme.errors import InputError
-from runners.cli.parsers import texts
+from runners.cli.help import texts
 from runners.config.wording import counted
 
 EXAMPLES = (

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import expanded
-from runners.cli.parsers import texts
+from runners.cli.help import texts
 
 if TYPE_CHECKING:
     from lme.inputs.onnx_file import Arrays

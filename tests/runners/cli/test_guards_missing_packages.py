@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from runners.cli.error_messages import PACKAGES, explain_missing
+from runners.cli.guards import PACKAGES, explain_missing
 from tests.lme.test_requirements import EXPERIMENTS
 from tests.places import ROOT
 

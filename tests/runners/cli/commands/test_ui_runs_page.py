@@ -6,8 +6,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from runners.cli.commands.ui import METRICS, STATE, VIEW, RunsPage, addresses, is_up
 from runners.reports.analysis import summary
-from runners.tracking.runs_page import METRICS, STATE, VIEW, RunsPage, addresses, is_up
 
 
 class Mlflow(BaseHTTPRequestHandler):

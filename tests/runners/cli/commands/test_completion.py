@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from runners.cli import completion, main
+from runners.cli import main
+from runners.cli.commands import completion
 from tests.places import ROOT
 
 COMMANDS = ("completion", "eval", "table")

@@ -9,8 +9,8 @@ import pytest
 
 import lme
 from lme import requirements
-from runners.cli import doctor, main
-from runners.config import extras
+from runners.cli import main
+from runners.cli.commands import doctor
 from runners.workers import kernels
 
 NEEDED = ["numpy>=2.0", "mlflow<4,>=3.10", 'torch>=2.2; extra == "gp"', 'ruff>=0.8; extra == "dev"']
@@ -159,12 +159,12 @@ def test_whether_the_kernels_are_compiled(installed, monkeypatch, compiled):
 
 
 def test_the_real_metadata_name_every_requirement():
-    if not extras.needed():
+    if not doctor.needed():
         pytest.skip("lme-nav is not installed here")
     assert {"numpy", "numba", "hydra-core", "optuna", "pymunk", "mlflow", "pandas"} <= {
-        each.name for each in extras.needed()
+        each.name for each in doctor.needed()
     }
-    assert set(extras.optional()) == {
+    assert set(doctor.optional()) == {
         "cluster",
         "cmaes",
         "gp",
