@@ -26,7 +26,7 @@ from runners.reports.analysis import failures
 from runners.reports.analysis.summary import Row, metrics, numbers, summarise
 from runners.reports.analysis.tables import print_table, write_tables
 from runners.tracking.mlflow import Tracking, closed_by
-from runners.tracking.names import LABELS, fitting_names, parameters
+from runners.tracking.store import LABELS, fitting_names, parameters
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 

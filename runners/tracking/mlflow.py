@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from lme.errors import InputError
 from runners.config.escaping import masked, masked_text
-from runners.records.versions import commit, versions
+from runners.records.launch_record import commit, versions
 from runners.tracking.store import (
     DEFAULT_URI,
     FAILED,

@@ -26,7 +26,6 @@ from runners.cli.help import texts
 from runners.config.escaping import masked
 from runners.records.atomic_write import obstacle
 from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
-from runners.workers import kernels
 from runners.workers.executor import available_cores
 
 EXAMPLES = (
@@ -157,10 +156,10 @@ def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
 
 
 def _numba() -> Line:
-    folder = numba_cache.folder(kernels.SOURCE)
+    folder = numba_cache.folder(numba_cache.FIRST_STEP)
     if not _is_writable(folder):
         return Line("Numba cache", f"{folder}, not writable", "set NUMBA_CACHE_DIR to a folder that you own")
-    warm = "warm" if _version("numba") and kernels.compiled() else "cold: the first episode compiles"
+    warm = "warm" if _version("numba") and numba_cache.compiled() else "cold: the first episode compiles"
     return Line("Numba cache", f"{folder}, writable, {warm}")
 
 

@@ -114,7 +114,7 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
     """Return the steps of the named episodes of each run. Raises InputError before anything is written."""
     from runners.records.records import read_episodes
     from runners.reports.explainer.pages import keys_of
-    from runners.workers.steps import step_tables
+    from runners.workers.trace import step_tables
 
     tables_of_runs = []
     for run_dir in runs:

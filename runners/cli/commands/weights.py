@@ -150,7 +150,7 @@ def _import(arguments: argparse.Namespace) -> None:
     from lme.guides.lme.weight_files import REGISTERED, shipped_networks
     from runners.config.quoting import lme_command, override
     from runners.records.atomic_write import replacing
-    from runners.records.registered_name import check_name
+    from runners.records.weight_file import check_name
 
     # Check the name and the authors' file before anything is written.
     name = arguments.name or arguments.network

@@ -8,10 +8,9 @@ from importlib.metadata import PackageNotFoundError
 import pytest
 
 import lme
-from lme import requirements
+from lme import numba_cache, requirements
 from runners.cli import main
 from runners.cli.commands import doctor
-from runners.workers import kernels
 
 NEEDED = ["numpy>=2.0", "mlflow<4,>=3.10", 'torch>=2.2; extra == "gp"', 'ruff>=0.8; extra == "dev"']
 VERSIONS = {"lme-nav": lme.__version__, "numpy": "2.4.6", "mlflow": "3.17.2", "torch": "2.13.0+cpu"}
@@ -108,7 +107,7 @@ def test_little_memory(installed, tmp_path, monkeypatch):
 
 
 def test_folders_that_cannot_be_written(installed, unwritable, tmp_path, monkeypatch, says):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba_cache"))
     unwritable.add(str(tmp_path))
     says(line("outputs").advice)
     assert line("MLflow store").advice.startswith("set MLFLOW_TRACKING_URI")
@@ -151,7 +150,7 @@ def test_stores_on_a_server_are_not_contacted_and_no_password_is_shown(
 @pytest.mark.parametrize("compiled", [False, True])
 def test_whether_the_kernels_are_compiled(installed, monkeypatch, compiled):
     installed["numba"] = "0.68.1"
-    monkeypatch.setattr(kernels, "compiled", lambda: compiled)
+    monkeypatch.setattr(numba_cache, "compiled", lambda: compiled)
     assert (line("Numba cache").found.endswith("writable, warm"), line("Numba cache").advice) == (
         compiled,
         "",

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from lme.errors import InputError
-from runners.records.registered_name import check_name
+from runners.records.weight_file import check_name
 
 
 @pytest.mark.parametrize("there", ["", "outputs", "outputs/weights"])

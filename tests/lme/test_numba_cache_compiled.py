@@ -1,4 +1,4 @@
-"""What the first drive after installation says of the kernels that it waits for."""
+"""Whether kernels are compiled is known without asking Numba."""
 
 import os
 import shutil
@@ -8,14 +8,12 @@ import time
 
 import pytest
 
-from runners.workers import kernels
-from runners.workers.progress import EpisodeProgress, TrialProgress
 from tests.places import ROOT
 
 DRIVE = """
 import numpy as np
 from lme.geometry.motion import travelled
-from runners.workers.kernels import compiled
+from lme.numba_cache import compiled
 said = compiled()
 travelled(0.0, 0.0, np.ones((2, 3)))
 print(said, not travelled.stats.cache_misses, compiled())
@@ -59,12 +57,3 @@ def test_the_report_agrees_with_numba_on_touched_and_changed_sources(installed, 
     os.utime(source, (now + 2 * later_s, now + 2 * later_s))
     said, true, _ = drive(installed)
     assert said == true == False  # noqa: E712
-
-
-@pytest.mark.parametrize("bar", [EpisodeProgress, TrialProgress])
-@pytest.mark.parametrize("compiled", [False, True])
-def test_a_bar_says_what_it_waits_for(bar, compiled, monkeypatch, capsys):
-    monkeypatch.setattr(kernels, "compiled", lambda: compiled)
-    with bar("LME", 3):
-        pass
-    assert ("Compiling kernels" in capsys.readouterr().err) == (not compiled)

@@ -4,7 +4,7 @@ import posixpath
 
 import pytest
 
-from runners.tracking.names import KEY_LENGTH, fitting_names, fitting_text
+from runners.tracking.store import KEY_LENGTH, fitting_names, fitting_text
 
 ODD = [
     "success %", "a|b", "Δω [rad/s]", "a//b", "/a", "a/", "..", "../x", ".", "", "...|", "a/./b", "x" * 300, "a\nb",

@@ -2,7 +2,7 @@
 
 import pytest
 
-from runners.evaluate.driven import driven
+from runners.records.weight_file import driven
 from tests.composing import jobs_of
 
 D1 = ["guide.parameters.d1"]

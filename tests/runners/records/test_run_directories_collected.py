@@ -5,8 +5,8 @@ import json
 import pytest
 
 from lme.errors import InputError
-from runners.records.collect import collect
 from runners.records.launch_record import read_launch
+from runners.records.run_directories import collect
 from tests.composing import jobs_of
 from tests.made_runs import write_run
 
