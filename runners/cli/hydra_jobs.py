@@ -29,7 +29,6 @@ from runners.config import map_sets
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
 from runners.config.escaping import masked_text
-from runners.tracking.mlflow import sweep_closed
 
 _ID = "%j"  # submitit's sign for the number of a job
 
@@ -120,6 +119,8 @@ def _sweep(
     composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]
 ) -> int:
     """Run the jobs of a plan with Hydra's sweeper and launcher."""
+    from runners.tracking.mlflow import sweep_closed
+
     config = composer.compose(plan.overrides, RunMode.MULTIRUN)
     settings = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
     _set(config, settings)

@@ -15,12 +15,19 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import user_error
-from runners.config import arguments, diagnosis, map_sets
+from runners.config import arguments, map_sets
 from runners.config.changes import namesakes, radius_note
-from runners.config.composer import COMPOSING, Composer, without_hydra
+from runners.config.composer import (
+    COMPOSING,
+    SEVERAL_OPTIONS,
+    Composer,
+    normalised,
+    refuse_conflicts,
+    text_of,
+    without_hydra,
+)
 from runners.config.instantiate import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
-from runners.config.overrides import SEVERAL_OPTIONS, normalised, refuse_conflicts, text_of
 
 MAX_JOBS_CHECKED = 64  # of a sweep; in larger ones every value is checked once
 
@@ -101,11 +108,12 @@ def _validated(config: DictConfig, words: Sequence[str], composer: Composer, val
             if line:
                 warnings.warn(line, stacklevel=2)
         validate(job)
-    except InputError as error:
-        raise diagnosis.add_location(error, config, words, composer) from error
-    except OmegaConfBaseException as error:
-        mistake = translate_error(error, OmegaConf.get_type(config))
-        raise diagnosis.add_location(mistake, config, words, composer) from error
+    except (InputError, OmegaConfBaseException) as error:
+        from runners.config.diagnosis import add_location
+
+        schema = OmegaConf.get_type(config)
+        mistake = error if isinstance(error, InputError) else translate_error(error, schema)
+        raise add_location(mistake, config, words, composer) from error
     except (Exception, SystemExit) as error:  # a user's own class may raise anything
         said = user_error(error)
         if not said:
@@ -184,12 +192,16 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
         config = composer.compose(job)
     except COMPOSING as error:
-        raise diagnosis.diagnose(error, composer, job) from error
+        from runners.config.diagnosis import diagnose
+
+        raise diagnose(error, composer, job) from error
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping also adds keys of other commands
     try:
         map_sets.expand_worlds(config)
     except InputError as error:
-        raise diagnosis.add_location(error, config, job, composer) from error
+        from runners.config.diagnosis import add_location
+
+        raise add_location(error, config, job, composer) from error
     return config

@@ -17,10 +17,9 @@ from lme.inputs.resources import resource_dir
 from lme.requirements import install
 from runners.config import catalogue, systems
 from runners.config.changes import dotted_keys
-from runners.config.composer import COMPOSING, Composer
+from runners.config.composer import COMPOSING, Composer, places, text_of
 from runners.config.instantiate import describe_expected, full_key, keys_beside, one_line, translate_error
 from runners.config.job import chosen
-from runners.config.overrides import places, text_of
 
 # Options of Hydra's own plugins, each in a package such as hydra-joblib-launcher.
 _PLUGIN = re.compile(r"hydra/(launcher|sweeper)/(ax|joblib|nevergrad|optuna|ray|rq|submitit)(_\w+)?")

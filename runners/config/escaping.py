@@ -1,4 +1,4 @@
-"""Make text fit to be shown: escaped for every output format, and without the passwords in URLs.
+"""Make text fit to be shown: escaped for every output format, without passwords, as counted nouns and as tables.
 
 Text of a run may come from anyone, so it is displayed and never interpreted.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
@@ -167,3 +168,21 @@ def masked_values(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: masked_values(child) for key, child in value.items()}
     return [masked_values(child) for child in value] if isinstance(value, list) else value
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a counted noun such as "1 world" or "2,000 worlds"."""
+    return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
+def markdown_table(lines: Iterable[Iterable[str]]) -> str:
+    """Return the cells of each line as a Markdown table: the header, the rule, then the rows."""
+    escaped = ([cell.replace("|", r"\|") for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in escaped)
+
+
+def without_markup(text: str, marks: str) -> str:
+    """Escape each of these marks with a backslash, except within backticks."""
+    parts = re.split(r"(`[^`]*`)", text)
+    mark = re.compile(f"([{re.escape(marks)}])")
+    return "".join(part if part.startswith("`") else mark.sub(r"\\\1", part) for part in parts)

@@ -15,8 +15,8 @@ from lme.config import composer
 from lme.robots import Robot
 from runners.config import catalogue, instantiate, schema
 from runners.config.catalogue import Catalogue, Key, shipped
+from runners.config.escaping import markdown_table, without_markup
 from runners.config.instantiate import dataclass_of, describe_expected
-from runners.config.wording import markdown_table, without_markup
 
 _SCHEMAS = {"robot": Robot}  # groups that are a dataclass themselves; the others name a class in `_target_`
 _NO_KEYS = {"experiment", "system"}  # their keys are those of other groups, or figures of the paper

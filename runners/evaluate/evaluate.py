@@ -13,8 +13,8 @@ from lme.errors import InputError
 from lme.worlds.world import DrawsRobots, MapSet, Named
 from runners.config import build, instantiate, systems
 from runners.config.changes import describe_changes
+from runners.config.composer import CUSTOM
 from runners.config.job import Job
-from runners.config.overrides import CUSTOM
 from runners.config.quoting import resume_command
 from runners.config.schema import DriveConfig, EpisodesConfig, EvalConfig, Explain, Record, ReportConfig
 from runners.config.systems import System
@@ -25,8 +25,7 @@ from runners.records.records import RecordWriter, find_runs, read_episodes
 from runners.reports.analysis import failures
 from runners.reports.analysis.summary import Row, metrics, numbers, summarise
 from runners.reports.analysis.tables import print_table, write_tables
-from runners.tracking.mlflow import Tracking, closed_by
-from runners.tracking.store import LABELS, fitting_names, parameters
+from runners.tracking.tracking import LABELS, Tracking, closed_by, parameters
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
@@ -303,6 +302,8 @@ def _track(
     run_dirs: Sequence[Path],
 ) -> None:
     """Track the sweep: the config that its jobs share, and the metrics of every row by its name."""
+    from runners.tracking.store import fitting_names
+
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
     tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])

@@ -22,8 +22,7 @@ from runners.records import weight_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
-from runners.tracking.mlflow import closed_by
-from runners.tracking.store import parameters
+from runners.tracking.tracking import closed_by, parameters
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.workers import imitation_rollouts
 from runners.workers.imitation_rollouts import Expert, RolloutPayload

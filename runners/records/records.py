@@ -18,9 +18,13 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError
 from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
 from runners.config.job import scale_in_words
-from runners.records.append_log import (
+from runners.records.atomic_write import what_is_full
+from runners.records.episode_record import (
     APPEND_LOG,
+    KEY_COLUMNS,
     AppendLog,
+    EpisodeKey,
+    EpisodeResult,
     LogEntry,
     cut_torn_line,
     encode,
@@ -28,8 +32,6 @@ from runners.records.append_log import (
     lock,
     read_log,
 )
-from runners.records.atomic_write import what_is_full
-from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
 from runners.records.launch_record import DEFAULTS, LAUNCH, Launch, read_launch
 from runners.records.parquet import (
     EPISODES,

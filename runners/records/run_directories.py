@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lme.errors import InputError
 from runners.config.quoting import lme_command, resume_command
 from runners.records import inputs
-from runners.records.append_log import APPEND_LOG, lock
+from runners.records.episode_record import APPEND_LOG, lock
 from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
 from runners.records.records import has_records, read_episodes
 

@@ -1,7 +1,7 @@
 """Files of what was trained, in the run's directory and by name in outputs/weights/; and how `lme eval` drives with it.
 
-`weights.yaml` holds learned parameters, and becomes NAME.yaml. `weights.onnx` is a network, and becomes NAME.onnx with a
-card beside it.
+`weights.yaml` holds learned parameters, and becomes NAME.yaml. `weights.onnx` is a network, and becomes NAME.onnx with
+a card beside it.
 """
 
 from __future__ import annotations

@@ -22,18 +22,17 @@ from lme.errors import InputError
 from lme.inputs.guarded_file import read_json
 from runners.config.escaping import masked, masked_text
 from runners.records.atomic_write import obstacle, write_atomically
+from runners.tracking.tracking import FAILED, FINISHED, KILLED
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-    from runners.records.episode_record import RunLabels
 
 DEFAULT_URI = "sqlite:///outputs/mlflow.db"
 SQLITE = "sqlite:///"
 SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databricks")
 RUN_ID_FILE = "mlflow_run.json"
 PARENT = "mlflow.parentRunId"  # MLflow's tag of a child
-FINISHED, KILLED, FAILED = "FINISHED", "KILLED", "FAILED"  # how a run ended, the worst last
 RUNNING = "RUNNING"
 _CREATED = "lme_created"  # a tag: equal in runs that the same request created
 
@@ -315,7 +314,6 @@ def _quieten() -> None:
 
 
 KEY_LENGTH = 250
-LABELS = ("system", "robot", "map", "ablation")  # what users search for
 _REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
@@ -370,10 +368,3 @@ def _unused(name: str, taken_names: set[str]) -> str:
         suffix = f"_{number}"
         candidate = name[: KEY_LENGTH - len(suffix)] + suffix
     return candidate
-
-
-def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
-    """Return the parameters by dotted key, with labels such as system=LME, robot=jackal, map=barn, ablation=none."""
-    from runners.config.changes import flatten  # slow to import, and `lme doctor` does not need it
-
-    return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}

@@ -24,8 +24,7 @@ from runners.records.episode_record import RunLabels
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
-from runners.tracking.mlflow import closed_by
-from runners.tracking.store import parameters
+from runners.tracking.tracking import closed_by, parameters
 from runners.training.families import Families, families, too_narrow
 from runners.training.held_out import Places, evaluate_held_out, report_held_out
 from runners.training.race import START, check_race

@@ -26,7 +26,6 @@ from lme.worlds.world import DrawsRobots, MapSet, Task
 from runners.config import build
 from runners.config.schema import DriveConfig
 from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
-from runners.workers.recorder import Recorder, recording_path
 
 _Systems = Callable[[DriveConfig], tuple[Navigator, Simulator]]
 
@@ -118,6 +117,8 @@ def _recorder(
     """Return the recorder of the episode; a null context if no recordings are written."""
     if recordings is None:
         return nullcontext()
+    from runners.workers.recorder import Recorder, recording_path
+
     metadata = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
     return Recorder(recording_path(recordings.folder, key), metadata, robot)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lme.errors import InputError
 from runners.cli.help import texts
-from runners.config.wording import counted
+from runners.config.escaping import counted
 
 EXAMPLES = (
     "lme leaderboard",

@@ -1,7 +1,7 @@
 """The parameters of a tracked run are short where one searches for them, and hold what was chosen for the run alone."""
 
 from runners.records.episode_record import RunLabels
-from runners.tracking.store import parameters
+from runners.tracking.tracking import parameters
 
 LABELS = RunLabels(
     system="LME", guide="lme", planner="simple", global_map="", ablation="none", weights="published",

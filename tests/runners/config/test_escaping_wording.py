@@ -2,7 +2,7 @@
 
 import pytest
 
-from runners.config.wording import counted, markdown_table, without_markup
+from runners.config.escaping import counted, markdown_table, without_markup
 
 
 @pytest.mark.parametrize(
