@@ -46,9 +46,10 @@ def _main(argv: Sequence[str] | None) -> int:
     name = words[0] if words else "--help"
     command_paths = command_files()
     search_working_folder_last()
-    # Run the command with the guards that all commands share.
+    # Run the command with the guards that all commands share; each takes --trust, which allows a run's own code.
+    trusting = trust.trusting(None) if trust.FLAG in words else contextlib.nullcontext()
     try:
-        with plain_warnings(), terminable(), environment(SAFE_PATH), _trusting(words):
+        with plain_warnings(), terminable(), environment(SAFE_PATH), trusting:
             status = _run(name, [word for word in words[1:] if word != trust.FLAG], command_paths)
             sys.stdout.flush()
             if stdout_lost:
@@ -72,11 +73,6 @@ def _main(argv: Sequence[str] | None) -> int:
         print(f"lme {name}: {message}", file=sys.stderr)
         show_traceback(error)
         return 1
-
-
-def _trusting(words: Sequence[str]) -> contextlib.AbstractContextManager[None]:
-    """Allow the execution of code that runs name if the command has --trust, which every command takes."""
-    return trust.trusting(None) if trust.FLAG in words else contextlib.nullcontext()
 
 
 def _explain(error: BaseException, command: str) -> str:

@@ -15,7 +15,7 @@ from lme.robots import Robot
 from lme.simulation.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.rules import LEAST_TIME, TIME_FACTOR, fair_limit, with_robot
-from lme.worlds.world import DrawnTask, DrawsRobots, MapSet, Task
+from lme.worlds.world import DrawsRobots, MapSet, Task
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
 
@@ -88,12 +88,8 @@ def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
         with building("map"):
             return EpisodeSetting(config, maps.task(number), {})
     drawn = maps.drawn(number)
-    return EpisodeSetting(_with_drawn(config, drawn), drawn.task, drawn.columns)
-
-
-def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:
-    """Return the config with the robot and disturbances that were drawn."""
-    return replace(with_disturbances(config, drawn.disturbances), robot=drawn.robot)
+    drawn_config = replace(with_disturbances(config, drawn.disturbances), robot=drawn.robot)
+    return EpisodeSetting(drawn_config, drawn.task, drawn.columns)
 
 
 def with_disturbances(config: C, values: Mapping[str, float]) -> C:

@@ -55,9 +55,18 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):
             dotted = f"{node}.{key}"
-            if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
+            # Records show in another way which worlds were driven, and how many.
+            is_shown = dotted in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
+            if not is_shown and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    return changes | _changed_keys(config) | _changed_costmap_range(config)
+    # Keys outside of these nodes: whom the system sees, from where commands ramp, and the range of a guide's costmap.
+    schema: Any = OmegaConf.get_type(config)
+    defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
+    changes |= {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
+    if OmegaConf.select(config, "costmap_range") is not None and "costmap" in config.guide:
+        costmap = config.guide.costmap
+        changes |= {f"guide.costmap.{key}": costmap[key] for key in ("obstacle_range", "raytrace_range")}
+    return changes
 
 
 def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str, Any]:
@@ -67,25 +76,6 @@ def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str,
     command = next((name for name, kind in COMMANDS.items() if OmegaConf.get_type(config) is kind), None)
     families = catalogue.values(command).get("training", {}) if command else {}
     return cast(dict[str, Any], families.get(node.removeprefix(TRAINING)) or {})
-
-
-def _changed_keys(config: DictConfig) -> dict[str, Any]:
-    """Return `people` and `feedback`, if they differ from the command's defaults."""
-    schema: Any = OmegaConf.get_type(config)
-    defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
-    return {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
-
-
-def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:
-    """Return the ranges of a guide's costmap, if they follow `costmap_range`."""
-    if OmegaConf.select(config, "costmap_range") is None or "costmap" not in config.guide:
-        return {}
-    return {f"guide.costmap.{key}": config.guide.costmap[key] for key in ("obstacle_range", "raytrace_range")}
-
-
-def _is_shown(node: str, key: str) -> bool:
-    """Return whether records show a key in another way, as they do which worlds were driven, and how many."""
-    return f"{node}.{key}" in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:

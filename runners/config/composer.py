@@ -264,17 +264,14 @@ def _check_options(override: Override, composer: Composer) -> None:
         if twice is not None:
             raise InputError(f"{text_of(override)}: names {twice} twice; omit one")
         for name in names:
-            if str(name) not in known and not _in_subfolder(group, str(name), composer):
+            in_subfolder = "/" in str(name) and composer.catalogue.has(f"{group}/{name}")
+            if str(name) not in known and not in_subfolder:
+                likely = [option for option in known if (group, option) != (systems.ABLATION, "none")]
                 raise InputError(
-                    f"{group}={name}: no such option; {nearest(str(name), _likely(group, known))}"
+                    f"{group}={name}: no such option; {nearest(str(name), likely)}"
                     f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
                     f"{_how_to_add(group, str(name), known)}"
                 )
-
-
-def _likely(group: str, known: Iterable[str]) -> Iterable[str]:
-    """Return the options that a mistyped one may mean; for an ablation, "none" is not among them."""
-    return (name for name in known if (group, name) != (systems.ABLATION, "none"))
 
 
 def _values(override: Override) -> Iterator[object]:
@@ -283,10 +280,6 @@ def _values(override: Override) -> Iterator[object]:
                     for value in override.sweep_iterator())  # fmt: skip
     elif not override.is_sweep_override():
         yield override.value()
-
-
-def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
-    return "/" in name and composer.catalogue.has(f"{group}/{name}")
 
 
 def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:

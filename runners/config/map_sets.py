@@ -138,7 +138,9 @@ def expand_worlds(config: DictConfig) -> None:
 
     A list of numbers stays as it is. Raises InputError.
     """
-    for key in ("map", *(f"{name}.{place}" for name in _SETS for place in _names(config, name))):
+    sets = [(name, OmegaConf.select(config, name)) for name in _SETS]
+    named = [f"{name}.{option}" for name, node in sets if OmegaConf.is_dict(node) for option in node]
+    for key in ("map", *named):
         node = OmegaConf.select(config, key)
         if OmegaConf.is_dict(node) and "worlds" in node and not OmegaConf.is_interpolation(node, "worlds"):
             node["worlds"] = parse_worlds(node["worlds"], f"{key}.worlds")
@@ -176,8 +178,3 @@ def _range_of(item: Any, key: str) -> range | list[Any]:
     if last - first >= MAX_WORLDS:
         raise InputError(f"{key} has {item}: must be at most {MAX_WORLDS} worlds")
     return range(first, last + 1)
-
-
-def _names(config: DictConfig, key: str) -> list[str]:
-    node = OmegaConf.select(config, key)
-    return [str(name) for name in node] if OmegaConf.is_dict(node) else []

@@ -51,7 +51,7 @@ def check_same(launch: Launch, directory: Path) -> None:
     if saved.fingerprint == launch.fingerprint and saved.configs == launch.configs:
         inputs.check_unchanged(saved.inputs, launch.inputs, directory)
         return
-    if _same_command_line(saved, launch):
+    if _command_line(saved) == _command_line(launch):
         raise _outdated(saved, launch, directory)
     if (saved.command, len(saved.configs)) != (launch.command, len(launch.configs)):
         raise InputError(
@@ -87,13 +87,8 @@ def _changes(saved: Launch, launch: Launch) -> str:
     return shortened(list(dict.fromkeys(change for old, new in pairs for change in differences(old, new))))
 
 
-def _same_command_line(saved: Launch, launch: Launch) -> bool:
-    """Return whether both were started by the same command line, apart from Hydra's own part."""
-    saved_words, words = map(_command_line, (saved, launch))
-    return saved_words == words
-
-
 def _command_line(launch: Launch) -> tuple[object, ...]:
+    """Return what a launch was started with, apart from Hydra's own part."""
     overrides = [word for word in launch.overrides if not word.startswith("hydra.")]
     return launch.command, launch.multirun, overrides, launch.config_dir, launch.config_name
 
@@ -104,18 +99,14 @@ def holds_run(directory: Path) -> bool:
     Raises InputError if it cannot be read.
     """
     try:
-        return _holds_run(directory)
+        for prefix in ("", "*/"):
+            if any(True for name in _RESULTS for _ in directory.glob(f"{prefix}{name}")):
+                return True
+            if any(file.stat().st_size for file in directory.glob(f"{prefix}parts/*") if file.is_file()):
+                return True
+        return False
     except OSError as error:
         raise directory_error(directory, "read", error) from error
-
-
-def _holds_run(directory: Path) -> bool:
-    for prefix in ("", "*/"):
-        if any(True for name in _RESULTS for _ in directory.glob(f"{prefix}{name}")):
-            return True
-        if any(file.stat().st_size for file in directory.glob(f"{prefix}parts/*") if file.is_file()):
-            return True
-    return False
 
 
 @contextlib.contextmanager
@@ -166,19 +157,15 @@ def _check_free(directory: Path) -> None:
 def _new_directory(launch: Launch, root: Path) -> Path:
     """Make a new directory, named by date, time and fingerprint; with a number if another run has that name."""
     name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_fingerprint_suffix(launch)}"
-    for candidate in _numbered(root / launch.command / name):
+    for number in count(1):
+        unique_name = name if number == 1 else f"{name}-{number}"
         with contextlib.suppress(FileExistsError):
-            return _make_directory(candidate, exist_ok=False)
+            return _make_directory(root / launch.command / unique_name, exist_ok=False)
     raise AssertionError("an endless sequence ended")
 
 
 def _fingerprint_suffix(launch: Launch) -> str:
     return f"{'sweep-' if launch.multirun else ''}{launch.fingerprint[:8]}"
-
-
-def _numbered(path: Path) -> Iterator[Path]:
-    yield path
-    yield from (path.with_name(f"{path.name}-{number}") for number in count(2))
 
 
 def _make_directory(directory: Path, exist_ok: bool) -> Path:

@@ -342,12 +342,10 @@ def _listed(names: Sequence[str]) -> str:
 
 def environment_tags() -> dict[str, str]:
     """Return tags of what the results may depend on besides the config: commit, versions, platform."""
-    return {"platform": platform.platform(), **versions("numpy", "numba"), **_git_tags()}
-
-
-def _git_tags() -> dict[str, str]:
-    """Return the commit of the checkout, and whether it has uncommitted changes; {} in an installed wheel."""
-    checkout = commit()
-    if checkout is None:
-        return {}
-    return {"mlflow.source.git.commit": checkout.number, "git_changed": str(checkout.changed).lower()}
+    checkout = commit()  # None in an installed wheel
+    git = (
+        {}
+        if checkout is None
+        else {"mlflow.source.git.commit": checkout.number, "git_changed": str(checkout.changed).lower()}
+    )
+    return {"platform": platform.platform(), **versions("numpy", "numba"), **git}

@@ -210,9 +210,13 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
             # Drive only the episodes whose steps were not kept; workers start when the first is needed.
             if missing_keys:
                 drive = drive or workers.enter_context(_driver(run_dir, rows))
-                rerun_tables = [
-                    _table(_check_repeated(result, rows, run_dir)) for result in drive(missing_keys)
-                ]
+                rerun_tables = []
+                for result in drive(missing_keys):
+                    record = result.record
+                    end = record.outcome, record.steps, record.path_length_m, record.final_distance_m
+                    if not ends_alike(rows[record.key], *end):
+                        raise another_path(run_dir, record.key)
+                    rerun_tables.append(_table(result))
                 joined = pa.concat_tables([table, *rerun_tables], promote_options="permissive")
                 table = joined.sort_by([(name, "ascending") for name in ("world", "run", "step")])
             yield table
@@ -235,18 +239,6 @@ def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iter
     payload = EpisodePayload(config, labels, None)
     with ProcessExecutor(ProcessConfig(workers=None)).open(initialise, payload) as run_all:
         yield run_all
-
-
-def _check_repeated(
-    result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
-) -> EpisodeResult:
-    """Return the result. Raises InputError unless the drive equals its record."""
-    record = result.record
-    if not ends_alike(
-        rows[record.key], record.outcome, record.steps, record.path_length_m, record.final_distance_m
-    ):
-        raise another_path(run_dir, record.key)
-    return result
 
 
 def _table(result: EpisodeResult) -> pa.Table:
