@@ -20,6 +20,22 @@ from runners.config.escaping import visible
 from runners.records.atomic_write import what_is_full
 
 _KEPT = "\n\t"  # control codes that stay
+_NO_TEMPORARY = "No usable temporary directory"  # the message of Python's tempfile
+_FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
+# Packages that `pip install ./lme`, the robots' installation, leaves out, by the module that is imported.
+PACKAGES = {
+    "hydra": "hydra-core",
+    "jinja2": "jinja2",
+    "matplotlib": "matplotlib",
+    "mlflow": "mlflow",
+    "onnx": "onnx",
+    "onnxruntime": "onnxruntime",
+    "optuna": "optuna",
+    "packaging": "packaging",
+    "pandas": "pandas",
+    "pyarrow": "pyarrow",
+    "rich": "rich",
+}
 
 
 class Terminated(KeyboardInterrupt):
@@ -80,24 +96,6 @@ class _Plain:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
-
-
-_NO_TEMPORARY = "No usable temporary directory"  # the message of Python's tempfile
-_FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
-# Packages that `pip install ./lme`, the robots' installation, leaves out, by the module that is imported.
-PACKAGES = {
-    "hydra": "hydra-core",
-    "jinja2": "jinja2",
-    "matplotlib": "matplotlib",
-    "mlflow": "mlflow",
-    "onnx": "onnx",
-    "onnxruntime": "onnxruntime",
-    "optuna": "optuna",
-    "packaging": "packaging",
-    "pandas": "pandas",
-    "pyarrow": "pyarrow",
-    "rich": "rich",
-}
 
 
 def explain_os_error(error: BaseException) -> str:

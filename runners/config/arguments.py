@@ -19,6 +19,17 @@ from lme.inputs.guarded_file import expanded
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 CFG = ("job", "hydra", "all")
+_DASHES = "\u2010\u2011\u2012\u2013\u2014\u2015\u2212\ufe58\ufe63\uff0d"
+_DOUBLE, _SINGLE = "\u201c\u201d\u201e\u201f\u00ab\u00bb\u2033\uff02", "\u2018\u2019\u201a\u201b\u2032\uff07"
+_INVISIBLE = "\u200b\u2060\ufeff\u00ad"
+_AS_TYPED = str.maketrans(
+    {**dict.fromkeys(_DASHES, "-"), **dict.fromkeys(_DOUBLE, '"'), **dict.fromkeys(_SINGLE, "'")}
+    | dict.fromkeys(_INVISIBLE, "")
+)
+# The name of a file may hold any of these characters; a number, and the text around a value, may not.
+_NUMBERS = re.compile(r"[\d.,:eE+\-*_\s\[\](){}]*\d[\d.,:eE+\-*_\s\[\](){}]*")
+_NEGATIVE = re.compile(rf"(?:^|[\[({{,:=\s])[{_DASHES}]\s*(?=[\d.]|inf)")
+_OUTSIDE = re.compile(rf"^[\s{_DOUBLE}{_SINGLE}{_INVISIBLE}]|[\s{_DOUBLE}{_SINGLE}{_INVISIBLE}]$")
 
 
 @dataclass(slots=True)
@@ -81,19 +92,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--config-dir", "-cd", type=Path)
     parser.add_argument("--config-name", "-cn")
     return parser
-
-
-_DASHES = "\u2010\u2011\u2012\u2013\u2014\u2015\u2212\ufe58\ufe63\uff0d"
-_DOUBLE, _SINGLE = "\u201c\u201d\u201e\u201f\u00ab\u00bb\u2033\uff02", "\u2018\u2019\u201a\u201b\u2032\uff07"
-_INVISIBLE = "\u200b\u2060\ufeff\u00ad"
-_AS_TYPED = str.maketrans(
-    {**dict.fromkeys(_DASHES, "-"), **dict.fromkeys(_DOUBLE, '"'), **dict.fromkeys(_SINGLE, "'")}
-    | dict.fromkeys(_INVISIBLE, "")
-)
-# The name of a file may hold any of these characters; a number, and the text around a value, may not.
-_NUMBERS = re.compile(r"[\d.,:eE+\-*_\s\[\](){}]*\d[\d.,:eE+\-*_\s\[\](){}]*")
-_NEGATIVE = re.compile(rf"(?:^|[\[({{,:=\s])[{_DASHES}]\s*(?=[\d.]|inf)")
-_OUTSIDE = re.compile(rf"^[\s{_DOUBLE}{_SINGLE}{_INVISIBLE}]|[\s{_DOUBLE}{_SINGLE}{_INVISIBLE}]$")
 
 
 def check_words(words: Sequence[str]) -> None:

@@ -34,6 +34,9 @@ HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of 
 _WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
 TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its families, and their robots
+_LIMITS = ("v_max", "omega_max", "alpha_v", "alpha_omega")
+# Keys of a map that choose its worlds or its rule for the optimal time, but do not change the worlds.
+_BESIDE = ("name", "worlds", "subset", "count", "fresh_seed", "speed")
 
 
 def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Catalogue) -> dict[str, Any]:
@@ -143,11 +146,6 @@ def dotted_keys(config: Mapping[str, Any], prefix: str = "") -> set[str]:
         if isinstance(child, dict):
             keys |= dotted_keys(child, f"{prefix}{name}.")
     return keys
-
-
-_LIMITS = ("v_max", "omega_max", "alpha_v", "alpha_omega")
-# Keys of a map that choose its worlds or its rule for the optimal time, but do not change the worlds.
-_BESIDE = ("name", "worlds", "subset", "count", "fresh_seed", "speed")
 
 
 def robots_like(robot: Mapping[str, Any], folders: tuple[Path, ...]) -> list[str]:

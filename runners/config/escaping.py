@@ -29,6 +29,13 @@ _LATEX = {
     **{letter: f"\\{letter}" for letter in "_%&#{}$"},
 }  # fmt: skip
 _IN_LATEX = re.compile("|".join(map(re.escape, _LATEX)))
+HIDDEN = "***"
+# A password may itself hold `@`, `:` or `/`, so all text up to the last `@` counts as one.
+_ACCOUNT = re.compile(r"(\b[a-z][\w+.-]*:/+[^\s:/]*:)(?!\*\*\*@).+@", re.IGNORECASE)
+_ACCOUNT_ALONE = re.compile(r"^([^\s:/]*:).+@")  # of a URL without its scheme
+_TOKEN = re.compile(r"(\bhttps?:/+)[^\s/@:]+@", re.IGNORECASE)  # a user without a password is an access token
+_PLAIN = re.compile(r"[\w.~*-]", re.ASCII)  # what a password may hold unescaped
+_QUERY = re.compile(r"([?&;]\w*(?:pass|pwd|secret|token|api_?key)\w*=)[^\s)]+", re.IGNORECASE)
 
 
 def visible(text: str, keep: str = "") -> str:
@@ -103,15 +110,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-HIDDEN = "***"
-# A password may itself hold `@`, `:` or `/`, so all text up to the last `@` counts as one.
-_ACCOUNT = re.compile(r"(\b[a-z][\w+.-]*:/+[^\s:/]*:)(?!\*\*\*@).+@", re.IGNORECASE)
-_ACCOUNT_ALONE = re.compile(r"^([^\s:/]*:).+@")  # of a URL without its scheme
-_TOKEN = re.compile(r"(\bhttps?:/+)[^\s/@:]+@", re.IGNORECASE)  # a user without a password is an access token
-_PLAIN = re.compile(r"[\w.~*-]", re.ASCII)  # what a password may hold unescaped
-_QUERY = re.compile(r"([?&;]\w*(?:pass|pwd|secret|token|api_?key)\w*=)[^\s)]+", re.IGNORECASE)
 
 
 def masked(url: str) -> str:

@@ -21,6 +21,10 @@ from omegaconf.errors import ConfigKeyError, GrammarParseError, OmegaConfBaseExc
 from lme.errors import InputError, building, nearest
 from lme.inputs.user_code import import_module
 
+_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
+_FULL_KEY = re.compile(r"full_key: *(\S+)")
+_VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to string|value): (.*)")
+
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
     """Build the object that `node` describes: its class called with its Config and `args`.
@@ -127,11 +131,6 @@ def _class(target: Any, key: str) -> Any:
 def _at(key: str, error: InputError) -> InputError:
     message = str(error)
     return error if message.startswith(f"{key}.") else InputError(f"{key}.{message}")
-
-
-_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
-_FULL_KEY = re.compile(r"full_key: *(\S+)")
-_VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to string|value): (.*)")
 
 
 def unknown_key(key: str, known: Iterable[str]) -> InputError:

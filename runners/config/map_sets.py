@@ -24,6 +24,9 @@ from runners.config.catalogue import Catalogue
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that choose among a set's worlds
 _ROBOT = re.compile(r"robot(\.[\w.]+)?=")
+MAX_WORLDS = 1_000_000  # of a range: a longer list would fill the memory
+_SETS = ("held_out", "training")  # map sets by name, besides `map` itself
+_RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 
 
 class MapSetChoice(NamedTuple):
@@ -126,11 +129,6 @@ def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) ->
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         given = " ".join(f"{prefix}{setting}" for setting in settings)
         raise InputError(f"{given}: must be key=value, as in YAML") from error
-
-
-MAX_WORLDS = 1_000_000  # of a range: a longer list would fill the memory
-_SETS = ("held_out", "training")  # map sets by name, besides `map` itself
-_RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 
 
 def expand_worlds(config: DictConfig) -> None:

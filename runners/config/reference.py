@@ -25,6 +25,8 @@ _NOTES = {
     "where the folder may be left out: `lme figure experiment=task`.",
     "space": "Without `space=`, `lme train` takes the file of the guide, and for another guide than LME the planner's.",
 }
+MARKS = "*|_"  # markup of reStructuredText, which comments do not mean
+HEADER = ("Name", "Type", "Default", "Meaning")
 
 
 def pages() -> dict[str, str]:
@@ -119,10 +121,6 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _joined(sections: Iterable[str]) -> str:
     return "\n\n".join(sections) + "\n"
-
-
-MARKS = "*|_"  # markup of reStructuredText, which comments do not mean
-HEADER = ("Name", "Type", "Default", "Meaning")
 
 
 class ConfigField(NamedTuple):

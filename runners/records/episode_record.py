@@ -27,6 +27,10 @@ from lme.errors import InputError
 from lme.types import Floats
 
 CUSTOM_SUBSET = "custom"  # instead of the name of a subset, where the config names the worlds
+APPEND_LOG = "parts/episodes.jsonl"
+_BLOCK = 1 << 20  # bytes
+_FOREIGN_BYTES = 2**20  # of a line that is not an episode, read to find its end
+_LINE_BYTES = 2**28  # longest line of an episode; one of a million steps has about 2**27
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -130,13 +134,6 @@ COLUMNS = tuple(
     column.name for column in fields(EpisodeRecord) if column.name not in ("world_measures", "social")
 )
 TEXTS = tuple(column.name for column in fields(EpisodeRecord) if column.type == "str")
-
-
-APPEND_LOG = "parts/episodes.jsonl"
-
-_BLOCK = 1 << 20  # bytes
-_FOREIGN_BYTES = 2**20  # of a line that is not an episode, read to find its end
-_LINE_BYTES = 2**28  # longest line of an episode; one of a million steps has about 2**27
 
 
 class LogEntry(NamedTuple):

@@ -41,6 +41,8 @@ NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
 # Values of keys that older runs lack; they are left out, so that these runs can be resumed.
 DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}, "filter": {}}
 _SHOWN = 3  # number of differing keys that a message names at most
+_ROOT = Path(__file__).resolve().parents[2]
+_DIGITS = 8  # digits of a commit, as text
 
 
 @dataclass(slots=True)
@@ -305,10 +307,6 @@ def _canonical(value: Any) -> Any:
             return str(value)
         return int(value) if value.is_integer() else value
     return value
-
-
-_ROOT = Path(__file__).resolve().parents[2]
-_DIGITS = 8  # digits of a commit, as text
 
 
 class Commit(NamedTuple):

@@ -25,6 +25,16 @@ ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal", "checkpoint.pt")
 _ADVICE = "resume it with resume=PATH alone, or choose another directory"
 _OUTDATED = "the options that it was started with have changed since"
+# Errors from files of a run that somebody has changed: a part is missing, or has another type.
+NOT_AS_WRITTEN = (
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+)
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
@@ -178,18 +188,6 @@ def _make_directory(directory: Path, exist_ok: bool) -> Path:
     except OSError as error:
         raise directory_error(directory, "written", error) from error
     return directory
-
-
-# Errors from files of a run that somebody has changed: a part is missing, or has another type.
-NOT_AS_WRITTEN = (
-    ValueError,
-    TypeError,
-    KeyError,
-    IndexError,
-    AttributeError,
-    ArithmeticError,
-    RecursionError,
-)
 
 
 class Collected(NamedTuple):

@@ -51,6 +51,8 @@ DEFAULTS = {
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
     "MLFLOW_DISABLE_TELEMETRY": "true",
 }
+KEY_LENGTH = 250
+_REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
 def set_defaults() -> None:
@@ -311,10 +313,6 @@ def _quieten() -> None:
     """Silence the log messages of MLflow, its migrations and retries; errors are raised anyway."""
     for name in ("mlflow", "alembic", "urllib3"):
         logging.getLogger(name).setLevel(logging.ERROR)
-
-
-KEY_LENGTH = 250
-_REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
 def fitting_names(names: Sequence[str]) -> list[str]:

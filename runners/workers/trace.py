@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SAME_M = 1e-6  # [m] largest distance between the poses of a rerun and its record
+_BLOCK = 1000  # episodes that are held in memory at once
 
 
 class TracedStep(NamedTuple):
@@ -186,9 +187,6 @@ class _Tracer:
 
     def ended(self, observation: Observation, state: State) -> None:
         self.end = TraceEnd(state.time, state.pose, observation, self._simulator.obstacles)
-
-
-_BLOCK = 1000  # episodes that are held in memory at once
 
 
 def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iterator[pa.Table]:

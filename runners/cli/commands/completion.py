@@ -22,6 +22,40 @@ EXAMPLES = (
     'eval "$(lme completion bash)"  # in ~/.bashrc to keep it',
     'eval "$(lme completion zsh)"  # in ~/.zshrc',
 )
+_PATH_KEYS = (
+    "weights",
+    "planner.weights",
+    "guide.weights",
+    "start",
+    "resume",
+    "run",
+    "bag",
+    "map.source",
+    "hydra.run.dir",
+    "hydra.sweep.dir",
+)
+_AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
+BASH = """\
+_lme() {
+    local word IFS=$'\\n'
+    COMPREPLY=()
+    while read -r word; do COMPREPLY+=("$word"); done < <(
+        lme completion words --breaks "$COMP_WORDBREAKS" -- "${COMP_LINE:0:COMP_POINT}" 2>/dev/null)
+    if [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *[=./] ]]; then compopt -o nospace; fi
+}
+complete -o bashdefault -o default -F _lme lme
+"""
+ZSH = """\
+_lme() {
+    local -a found
+    found=(${(f)"$(lme completion words -- "${(j: :)words[1,CURRENT]}" 2>/dev/null)"})
+    compadd -Q -S '' -- ${(M)found:#*[=./]}
+    compadd -Q -- ${found:#*[=./]}
+}
+(( $+functions[compdef] )) || { autoload -Uz compinit && compinit; }
+compdef _lme lme
+"""
+SCRIPTS = {"bash": BASH, "zsh": ZSH}
 
 
 def main(argv: list[str]) -> int:
@@ -44,45 +78,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("line", nargs="?", default="", help="with words: the line typed so far")
     parser.add_argument("--breaks", default="", help="with words: letters at which the shell breaks words")
     return parser
-
-
-_PATH_KEYS = (
-    "weights",
-    "planner.weights",
-    "guide.weights",
-    "start",
-    "resume",
-    "run",
-    "bag",
-    "map.source",
-    "hydra.run.dir",
-    "hydra.sweep.dir",
-)
-_AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
-
-BASH = """\
-_lme() {
-    local word IFS=$'\\n'
-    COMPREPLY=()
-    while read -r word; do COMPREPLY+=("$word"); done < <(
-        lme completion words --breaks "$COMP_WORDBREAKS" -- "${COMP_LINE:0:COMP_POINT}" 2>/dev/null)
-    if [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *[=./] ]]; then compopt -o nospace; fi
-}
-complete -o bashdefault -o default -F _lme lme
-"""
-
-ZSH = """\
-_lme() {
-    local -a found
-    found=(${(f)"$(lme completion words -- "${(j: :)words[1,CURRENT]}" 2>/dev/null)"})
-    compadd -Q -S '' -- ${(M)found:#*[=./]}
-    compadd -Q -- ${found:#*[=./]}
-}
-(( $+functions[compdef] )) || { autoload -Uz compinit && compinit; }
-compdef _lme lme
-"""
-
-SCRIPTS = {"bash": BASH, "zsh": ZSH}
 
 
 def candidates(line: str, commands: Iterable[str]) -> list[str]:

@@ -38,6 +38,11 @@ A line that begins with {_MARK} is a problem; the next line says what to do.
 The exit status is 1 if there is a problem, else 0.
 Call it in the folder where you call lme: outputs and the MLflow store are relative to it.
 Nothing is written, sent or started. The report names your folders: read it before you publish it."""
+OUTPUTS = Path("outputs")
+WORKER_GB = 0.3  # memory of a worker process, with room to spare
+_REINSTALL = "in a checkout: pip install --editable ."
+_FOR_DEVELOPERS = {"dev", "docs"}
+_EXTRA = re.compile(r'extra == "([\w-]+)"')
 
 
 def main(argv: list[str]) -> int:
@@ -63,11 +68,6 @@ def _format(lines: Sequence[Line]) -> list[str]:
         texts += [f"{' ' * (width + 4)}{line.advice}"] if line.advice else []
     problems = sum(bool(line.advice) for line in lines)
     return [*texts, "", f"{problems or 'No'} problem{'' if problems == 1 else 's'}."]
-
-
-OUTPUTS = Path("outputs")
-WORKER_GB = 0.3  # memory of a worker process, with room to spare
-_REINSTALL = "in a checkout: pip install --editable ."
 
 
 class Line(NamedTuple):
@@ -193,10 +193,6 @@ def _mlflow() -> Line:
 def _is_writable(folder: Path) -> bool:
     """Return whether files can be made in `folder`, which may have to be created first."""
     return obstacle(folder / "file") is None
-
-
-_FOR_DEVELOPERS = {"dev", "docs"}
-_EXTRA = re.compile(r'extra == "([\w-]+)"')
 
 
 def needed() -> list[Requirement]:

@@ -31,6 +31,17 @@ EXAMPLES = (
     "lme export outputs/eval/SWEEP --output sweep.parquet",
 )
 _EPISODE = re.compile(r"\d+(/\d+)?|failures")
+_RUN_COLUMNS = (
+    "run_dir",
+    "sim",
+    "filter",
+    "crowd",
+    "scale",
+)  # tell runs apart, as do changed keys, which have a dot
+Write = Callable[
+    [Iterable["pa.Table"], Any], int
+]  # takes tables and an open file, returns the number of rows
+BINARY = ("parquet",)
 
 
 def main(argv: list[str]) -> int:
@@ -157,19 +168,6 @@ def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
         raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
 
 
-_RUN_COLUMNS = (
-    "run_dir",
-    "sim",
-    "filter",
-    "crowd",
-    "scale",
-)  # tell runs apart, as do changed keys, which have a dot
-
-Write = Callable[
-    [Iterable["pa.Table"], Any], int
-]  # takes tables and an open file, returns the number of rows
-
-
 def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
     """Yield the records of a run as its file holds them; for several runs, with the columns that tell them apart."""
     from runners.records.records import episode_tables
@@ -252,7 +250,6 @@ def write_parquet(tables: Iterable[pa.Table], file: IO[bytes]) -> int:
 
 
 FORMATS: dict[str, Write] = {"csv": write_csv, "jsonl": write_jsonl, "parquet": write_parquet}
-BINARY = ("parquet",)
 
 
 def _check_columns(columns: Sequence[str], column_names: Sequence[str]) -> list[str]:

@@ -28,6 +28,45 @@ EXAMPLES = (
     "lme maps build drive.bag",
 )
 NAMED = 6  # worlds that the file name of a picture lists at most
+BUILD_EXAMPLES = (
+    "lme maps build drive.bag",
+    "lme maps build office.log.gz --output maps/office.yaml",
+    "lme maps build outputs/live/RUN/recordings/*.mcap --radius 0.18",
+    "lme maps build drive.mcap topics.scan=/front/scan frames.odom=odom start=20 end=300",
+)
+BUILDINGS_EXAMPLES = ("lme maps buildings ~/ple", "lme maps buildings ~/ple my_buildings --overwrite")
+_BUILD = """\
+Build a map from the log of a drive, to drive in with map=file or map=building.
+
+A log holds scans and poses: a ROS 1 or ROS 2 recording (.bag, .db3, .mcap, or its folder), a recording of lme live or
+lme eval, or a CARMEN log (.log, .clf, also .gz) with FLASER or ROBOTLASER1 lines. Several logs make one map if they
+are of one drive, so that their poses are in one frame.
+
+Poses come from tf in the frame "map" if a localiser or a SLAM program ran, else from odometry. The map is only as good
+as the poses: odometry drifts, so its walls become double. Nothing is aligned here.
+
+A beam hits the cell in which it ends and passes those before it. A cell is occupied if it has at least two hits and at
+least 12 % of its beams are hits. Free is what the robot's body swept, and what its body can reach. The rest is unknown,
+an obstacle for map=file. OUTPUT_way.png shows the map with the robot's way: look at it."""
+_BUILD_NOTES = """\
+settings of the log are keys of lme replay, as in conf/replay.yaml:
+  topics.scan, topics.pose   topics, if there are several of a type; lme replay LOG list=true shows them
+  frames.odom, frames.base   frames of the poses; frames.odom=odom: odometry although there is a frame "map"
+  scan.mount                 [x, y, z, roll, pitch, yaw] of the lidar on the base [m, rad], if tf does not know it
+  scan.range_max             [m] range without a return, if the recording does not say
+  scan.cloud.min_height, …   how a point cloud becomes a scan
+  start, end                 [s] from the beginning of the log
+  clock                      header | recorded | auto"""
+_BUILDINGS = """\
+Build the maps of ten real buildings from published laser logs, for map=building.
+
+The logs were made by real robots, published on Radish, the Robotics Data Set Repository, and corrected by SLAM. They
+are in https://github.com/acschaefer/ple, data/carmen/*-corrected.log.gz. Nothing is downloaded: clone it first. The
+terms of the data are those of Radish and of each log's author, so lme ships neither logs nor maps.
+
+The buildings: acapulco, aces, belgioioso, csail, edmonton, freiburg-079, freiburg-101, intel, orebro, seattle. Each log
+must be the published file, by its SHA-256 digest; a building whose log is not there is left out. freiburg-campus and
+infinite-corridor are kilometres long and not built."""
 
 
 def main(argv: list[str]) -> int:
@@ -190,48 +229,6 @@ def _import(arguments: argparse.Namespace) -> None:
         f"{len(report)} worlds in {arguments.destination}, {len(report) - len(different)} equal to the "
         f"regenerated ones. Run them: {lme_command('eval', 'map=barn', 'map.subset=all', source)}"
     )
-
-
-BUILD_EXAMPLES = (
-    "lme maps build drive.bag",
-    "lme maps build office.log.gz --output maps/office.yaml",
-    "lme maps build outputs/live/RUN/recordings/*.mcap --radius 0.18",
-    "lme maps build drive.mcap topics.scan=/front/scan frames.odom=odom start=20 end=300",
-)
-BUILDINGS_EXAMPLES = ("lme maps buildings ~/ple", "lme maps buildings ~/ple my_buildings --overwrite")
-
-_BUILD = """\
-Build a map from the log of a drive, to drive in with map=file or map=building.
-
-A log holds scans and poses: a ROS 1 or ROS 2 recording (.bag, .db3, .mcap, or its folder), a recording of lme live or
-lme eval, or a CARMEN log (.log, .clf, also .gz) with FLASER or ROBOTLASER1 lines. Several logs make one map if they
-are of one drive, so that their poses are in one frame.
-
-Poses come from tf in the frame "map" if a localiser or a SLAM program ran, else from odometry. The map is only as good
-as the poses: odometry drifts, so its walls become double. Nothing is aligned here.
-
-A beam hits the cell in which it ends and passes those before it. A cell is occupied if it has at least two hits and at
-least 12 % of its beams are hits. Free is what the robot's body swept, and what its body can reach. The rest is unknown,
-an obstacle for map=file. OUTPUT_way.png shows the map with the robot's way: look at it."""
-_BUILD_NOTES = """\
-settings of the log are keys of lme replay, as in conf/replay.yaml:
-  topics.scan, topics.pose   topics, if there are several of a type; lme replay LOG list=true shows them
-  frames.odom, frames.base   frames of the poses; frames.odom=odom: odometry although there is a frame "map"
-  scan.mount                 [x, y, z, roll, pitch, yaw] of the lidar on the base [m, rad], if tf does not know it
-  scan.range_max             [m] range without a return, if the recording does not say
-  scan.cloud.min_height, …   how a point cloud becomes a scan
-  start, end                 [s] from the beginning of the log
-  clock                      header | recorded | auto"""
-_BUILDINGS = """\
-Build the maps of ten real buildings from published laser logs, for map=building.
-
-The logs were made by real robots, published on Radish, the Robotics Data Set Repository, and corrected by SLAM. They
-are in https://github.com/acschaefer/ple, data/carmen/*-corrected.log.gz. Nothing is downloaded: clone it first. The
-terms of the data are those of Radish and of each log's author, so lme ships neither logs nor maps.
-
-The buildings: acapulco, aces, belgioioso, csail, edmonton, freiburg-079, freiburg-101, intel, orebro, seattle. Each log
-must be the published file, by its SHA-256 digest; a building whose log is not there is left out. freiburg-campus and
-infinite-corridor are kilometres long and not built."""
 
 
 def _add_build(verbs: Any) -> None:

@@ -27,6 +27,17 @@ _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _OPEN = (
     "--host is {}: MLflow asks for no password, so whoever reaches port {} can read, change and delete runs"
 )
+VIEW = "lme"
+METRICS = ("success", "barn_metric", "collision", "timeout", "time_s", "spl")
+COLUMNS = ["tags.`system`", *(f"metrics.`{name}`" for name in METRICS), "tags.`map`", "tags.`command`"]
+STATE = {
+    "selectedColumns": COLUMNS,
+    "columnOrder": COLUMNS,
+    "searchFilter": "tags.command != 'sweep'",  # the metrics belong to a sweep's jobs
+    "orderByKey": "tags.`mlflow.runName`",  # dates; sorted by creation, jobs are hidden below their sweeps
+    "orderByAsc": False,
+}
+_TIMEOUT_S = 30.0
 
 
 def main(argv: list[str]) -> int:
@@ -138,19 +149,6 @@ def _check_address(host: str, port: int) -> None:
         raise InputError(
             f"--host {host} --port {port} cannot be used ({error.strerror}): choose another port"
         ) from None
-
-
-VIEW = "lme"
-METRICS = ("success", "barn_metric", "collision", "timeout", "time_s", "spl")
-COLUMNS = ["tags.`system`", *(f"metrics.`{name}`" for name in METRICS), "tags.`map`", "tags.`command`"]
-STATE = {
-    "selectedColumns": COLUMNS,
-    "columnOrder": COLUMNS,
-    "searchFilter": "tags.command != 'sweep'",  # the metrics belong to a sweep's jobs
-    "orderByKey": "tags.`mlflow.runName`",  # dates; sorted by creation, jobs are hidden below their sweeps
-    "orderByAsc": False,
-}
-_TIMEOUT_S = 30.0
 
 
 class RunsPage(NamedTuple):
