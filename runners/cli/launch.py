@@ -27,7 +27,6 @@ from runners.config.instantiate import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
 from runners.records import inputs, launch_record, run_directories, trust
-from runners.workers import forkserver
 from runners.workers.environment import search_working_folder_last
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
@@ -74,6 +73,8 @@ def launch(command: Command, argv: Sequence[str]) -> int:
             show.config(plan.first, args.cfg, args.package, args.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
+            from runners.workers import forkserver
+
             forkserver.start()  # imports while this process builds and checks the jobs
         # Check every job before anything is written, then choose the directory.
         jobs = command_line.validated(plan, composer, command.validate)
