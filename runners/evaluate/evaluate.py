@@ -73,13 +73,13 @@ def validate(job: Job[EvalConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
     job.check_scale()
     check_report(job)
-    _check_drawn(job)
-    build.check_drive(job.config)
-
-
-def _check_drawn(job: Job[EvalConfig]) -> None:
-    """Raise InputError for keys that a map set that draws a robot per episode cannot support, or does not use."""
     maps = build.map_set(job.config)
+    _check_drawn(job, maps)
+    build.check_drive(job.config, maps=maps)
+
+
+def _check_drawn(job: Job[EvalConfig], maps: MapSet) -> None:
+    """Raise InputError for keys that a map set that draws a robot per episode cannot support, or does not use."""
     if not isinstance(maps, DrawsRobots):
         return
     if job.choices.get("crowd", "none") != "none":
