@@ -17,8 +17,7 @@ from benchmarks.speed import machine
 from lme.navigation.episode import run_episode
 from runners.config import build, catalogue
 from runners.config.command_line import compose_job
-from runners.config.composer import Composer
-from runners.config.overrides import CUSTOM
+from runners.config.composer import CUSTOM, Composer
 
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh worlds, one of each density and smoothing

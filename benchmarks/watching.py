@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from runners.records.append_log import APPEND_LOG
+from runners.records.episode_record import APPEND_LOG
 
 LME = str(Path(sys.executable).parent / "lme")
 RUN = "run"  # the folder of the run

@@ -8,7 +8,7 @@ from dataclasses import is_dataclass
 from pathlib import Path
 
 import lme
-from runners.config import fields, reference
+from runners.config import reference
 
 project = "lme"
 author = "The lme authors"
@@ -76,8 +76,8 @@ def add_fields(app, what, name, member, options, lines):
     schema = getattr(member, "Config", member)
     if what == "class" and is_dataclass(schema) and lines[:1] == inspect.getdoc(member).splitlines()[:1]:
         heading = f"Keys of `{name.rpartition('.')[2]}.Config`:" if schema is not member else "Fields:"
-        if rows := fields.fields(schema):
-            lines += ["", heading, "", *fields.as_rst(rows)]
+        if rows := reference.fields(schema):
+            lines += ["", heading, "", *reference.as_rst(rows)]
 
 
 def skip_told_elsewhere(app, what, name, member, skip, options):

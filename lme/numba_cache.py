@@ -21,6 +21,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
 _PREFIX = "kernels-"
+FIRST_STEP, _LAST_KERNEL = _PACKAGE / "geometry" / "motion.py", "travelled"  # see `compiled`
 _NUMBA_CACHING = "numba.core.caching"  # its module that reads and writes the cache
 _MAX_VERSIONS = 3  # versions that are kept, since a checkout may switch back and forth between some
 
@@ -59,6 +61,19 @@ def folder(source: Path) -> Path:
     if not cache_dir:
         return source.parent / "__pycache__"
     return Path(cache_dir) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
+
+
+def compiled() -> bool:
+    """Return whether the cache has the kernel that the first step of an episode calls last, for this version of Numba.
+
+    Numba is not imported, which would take a second. The cache may still lack the kernels of a guide, planner or
+    simulator that was never used.
+    """
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        return True
+    name = f"{FIRST_STEP.stem}.{_LAST_KERNEL}-*.py{sys.version_info.major}{sys.version_info.minor}*.nbi"
+    indices = folder(FIRST_STEP).glob(name)
+    return any(version("numba").encode() in index.read_bytes() for index in indices)
 
 
 def _version(package: Path) -> str:

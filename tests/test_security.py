@@ -9,7 +9,7 @@ import pytest
 
 from lme.config.presets import load_parameters
 from lme.errors import InputError
-from runners.records.append_log import read_log
+from runners.records.episode_record import read_log
 from runners.records.launch_record import read_launch
 from tests.places import ROOT
 

@@ -3,10 +3,12 @@ and a ~ in a path."""
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import stat
 from collections.abc import Hashable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,6 +19,8 @@ from lme.errors import InputError
 TEXT_BYTES = 64 * 2**20  # of a text that is read as a whole
 LOG_BYTES = 2**30  # of a log of JSON lines that is read as a whole
 YAML_BYTES = 8 * 2**20  # parsing takes about 3 s for each MiB
+
+_KEPT_CHARACTERS = 16_384  # of a YAML text, at most, whose content is kept
 
 SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -97,8 +101,8 @@ def read_yaml(path: Path) -> object:
     """
     try:
         text = read_text(path, YAML_BYTES)
-        check_structure(text)
-        return yaml.load(text, Loader=_UniqueKeys)
+        # The small files of conf/ are read again and again, so their content is kept.
+        return copy.deepcopy(_kept(text)) if len(text) <= _KEPT_CHARACTERS else _parsed(text)
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error
@@ -108,6 +112,14 @@ def read_yaml(path: Path) -> object:
         raise InputError(f"{path}: not valid YAML in UTF-8 ({' '.join(str(error).split())[:200]})") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _parsed(text: str) -> object:
+    check_structure(text)
+    return yaml.load(text, Loader=_UniqueKeys)
+
+
+_kept = lru_cache(maxsize=256)(_parsed)
 
 
 class UnfoldingError(yaml.MarkedYAMLError):

@@ -1,12 +1,18 @@
-"""The output of `lme`, `lme --help` and `lme COMMAND --help`. It must appear at once: nothing heavy is imported."""
+"""Help texts: of `lme` itself, and of commands with a config or with options of their own.
+
+They must appear at once: nothing heavy is imported.
+"""
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from runners.config import catalogue
+from runners.records import trust
 
 _COLUMN = 24  # where descriptions start
 
@@ -121,3 +127,19 @@ def _table(rows: Iterable[tuple[str, str]]) -> list[str]:
         wrapped = textwrap.wrap(right, width, initial_indent=label, subsequent_indent=" " * _COLUMN)
         lines += wrapped or [label.rstrip()]
     return lines
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Describe --trust, which `runners/cli/main.py` removes from the words of every command."""
+    help_text = "run the code that a run names (SECURITY.md); without it, only lme's own is run"
+    parser.add_argument(trust.FLAG, action="store_true", help=help_text)
+
+
+def texts(description: str | None, examples: Iterable[str], notes: str = "") -> dict[str, Any]:
+    """Return keywords for `ArgumentParser` and `add_parser`; the help ends with notes, if any, and examples."""
+    example_text = "\n".join(["examples:", *(f"  {example}" for example in examples)])
+    return {
+        "description": description,
+        "epilog": f"{notes}\n\n{example_text}" if notes else example_text,
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }

@@ -25,11 +25,10 @@ from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from runners.config import worlds
+from runners.config import map_sets
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
-from runners.config.urls import masked_text
-from runners.tracking.mlflow import sweep_closed
+from runners.config.escaping import masked_text
 
 _ID = "%j"  # submitit's sign for the number of a job
 
@@ -120,6 +119,8 @@ def _sweep(
     composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]
 ) -> int:
     """Run the jobs of a plan with Hydra's sweeper and launcher."""
+    from runners.tracking.mlflow import sweep_closed
+
     config = composer.compose(plan.overrides, RunMode.MULTIRUN)
     settings = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
     _set(config, settings)
@@ -176,7 +177,7 @@ class _PlannedJobs(ConfigLoaderImpl, Callback):
         config = self._configs.get(self._composer.canonical(sweep_overrides))
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
-            worlds.expand_worlds(config)
+            map_sets.expand_worlds(config)
         _set(config, self._job_settings)
         return config
 

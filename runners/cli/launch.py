@@ -16,19 +16,17 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import explained, show_traceback
-from runners.cli import hydra_jobs, show
-from runners.cli.error_messages import explain_os_error
-from runners.cli.guards import status_of, terminable
+from runners.cli import hydra_jobs
+from runners.cli.guards import explain_os_error, status_of, terminable
 from runners.cli.hydra_jobs import LauncherError
 from runners.config import arguments, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, without_hydra
-from runners.config.hydra_errors import translate_error
+from runners.config.escaping import masked_text
+from runners.config.instantiate import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
-from runners.config.urls import masked_text
 from runners.records import inputs, launch_record, run_directories, trust
-from runners.workers import forkserver
 from runners.workers.environment import search_working_folder_last
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
@@ -61,6 +59,8 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     args, resumed = _with_resumed(command.name, typed_args)
     config_name = args.config_name or command.name
     if args.info or args.hydra_help:
+        from runners.cli import show
+
         return show.print_hydra_info(command.name, config_name, args)
     # Compose the config of every job.
     with Composer(config_name, args.config_dir) as composer:
@@ -68,15 +68,37 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         if resumed is not None:
             _check_code(plan, resumed)
         if args.cfg:
+            from runners.cli import show
+
             show.config(plan.first, args.cfg, args.package, args.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
+            from runners.workers import forkserver
+
             forkserver.start()  # imports while this process builds and checks the jobs
-        # Check every job before anything is written, then choose the directory and run them.
+        # Check every job before anything is written, then choose the directory.
         jobs = command_line.validated(plan, composer, command.validate)
         record, directory = _directory(command, args, plan, jobs, resumed)
-        with trust.trusting(directory):  # whose config is the one just composed
-            return _start(command, record, plan, composer, jobs, directory)
+        # Let Hydra run the jobs, and the command finish the sweep if all of them succeeded.
+        checked = {job.overrides: job for job in jobs}
+        num_jobs = plan.num_jobs if plan.multirun else None
+        task = _Task(command, record, directory, composer.catalogue.folders, checked, num_jobs, os.getpid())
+        try:
+            with trust.trusting(directory):  # whose config is the one just composed
+                status = hydra_jobs.run(composer, plan, command.name, directory, task)
+                if plan.multirun and status == 0 and command.finish_sweep is not None:
+                    job_dirs = run_directories.jobs_of_sweep(directory, plan.num_jobs)
+                    command.finish_sweep(replace(jobs[0], sweep_dir=directory), job_dirs)
+        # An error that ended the sweep becomes an exit status and, for a sweep, the command that resumes it.
+        except SystemExit as end:
+            return end.code if isinstance(end.code, int) else 1
+        except (KeyboardInterrupt, LauncherError) as error:
+            if isinstance(error, LauncherError):
+                print(f"lme {command.name}: {error}", file=sys.stderr)
+            if plan.multirun:
+                print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
+            return status_of(error) if isinstance(error, KeyboardInterrupt) else 1
+        return status
 
 
 def _with_resumed(command: str, args: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
@@ -220,38 +242,6 @@ def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
     return None
 
 
-def _start(
-    command: Command,
-    record: launch_record.Launch,
-    plan: command_line.Plan,
-    composer: Composer,
-    jobs: Sequence[Job[Any]],
-    directory: Path,
-) -> int:
-    """Run all jobs in or below `directory` and return the exit status."""
-    checked = {job.overrides: job for job in jobs}
-    num_jobs = plan.num_jobs if plan.multirun else None
-    task = _Task(command, record, directory, composer.catalogue.folders, checked, num_jobs, os.getpid())
-    # Run the jobs, then let the command finish the sweep if all of them succeeded.
-    try:
-        status = hydra_jobs.run(composer, plan, command.name, directory, task)
-        if plan.multirun and status == 0 and command.finish_sweep is not None:
-            sweep_job = replace(jobs[0], sweep_dir=directory)
-            command.finish_sweep(sweep_job, run_directories.jobs_of_sweep(directory, plan.num_jobs))
-    # An error that ended the sweep becomes an exit status and, for a sweep, the command that resumes it.
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else 1
-    except KeyboardInterrupt as interrupt:
-        if plan.multirun:
-            print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
-        return status_of(interrupt)
-    except LauncherError as error:
-        print(f"lme {command.name}: {error}", file=sys.stderr)
-        print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
-        return 1
-    return status
-
-
 @dataclass(frozen=True, slots=True)
 class _Task:
     """The function that Hydra calls for every job, in this process or in one that a launcher plugin starts.
@@ -300,9 +290,21 @@ class _Task:
         return 0
 
     def _job(self, config: DictConfig) -> Job[Any]:
-        """Return the job with its directory. A job of a sweep gets its own launch record there."""
+        """Return the job as composed at launch, with its directory. A job of a sweep gets its own launch record there.
+
+        In a very large sweep, some jobs have not been composed yet. Raises InputError if their files have changed.
+        """
         hydra = HydraConfig.get()
-        job = self._as_at_launch(config, hydra)
+        job = self.checked.get(tuple(hydra.overrides.task))
+        # Not composed at launch: compose it now, from files that must be the same as then.
+        if job is None:
+            changed_paths = [source for saved in self.record.inputs for source in inputs.changed_files(saved)]
+            if changed_paths:
+                raise InputError(
+                    f"{changed_paths[0]} has changed since the sweep began, and a sweep of more than "
+                    f"{command_line.MAX_JOBS_CHECKED} jobs reads it for every job: restore it, and resume the sweep"
+                )
+            job = Job.composed(config, hydra, Catalogue(self.folders))
         run_dir = _relative(Path(hydra.runtime.output_dir))
         if self.num_jobs is None:
             return replace(job, run_dir=run_dir)
@@ -314,25 +316,12 @@ class _Task:
             self.command.name, [job], words, False, self.record.config_name, self.record.inputs
         )
         replace(record, job=number).write(run_dir)
-        job = replace(job, run_dir=run_dir, sweep_dir=_relative(Path(hydra.sweep.dir)))
-        return replace(job, config=inputs.as_at_launch(job.config, self.record.inputs, self.directory))
-
-    def _as_at_launch(self, config: DictConfig, hydra: Any) -> Job[Any]:
-        """Return the job as composed at launch, even if the files have changed since.
-
-        In a very large sweep, some jobs have not been composed yet. Raises InputError if their files have changed.
-        """
-        checked = self.checked.get(tuple(hydra.overrides.task))
-        if checked is not None:
-            return checked
-        # Not composed at launch: compose it now, from files that must be the same as then.
-        changed_paths = [source for saved in self.record.inputs for source in inputs.changed_files(saved)]
-        if changed_paths:
-            raise InputError(
-                f"{changed_paths[0]} has changed since the sweep began, and a sweep of more than "
-                f"{command_line.MAX_JOBS_CHECKED} jobs reads it for every job: restore it, and resume the sweep"
-            )
-        return Job.composed(config, hydra, Catalogue(self.folders))
+        return replace(
+            job,
+            run_dir=run_dir,
+            sweep_dir=_relative(Path(hydra.sweep.dir)),
+            config=inputs.as_at_launch(job.config, self.record.inputs, self.directory),
+        )
 
 
 def _relative(path: Path) -> Path:

@@ -26,10 +26,9 @@ import lme
 from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.inputs.user_code import explained, show_traceback
-from runners.cli import commands, help
-from runners.cli.error_messages import explain_missing, explain_os_error
-from runners.cli.guards import plain_output, status_of, terminable
-from runners.config.urls import masked_text
+from runners.cli import commands
+from runners.cli.guards import explain_missing, explain_os_error, plain_output, status_of, terminable
+from runners.config.escaping import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
 
@@ -47,9 +46,10 @@ def _main(argv: Sequence[str] | None) -> int:
     name = words[0] if words else "--help"
     command_paths = command_files()
     search_working_folder_last()
-    # Run the command with the guards that all commands share.
+    # Run the command with the guards that all commands share; each takes --trust, which allows a run's own code.
+    trusting = trust.trusting(None) if trust.FLAG in words else contextlib.nullcontext()
     try:
-        with plain_warnings(), terminable(), environment(SAFE_PATH), _trusting(words):
+        with plain_warnings(), terminable(), environment(SAFE_PATH), trusting:
             status = _run(name, [word for word in words[1:] if word != trust.FLAG], command_paths)
             sys.stdout.flush()
             if stdout_lost:
@@ -73,11 +73,6 @@ def _main(argv: Sequence[str] | None) -> int:
         print(f"lme {name}: {message}", file=sys.stderr)
         show_traceback(error)
         return 1
-
-
-def _trusting(words: Sequence[str]) -> contextlib.AbstractContextManager[None]:
-    """Allow the execution of code that runs name if the command has --trust, which every command takes."""
-    return trust.trusting(None) if trust.FLAG in words else contextlib.nullcontext()
 
 
 def _explain(error: BaseException, command: str) -> str:
@@ -150,6 +145,8 @@ def _parsed(path: Path) -> ast.Module:
 
 def _run(name: str, argv: list[str], command_paths: dict[str, Path]) -> int:
     if name in ("-h", "--help", "help"):
+        from runners.cli import help
+
         print(help.overview({name: title(path) for name, path in command_paths.items()}))
         return 0
     if name in ("-V", "--version"):
@@ -160,6 +157,8 @@ def _run(name: str, argv: list[str], command_paths: dict[str, Path]) -> int:
             f"{name}: no such command; {nearest(name, command_paths)}there are: {', '.join(command_paths)}"
         )
     if {"-h", "--help"} & set(argv) and (resource_dir("conf") / f"{name}.yaml").is_file():
+        from runners.cli import help
+
         print(help.command(name, title(command_paths[name]), examples(command_paths[name]), argv))
         return 0
     module = importlib.import_module(f"{commands.__name__}.{command_paths[name].stem}")

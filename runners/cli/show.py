@@ -15,8 +15,8 @@ from lme.errors import InputError
 from lme.inputs.resources import resource_dir
 from runners.config.arguments import Arguments
 from runners.config.composer import without_hydra
-from runners.config.hydra_errors import full_key, translate_error
-from runners.config.urls import masked_text
+from runners.config.escaping import masked_text
+from runners.config.instantiate import full_key, translate_error
 
 
 def config(composed: DictConfig, kind: str, package: str | None, resolve: bool) -> None:

@@ -15,7 +15,7 @@ from lme.robots import Robot
 from lme.simulation.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.rules import LEAST_TIME, TIME_FACTOR, fair_limit, with_robot
-from lme.worlds.world import DrawnTask, DrawsRobots, MapSet, Task
+from lme.worlds.world import DrawsRobots, MapSet, Task
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
 
@@ -88,12 +88,8 @@ def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
         with building("map"):
             return EpisodeSetting(config, maps.task(number), {})
     drawn = maps.drawn(number)
-    return EpisodeSetting(_with_drawn(config, drawn), drawn.task, drawn.columns)
-
-
-def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:
-    """Return the config with the robot and disturbances that were drawn."""
-    return replace(with_disturbances(config, drawn.disturbances), robot=drawn.robot)
+    drawn_config = replace(with_disturbances(config, drawn.disturbances), robot=drawn.robot)
+    return EpisodeSetting(drawn_config, drawn.task, drawn.columns)
 
 
 def with_disturbances(config: C, values: Mapping[str, float]) -> C:
@@ -110,18 +106,25 @@ def with_disturbances(config: C, values: Mapping[str, float]) -> C:
     return replace(config, sim=sim, planner=with_latency(config.planner), filter=with_latency(config.filter))
 
 
-def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
-    """Check a system and its first `num_tasks` tasks, or all of them for None. Raises InputError."""
-    check_episodes(config, num_tasks)
+def check_drive(
+    config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS, maps: MapSet | None = None
+) -> None:
+    """Check a system and its first `num_tasks` tasks, or all of them for None. Raises InputError.
+
+    maps: the map set of the config, if it is built already.
+    """
+    check_episodes(config, num_tasks, maps)
     navigator(config)
 
 
-def check_episodes(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
+def check_episodes(
+    config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS, maps: MapSet | None = None
+) -> None:
     """Check everything but the navigator. Raises InputError."""
     require("runs", config.runs, at_least=1)
     require("seed", config.seed, at_least=0)
     configured(config.executor, "executor")
-    maps = map_set(config)
+    maps = map_set(config) if maps is None else maps
     settings = [setting(config, maps, number) for number in maps.numbers[:num_tasks]]
     for here in settings:
         check_task(here.task, here.config.robot)

@@ -1,18 +1,23 @@
-"""Changed keys: keys with other values than in the files of the chosen options."""
+"""A config compared with the files in `conf/`: keys that were changed, and options that it equals by its values."""
 
 from __future__ import annotations
 
+import os.path
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from lme.config.composer import SHIPPED
 from lme.errors import InputError
 from lme.robots import Robot
-from runners.config import ablations
+from runners.config import systems
 from runners.config.catalogue import Catalogue
-from runners.config.flatten import flatten
+from runners.config.instantiate import fill_dataclass
 from runners.config.schema import COMMANDS
 
 GROUPS = (
@@ -29,6 +34,9 @@ HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of 
 _WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
 TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its families, and their robots
+_LIMITS = ("v_max", "omega_max", "alpha_v", "alpha_omega")
+# Keys of a map that choose its worlds or its rule for the optimal time, but do not change the worlds.
+_BESIDE = ("name", "worlds", "subset", "count", "fresh_seed", "speed")
 
 
 def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Catalogue) -> dict[str, Any]:
@@ -39,18 +47,29 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     group it belongs to. The key of a held-out map is "held_out.NAME.KEY", that of a family "training.NAME.KEY".
     """
     changes = {}
-    ablated = ablations.settings(choices.get(ablations.GROUP, ""), catalogue)
+    ablated = systems.ablation_settings(choices.get(systems.ABLATION, ""), catalogue)
     for node, names in _chosen(config, choices):
         given: Any = OmegaConf.select(config, node)
         if not isinstance(given, DictConfig):
             raise InputError(f"{node} is {given!r}: must be a mapping, such as a file in conf/ has")
+        if not given:  # such as crowd=none
+            continue
         written = _written(names, {**_of_family(node, config, catalogue), **ablated.get(node, {})}, catalogue)
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):
             dotted = f"{node}.{key}"
-            if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
+            # Records show in another way which worlds were driven, and how many.
+            is_shown = dotted in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
+            if not is_shown and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    return changes | _changed_keys(config) | _changed_costmap_range(config)
+    # Keys outside of these nodes: whom the system sees, from where commands ramp, and the range of a guide's costmap.
+    schema: Any = OmegaConf.get_type(config)
+    defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
+    changes |= {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
+    if OmegaConf.select(config, "costmap_range") is not None and "costmap" in config.guide:
+        costmap = config.guide.costmap
+        changes |= {f"guide.costmap.{key}": costmap[key] for key in ("obstacle_range", "raytrace_range")}
+    return changes
 
 
 def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str, Any]:
@@ -60,25 +79,6 @@ def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str,
     command = next((name for name, kind in COMMANDS.items() if OmegaConf.get_type(config) is kind), None)
     families = catalogue.values(command).get("training", {}) if command else {}
     return cast(dict[str, Any], families.get(node.removeprefix(TRAINING)) or {})
-
-
-def _changed_keys(config: DictConfig) -> dict[str, Any]:
-    """Return `people` and `feedback`, if they differ from the command's defaults."""
-    schema: Any = OmegaConf.get_type(config)
-    defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
-    return {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
-
-
-def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:
-    """Return the ranges of a guide's costmap, if they follow `costmap_range`."""
-    if OmegaConf.select(config, "costmap_range") is None or "costmap" not in config.guide:
-        return {}
-    return {f"guide.costmap.{key}": config.guide.costmap[key] for key in ("obstacle_range", "raytrace_range")}
-
-
-def _is_shown(node: str, key: str) -> bool:
-    """Return whether records show a key in another way, as they do which worlds were driven, and how many."""
-    return f"{node}.{key}" in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:
@@ -92,7 +92,7 @@ def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[st
         if group in config:
             yield (
                 group,
-                [f"{group}/{choices[group]}"] if group in choices and group != ablations.GROUP else [],
+                [f"{group}/{choices[group]}"] if group in choices and group != systems.ABLATION else [],
             )
     for choice, option in choices.items():
         group, _, node = choice.partition("@")
@@ -127,3 +127,145 @@ def _equal(written: Any, value: Any) -> bool:
 def _shown(value: Any) -> str:
     """Return a value as text without ", ", which separates the keys."""
     return str(value).replace(", ", ",")
+
+
+def flatten(config: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield ("a.b", value) for every leaf of a nested mapping."""
+    for key, value in config.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def dotted_keys(config: Mapping[str, Any], prefix: str = "") -> set[str]:
+    """Return "a" and "a.b" for every mapping and every leaf of a nested mapping."""
+    keys = set()
+    for name, child in config.items():
+        keys.add(f"{prefix}{name}")
+        if isinstance(child, dict):
+            keys |= dotted_keys(child, f"{prefix}{name}.")
+    return keys
+
+
+def robots_like(robot: Mapping[str, Any], folders: tuple[Path, ...]) -> list[str]:
+    """Return the robots of the config folders with these values, except for limits that may be higher."""
+    ours = _values(robot)
+    return [name for name, other in _robots(folders).items() if not any(_differing(ours, other, limits=True))]
+
+
+def robot_difference(robot: Mapping[str, Any]) -> str:
+    """Return the first difference of a robot from the shipped one of its name; empty if there is none.
+
+    An example is "robot.v_max is 1, and 0.5 in the shipped stage".
+    """
+    ours = _values(robot)
+    name = ours.get("name")
+    shipped = next((one for one in _robots(SHIPPED).values() if one["name"] == name), None)
+    key = None if shipped is None else next(_differing(ours, shipped, limits=False), None)
+    if shipped is None or key is None:
+        return ""
+    return f"robot.{key} is {_or_null(ours.get(key))}, and {_or_null(shipped.get(key))} in the shipped {name}"
+
+
+def radius_note(robot: Robot) -> str:
+    """Return the note on a small collision radius, unless the robot is a shipped one; empty if none is needed."""
+    return (
+        f"robot.{robot.radius_note}" if robot.radius_note and not robots_like(asdict(robot), SHIPPED) else ""
+    )
+
+
+def map_like(node: Mapping[str, Any], option: str, name: str) -> str:
+    """Return the shipped map set that a map's config equals by its values; empty for any other map.
+
+    This is `option` itself if it ships, else `name` if all values agree.
+    """
+    catalogue = Catalogue(SHIPPED)
+    if catalogue.has(f"map/{option}"):
+        return option
+    if not catalogue.has(f"map/{name}"):
+        return ""
+    ours, theirs = (
+        {key: value for key, value in flatten(one) if key not in _BESIDE}
+        for one in (node, catalogue.values(f"map/{name}"))
+    )
+    same = all(_same(ours.get(key), theirs.get(key)) for key in ours.keys() | theirs.keys())
+    return name if same else ""
+
+
+def namesakes(choices: Mapping[str, str], folders: tuple[Path, ...]) -> Iterator[str]:
+    """Yield a line of warning for each of a user's own files that can be taken for a shipped option."""
+    shipped = Catalogue(SHIPPED)
+    for choice, option in choices.items():
+        group = choice.partition("@")[0]
+        own = [folder / group / f"{option}.yaml" for folder in folders[len(SHIPPED) :]]
+        for file in filter(os.path.isfile, own):
+            if shipped.has(f"{group}/{option}"):
+                yield f"{file}: is not read, because {group}={option} ships with lme: give the file a name of its own"
+            elif group == "robot":
+                difference = robot_difference(Catalogue(folders).values(f"robot/{option}"))
+                if difference:
+                    yield f"{file}: {difference}; give the robot a name of its own, which tables show"
+
+
+@cache
+def _robots(folders: tuple[Path, ...]) -> dict[str, dict[str, Any]]:
+    """Return the values of every robot by option; one that cannot be read is left out."""
+    catalogue, robots = Catalogue(folders), {}
+    for name in catalogue.options("robot"):
+        try:
+            robots[name] = _values(catalogue.values(f"robot/{name}"))
+        except (InputError, OSError, UnicodeDecodeError, AttributeError, TypeError, RecursionError):
+            continue
+    return {name: values for name, values in robots.items() if values}
+
+
+def _values(robot: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all values of a robot by dotted key, defaults included; {} if they are not those of a robot.
+
+    The record of a run may come from somebody else, so interpolations are not resolved.
+    """
+    if any("${" in str(value) for _, value in flatten(robot)):
+        return {}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of implausible values: given once, by composing
+            return dict(flatten(asdict(fill_dataclass(Robot, dict(robot), "robot"))))
+    except InputError:
+        return {}
+
+
+def _differing(ours: Mapping[str, Any], theirs: Mapping[str, Any], limits: bool) -> Iterator[str]:
+    """Yield the keys whose values differ. limits: whether a limit of ours may be lower than theirs."""
+    for key in dict.fromkeys((*theirs, *ours)):
+        own, usual = ours.get(key), theirs.get(key)
+        lower = limits and (
+            (key in _LIMITS and _below(own, usual)) or (key == "v_min" and _below(usual, own))
+        )
+        if key != "name" and not (lower or _same(own, usual)):
+            yield key
+
+
+def _below(one: Any, other: Any) -> bool:
+    """Return whether a limit is lower than another; null stands for backing up as fast as driving ahead."""
+    if other is not None and one is None:
+        return True
+    return _is_number(one) and _is_number(other) and float(one) < float(other)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two values are equal. Plain YAML reads a float without a point, such as 1e0, as text."""
+    if one == other:
+        return True
+    try:
+        return float(one) == float(other)
+    except (TypeError, ValueError):
+        return False
+
+
+def _or_null(value: Any) -> str:
+    return "null" if value is None else str(value)

@@ -15,12 +15,19 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import user_error
-from runners.config import arguments, conflicting_overrides, diagnosis, worlds
-from runners.config.composer import COMPOSING, Composer, without_hydra
-from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
+from runners.config import arguments, map_sets
+from runners.config.changes import namesakes, radius_note
+from runners.config.composer import (
+    COMPOSING,
+    SEVERAL_OPTIONS,
+    Composer,
+    normalised,
+    refuse_conflicts,
+    text_of,
+    without_hydra,
+)
+from runners.config.instantiate import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
-from runners.config.likeness import namesakes, radius_note
-from runners.config.overrides import SEVERAL_OPTIONS, normalised, text_of
 
 MAX_JOBS_CHECKED = 64  # of a sweep; in larger ones every value is checked once
 
@@ -64,23 +71,20 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     typed: overrides that must not contradict each other; the others come from a run that is resumed.
     Raises InputError where Hydra could not compose.
     """
-    made = _plan(composer, overrides, multirun)
-    conflicting_overrides.refuse(composer.parse(typed), made.configs.values())
-    return made
-
-
-def _plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     parsed = normalised(overrides, composer)
     _refuse_swept_hydra(parsed)
     words = [text_of(override) for override in parsed]
     job = next(_jobs(parsed))
     first = _composed(composer, job)
-    if not (multirun or str(first.hydra.mode or "").endswith("MULTIRUN")):
+    if multirun or str(first.hydra.mode or "").endswith("MULTIRUN"):
+        swept = composer.parse(_sweeper_params(first)) + parsed
+        configs = {each: first if each == job else _composed(composer, each) for each in _checked_jobs(swept)}
+        planned = Plan(words, True, math.prod(map(len, _choices(swept))), configs)
+    else:
         _refuse_sweep(parsed, composer)
-        return Plan(words, False, 1, {job: first})
-    swept = composer.parse(_sweeper_params(first)) + parsed
-    configs = {each: first if each == job else _composed(composer, each) for each in _checked_jobs(swept)}
-    return Plan(words, True, math.prod(map(len, _choices(swept))), configs)
+        planned = Plan(words, False, 1, {job: first})
+    refuse_conflicts(composer.parse(typed), planned.configs.values())
+    return planned
 
 
 def compose_job(composer: Composer, words: Sequence[str]) -> Job[Any]:
@@ -91,27 +95,27 @@ def compose_job(composer: Composer, words: Sequence[str]) -> Job[Any]:
 
 def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[Any]]:
     """Return the jobs, validated by their command. An error names the user's file that holds the bad value."""
-    return [_validated(config, words, composer, validate) for words, config in plan.configs.items()]
+    jobs: list[Job[Any]] = []
+    for words, config in plan.configs.items():
+        try:
+            job: Job[Any] = Job.composed(without_hydra(config), config.hydra, composer.catalogue)
+            for line in (*namesakes(job.choices, job.folders), radius_note(job.config.robot)):
+                if line:
+                    warnings.warn(line, stacklevel=2)
+            validate(job)
+        except (InputError, OmegaConfBaseException) as error:
+            from runners.config.diagnosis import add_location
 
-
-def _validated(config: DictConfig, words: Sequence[str], composer: Composer, validate: Validate) -> Job[Any]:
-    try:
-        job: Job[Any] = Job.composed(without_hydra(config), config.hydra, composer.catalogue)
-        for line in (*namesakes(job.choices, job.folders), radius_note(job.config.robot)):
-            if line:
-                warnings.warn(line, stacklevel=2)
-        validate(job)
-    except InputError as error:
-        raise diagnosis.add_location(error, config, words, composer) from error
-    except OmegaConfBaseException as error:
-        mistake = translate_error(error, OmegaConf.get_type(config))
-        raise diagnosis.add_location(mistake, config, words, composer) from error
-    except (Exception, SystemExit) as error:  # a user's own class may raise anything
-        said = user_error(error)
-        if not said:
-            raise
-        raise InputError(said) from error
-    return job
+            schema = OmegaConf.get_type(config)
+            mistake = error if isinstance(error, InputError) else translate_error(error, schema)
+            raise add_location(mistake, config, words, composer) from error
+        except (Exception, SystemExit) as error:  # a user's own class may raise anything
+            said = user_error(error)
+            if not said:
+                raise
+            raise InputError(said) from error
+        jobs.append(job)
+    return jobs
 
 
 def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:
@@ -184,12 +188,16 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
         config = composer.compose(job)
     except COMPOSING as error:
-        raise diagnosis.diagnose(error, composer, job) from error
+        from runners.config.diagnosis import diagnose
+
+        raise diagnose(error, composer, job) from error
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping also adds keys of other commands
     try:
-        worlds.expand_worlds(config)
+        map_sets.expand_worlds(config)
     except InputError as error:
-        raise diagnosis.add_location(error, config, job, composer) from error
+        from runners.config.diagnosis import add_location
+
+        raise add_location(error, config, job, composer) from error
     return config

@@ -1,12 +1,16 @@
-"""Hydra's parser and composer for one command."""
+"""Hydra's parser and composer for one command, and checks of the overrides that are given to it.
+
+`normalised` prepares overrides for Hydra and refuses options that do not exist; `refuse_conflicts` refuses overrides
+that contradict each other.
+"""
 
 from __future__ import annotations
 
 import copy
 import os.path
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import yaml
 from hydra import initialize_config_dir
@@ -19,9 +23,13 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
+from lme.guides.lme.weight_files import PUBLISHED, find_weights
 from lme.inputs.resources import resource_dir
-from runners.config import catalogue, schema
+from lme.worlds.barn.map_set import FRESH_KEYS, OFFICIAL, TARGET, check_given, is_idle
+from runners.config import catalogue, schema, systems
+from runners.config.catalogue import Catalogue
+from runners.config.job import own_weights, takes_weights
 from runners.config.quoting import quoted
 
 # Errors of Hydra and OmegaConf for a config that cannot be composed.
@@ -29,6 +37,14 @@ COMPOSING = (
     HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError,
     AttributeError, AssertionError, OSError,
 )  # fmt: skip
+_LONGEST = 255  # [characters] of a key: a group is a folder, whose name cannot be longer
+CUSTOM = "custom"  # the option of a group that takes a class of the user's own
+SEVERAL_OPTIONS = (systems.ABLATION,)  # groups of which a list of options may be chosen
+OPEN_MAPPINGS = (  # may be given new keys
+    "ablation", "scale", "guide.criteria", "space", "held_out", "training", "training_robots", "training_radius",
+    "guides", "learner.expert.settings",
+)  # fmt: skip
+_TYPED_MAPPINGS = ("training_robots",)  # of these, the items have known keys: only their names are new
 
 
 class Composer(initialize_config_dir):
@@ -141,3 +157,204 @@ def _holds_sweep(value: object) -> bool:
     if isinstance(value, dict):
         return any(map(_holds_sweep, value.values()))
     return any(map(_holds_sweep, value)) if isinstance(value, list) else isinstance(value, Sweep)
+
+
+def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:
+    """Return the overrides without a needless `+`, with the `++` that a new key needs, and with implied choices.
+
+    Raises InputError for one that cannot be read, and for an option or a group that does not exist.
+    """
+    given = composer.parse([*_implied(composer.parse(overrides), composer), *overrides])
+    for override in given:
+        if len(override.key_or_group) > _LONGEST:
+            raise InputError(f"{override.key_or_group:.40}…: no such key or group")
+    custom = [override.key_or_group for override in given if override.value() == CUSTOM]
+    texts = (_normalised(override, composer, (*OPEN_MAPPINGS, *custom)) for override in given)
+    parsed = composer.parse([text for text in texts if text])
+    for override in parsed:
+        _check_options(override, composer)
+    return parsed
+
+
+def text_of(override: Override) -> str:
+    """Return an override as it was written."""
+    return str(override.input_line)
+
+
+def places(group: str, catalogue: Catalogue) -> str:
+    """Return the folders that hold the options of a group, with a verb: "conf/robot/ holds"."""
+    own = [folder / group for folder in catalogue.folders[1:] if (folder / group).is_dir()]
+    names = " and ".join([f"conf/{group}/", *(f"{folder}/" for folder in own)])
+    return f"{names} {'hold' if own else 'holds'}"
+
+
+def _implied(parsed: Sequence[Override], composer: Composer) -> list[str]:
+    """Return the choice of "custom" for every group that is given a class and no option."""
+    chosen = {override.key_or_group for override in parsed}
+    groups = [key.removesuffix("._target_") for key in chosen if key.endswith("._target_")]
+    return [
+        f"{g}={CUSTOM}" for g in sorted(groups) if g not in chosen and CUSTOM in composer.catalogue.options(g)
+    ]
+
+
+def _normalised(override: Override, composer: Composer, open_mappings: Sequence[str]) -> str:
+    """Return the override without a needless `+` and with the `++` of a new key; "" if it has no effect."""
+    text, key = text_of(override), override.key_or_group
+    if override.is_hydra_override() or key.startswith("hydra/"):
+        return text
+    # Is the key in a mapping that takes new keys, or all of such a mapping?
+    is_typed = any(key.startswith(f"{name}.") and key.count(".") > 1 for name in _TYPED_MAPPINGS)
+    is_open = (not is_typed and any(key.startswith(f"{name}.") for name in open_mappings)) or (
+        key in open_mappings and all(isinstance(value, dict) for value in _values(override))
+    )
+    # Removing a key, or choosing no option.
+    if override.is_delete():
+        if is_open:
+            return text
+        raise InputError(f"{text}: keys cannot be removed; give another value, or null where null is allowed")
+    if key in composer.slots and override.value() is None:
+        if composer.slots[key] is None:
+            return ""
+        raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
+    # Groups: under a new name, of the user's own, and experiments, which may lie in the command's folder.
+    if override.package and f"{key}@{override.package}" not in composer.slots:
+        return f"+{text.lstrip('+')}"  # for example another map set under a name
+    if key not in composer.slots and composer.catalogue.options(key):
+        if not isinstance(override.value(), dict):  # otherwise a key with the name of a group
+            _check_own_group(text, key, composer)
+        return text  # a group of the user's own, which needs its +
+    if key == "experiment":
+        file = composer.catalogue.choices(key, composer.config_name).get(str(override.value()))
+        return text.lstrip("+") if file is None else f"{key}={file.partition('/')[2]}"
+    # Any other name with a slash is an unknown group; keys and chosen options need no +, new keys need ++.
+    if "/" in key:
+        raise InputError(f"{text}: no such group; there are: {', '.join(composer.slots)}")
+    return f"{'++' if is_open else ''}{text.lstrip('+')}"
+
+
+def _check_own_group(text: str, group: str, composer: Composer) -> None:
+    """Raise InputError for a group of other commands, and for a group of the user's own without the +."""
+    shipped = Catalogue(composer.catalogue.folders[:1])
+    if shipped.options(group):
+        others = [f"lme {name}" for name in schema.COMMANDS if group in shipped.groups(name)]
+        theirs = f"{group} is a group of {', '.join(others)}; " if others else ""
+        raise InputError(f"{text}: no such group; {theirs}there are: {', '.join(composer.slots)}")
+    if not text.startswith("+"):
+        raise InputError(
+            f"{text}: {group} is not in the defaults of {composer.config_name}: add it with +{text}"
+        )
+
+
+def _check_options(override: Override, composer: Composer) -> None:
+    group = override.key_or_group
+    if group not in composer.slots or override.is_delete():
+        return
+    known = composer.catalogue.choices(group, composer.config_name)
+    for option in _values(override):
+        if isinstance(option, dict):
+            continue
+        if isinstance(option, list) and group not in SEVERAL_OPTIONS:
+            # Hydra would merge the files of several options, and keep what the last of them does not set.
+            several = ",".join(map(str, option))
+            raise InputError(
+                f"{group}=[{several}]: {group} takes one option; several are a sweep: -m {group}={several}"
+            )
+        names = option if isinstance(option, list) else [option]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise InputError(f"{text_of(override)}: names {twice} twice; omit one")
+        for name in names:
+            in_subfolder = "/" in str(name) and composer.catalogue.has(f"{group}/{name}")
+            if str(name) not in known and not in_subfolder:
+                likely = [option for option in known if (group, option) != (systems.ABLATION, "none")]
+                raise InputError(
+                    f"{group}={name}: no such option; {nearest(str(name), likely)}"
+                    f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
+                    f"{_how_to_add(group, str(name), known)}"
+                )
+
+
+def _values(override: Override) -> Iterator[object]:
+    if override.is_discrete_sweep():
+        yield from (value if isinstance(value, list | dict) else str(value).strip("'\"")
+                    for value in override.sweep_iterator())  # fmt: skip
+    elif not override.is_sweep_override():
+        yield override.value()
+
+
+def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
+    """Return advice on giving an option of one's own; empty if the name is probably a mistyped known one."""
+    if group == "map" and Path(name).suffix:
+        return f"; a map file of your own is given by map=file map.path={name}"
+    if nearest(name, known):
+        return ""
+    option = Path(name).stem if Path(name).suffix in (".yaml", ".yml") else name
+    return f"; {group}={option}, an option of your own, needs --config-dir DIR, with the file DIR/{group}/{option}.yaml"
+
+
+def refuse_conflicts(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
+    """Raise InputError for a key with two values, worlds outside their given subset, and values that no job uses.
+
+    given: overrides as they were typed; they may replace the values of a file or of a resumed run. configs: those of
+    the jobs that they give.
+    """
+    texts: dict[str, str] = {}
+    for override in given:
+        key, text = override.get_key_element().lstrip("+"), text_of(override).lstrip("+")
+        if texts.setdefault(key, text) != text:
+            raise InputError(f"{texts[key]} and {text}: {key} has two values; give one of them")
+    if {"map.subset", "map.worlds"} <= set(texts):
+        for config in configs:
+            _check_worlds(config.map)
+    for key in texts:
+        _check_fresh(key, configs)
+    if "weights" in texts:
+        _check_weights(texts["weights"], configs)
+
+
+def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
+    """Raise InputError for a key of fresh worlds if no job drives any; in a sweep some jobs may drive none."""
+    node, _, name = key.rpartition(".")
+    if name not in FRESH_KEYS:
+        return
+    found = [OmegaConf.select(config, node) for config in configs]
+    if found and all(OmegaConf.is_dict(each) and is_idle(name, each) for each in found):
+        check_given([name], found[0], node)
+
+
+def _check_worlds(barn: Mapping[str, Any]) -> None:
+    """Raise InputError for worlds outside their official subset.
+
+    Fresh worlds are not checked: they are unlimited, and a number needs its subset to say which kind is meant.
+    """
+    subset, worlds = barn.get("subset"), barn.get("worlds")
+    if barn.get("_target_") != TARGET or not worlds or subset == "all" or subset not in OFFICIAL:
+        return
+    outside = [str(number) for number in worlds if number not in set(OFFICIAL[subset]())]
+    if outside:
+        some = ", ".join(outside[:5]) + (f" and {len(outside) - 5} more" if len(outside) > 5 else "")
+        raise InputError(
+            f"map.worlds asks for {some}, which map.subset={subset} does not hold: give one of the two keys"
+        )
+
+
+def _check_weights(text: str, configs: Collection[DictConfig]) -> None:
+    """Raise InputError for a weight set that does not exist or that no job uses.
+
+    In a sweep, DWA among LME's variants may ignore it. `lme learn` names further guides, which may use it.
+    """
+    plain: list[Any] = [OmegaConf.to_container(without_hydra(config), resolve=False) for config in configs]
+    if not any("learner" in config or _drives_with_weights(config) for config in plain):
+        raise InputError(
+            f"{text}: nothing here drives with this weight set; omit it, or choose a guide such as guide=lme "
+            "(a network is planner.weights or guide.weights)"
+        )
+    for name in dict.fromkeys(str(config["weights"]) for config in plain):
+        if "${" not in name:
+            find_weights(name)
+
+
+def _drives_with_weights(config: Mapping[str, Any]) -> bool:
+    """Return whether an unresolved config follows its key `weights`; a guide with its own set ignores the paper's."""
+    replaced = config["weights"] == PUBLISHED and own_weights(config["guide"]) not in (None, PUBLISHED)
+    return takes_weights(config) and not replaced

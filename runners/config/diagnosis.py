@@ -15,12 +15,11 @@ from omegaconf.errors import GrammarParseError, OmegaConfBaseException
 from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.requirements import install
-from runners.config import ablations, catalogue
-from runners.config.composer import COMPOSING, Composer
-from runners.config.flatten import dotted_keys
-from runners.config.hydra_errors import describe_expected, full_key, keys_beside, one_line, translate_error
+from runners.config import catalogue, systems
+from runners.config.changes import dotted_keys
+from runners.config.composer import COMPOSING, Composer, places, text_of
+from runners.config.instantiate import describe_expected, full_key, keys_beside, one_line, translate_error
 from runners.config.job import chosen
-from runners.config.overrides import places, text_of
 
 # Options of Hydra's own plugins, each in a package such as hydra-joblib-launcher.
 _PLUGIN = re.compile(r"hydra/(launcher|sweeper)/(ax|joblib|nevergrad|optuna|ray|rq|submitit)(_\w+)?")
@@ -174,11 +173,11 @@ def add_location(error: InputError, config: DictConfig, job: Sequence[str], comp
     typed = {override.key_or_group for override in composer.parse(job)} - {group}
     if any(key == name or key.startswith(f"{name}.") for name in typed):
         return error
-    for name in chosen(config.hydra).get(ablations.GROUP, "").split(ablations.SEVERAL):
-        settings = ablations.settings(name, composer.catalogue)
-        unknown = tuple(f"parameter {name!r} is unknown" for name in settings.get(ablations.GROUP) or {})
+    for name in chosen(config.hydra).get(systems.ABLATION, "").split(systems.SEVERAL):
+        settings = systems.ablation_settings(name, composer.catalogue)
+        unknown = tuple(f"parameter {name!r} is unknown" for name in settings.get(systems.ABLATION) or {})
         if key in dotted_keys(settings) or str(error).startswith(unknown):
-            return InputError(f"{error} (in {composer.catalogue.file(f'{ablations.GROUP}/{name}')})")
+            return InputError(f"{error} (in {composer.catalogue.file(f'{systems.ABLATION}/{name}')})")
     option = config.hydra.runtime.choices.get(group)
     if not isinstance(option, str):
         return error

@@ -1,21 +1,29 @@
 """Build the object that a config node with a `_target_` describes.
 
 The class that `_target_` names has an attribute `Config`, a dataclass: the node's other keys are checked
-against its fields, and the class is called with an instance of it.
+against its fields, and the class is called with an instance of it. Errors of OmegaConf and Hydra are translated into
+one line: key, value and what would be right.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import enum
+import re
+import types
+import typing
+from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
-from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
+from omegaconf.errors import ConfigKeyError, GrammarParseError, OmegaConfBaseException
 
 from lme.errors import InputError, building, nearest
 from lme.inputs.user_code import import_module
-from runners.config.hydra_errors import describe_expected, full_key, translate_error
+
+_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
+_FULL_KEY = re.compile(r"full_key: *(\S+)")
+_VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to string|value): (.*)")
 
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
@@ -123,3 +131,104 @@ def _class(target: Any, key: str) -> Any:
 def _at(key: str, error: InputError) -> InputError:
     message = str(error)
     return error if message.startswith(f"{key}.") else InputError(f"{key}.{message}")
+
+
+def unknown_key(key: str, known: Iterable[str]) -> InputError:
+    """Return the error that a dotted `key` is unknown. known: the last parts of the keys that its parent holds."""
+    parent, _, name = key.rpartition(".")
+    names = sorted(known)
+    place = f"{parent} holds: " if parent else "there are: "
+    return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
+
+
+def translate_error(error: BaseException, schema: Any = None) -> InputError:
+    """Translate an error of OmegaConf about a config of type `schema`."""
+    message, key = str(error), full_key(error)
+    if isinstance(error, GrammarParseError) and error.value is not None:
+        right = "an interpolation with its closing brace, such as ${robot.v_max}"
+        return InputError(f"{key} is {error.value!s:.80}: must be {right}")
+    inner = re.match(r"InputError raised while resolving interpolation: (.+)", message)
+    if inner:
+        return InputError(inner.group(1))
+    if "issing mandatory value" in message:
+        return InputError(f"{key} has no value: give one")
+    if re.search(r"Key '.*' (?:is )?not in", message):
+        return unknown_key(key, keys_beside(schema, key))
+    value, wanted = _VALUE.search(message), describe_expected(schema, key) if key else ""
+    if value and wanted:
+        return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {wanted}")
+    reason = re.sub(r"^\w+ raised while composing config:\s*", "", one_line(message))
+    return InputError(f"{key}: {reason}" if key else reason)
+
+
+def full_key(error: BaseException) -> str:
+    """Return the dotted key in an error of OmegaConf; empty if there is none."""
+    found = _FULL_KEY.search(str(error))
+    return found.group(1) if found else ""
+
+
+def describe_expected(schema: Any, key: str) -> str:
+    """Return in words what the value at the dotted `key` of a dataclass must be; empty if unknown."""
+    return describe(_annotation(schema, key))
+
+
+def keys_beside(schema: Any, key: str) -> list[str]:
+    """Return the names of the fields of the dotted `key`'s parent."""
+    parent = key.rpartition(".")[0]
+    holder = dataclass_of(_annotation(schema, parent) if parent else schema)
+    return [field.name for field in dataclasses.fields(holder)] if holder else []
+
+
+def dataclass_of(annotation: Any) -> Any:
+    """Return the dataclass of `Part` or of `Part | None`; None for any other type."""
+    members = () if typing.get_origin(annotation) is dict else typing.get_args(annotation)
+    return next((each for each in (annotation, *members) if dataclasses.is_dataclass(each)), None)
+
+
+def check_parts(config: Any, key: str = "") -> None:
+    """Raise InputError for a single value that must be a mapping, or the reverse, which OmegaConf lets through."""
+    annotations = typing.get_type_hints(type(config))
+    for field in dataclasses.fields(config):
+        value, name = getattr(config, field.name), f"{key}.{field.name}".removeprefix(".")
+        if dataclasses.is_dataclass(value):
+            check_parts(value, name)
+        elif value is not None and dataclass_of(annotations[field.name]):
+            raise InputError(f"{name} is {value!r:.80}: must be a mapping")
+        elif typing.get_origin(annotations[field.name]) is dict and isinstance(value, dict):
+            each = typing.get_args(annotations[field.name])[1]
+            for part, given in value.items():
+                if each in _WORDS and isinstance(given, dict | list):
+                    raise InputError(f"{name}.{part} is {given!r:.80}: must be {describe(each)}")
+
+
+def describe(annotation: Any) -> str:
+    """Return a type in the words of somebody who writes YAML."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(describe(argument) for argument in arguments)
+    if origin in (list, tuple):
+        return f"a list, each {describe(arguments[0])}" if arguments else "a list"
+    if origin is dict:
+        return f"a mapping of names, each to {describe(arguments[1])}".removesuffix(", each to ")
+    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
+        return " or ".join(annotation.__members__)
+    if dataclasses.is_dataclass(annotation):
+        return f"a mapping of {', '.join(field.name for field in dataclasses.fields(annotation))}"
+    return _WORDS.get(annotation, "")
+
+
+def one_line(message: str) -> str:
+    """Return a message of OmegaConf or Hydra as one line, without internal names or advice for programmers."""
+    shown = [line.strip() for line in message.splitlines() if line.strip()]
+    text = " ".join(line for line in shown if not re.match(r"(full_key|object_type|reference_type)", line))
+    return re.split(r" (?:To append to|Config search path)", text)[0]
+
+
+def _annotation(schema: Any, key: str) -> Any:
+    holder = schema
+    for name in re.sub(r"\[\d+\]", "", key).split("."):
+        if typing.get_origin(holder) is dict:
+            holder = typing.get_args(holder)[1]
+        else:
+            holder = typing.get_type_hints(dataclass_of(holder)).get(name) if dataclass_of(holder) else None
+    return holder

@@ -1,23 +1,31 @@
-"""One composed and validated run of a command, which the command line hands to everything below it."""
+"""One composed and validated run of a command, which the command line hands to everything below it.
+
+Also the weight set that its guide drives with, its scale in words, and options that it names besides the chosen ones.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from lme.config.composer import resolved
+from lme.errors import InputError, nearest
 from lme.guides.lme.weight_files import PUBLISHED
+from lme.inputs.resources import overlaid
 from runners.config import instantiate
-from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
-from runners.config.changes import changed_keys, describe_changes
-from runners.config.hydra_errors import check_parts
+from runners.config.changes import changed_keys, describe_changes, flatten
+from runners.config.escaping import masked_text, masked_values
+from runners.config.instantiate import check_parts
 from runners.config.schema import SystemConfig
-from runners.config.urls import masked_text, masked_values
-from runners.config.weights import own_weights
+from runners.config.systems import SEVERAL
+
+PARAMETERS = "${parameters:}"  # the parameters of a guide, by the key `weights`
+TIMES = "\u00d7"  # escaped, since × looks like the letter x
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
 
@@ -53,6 +61,14 @@ class Job(Generic[C]):
         """Changes as text: "robot.v_max=1, sim.latency=0.1"; empty if there are none."""
         return describe_changes(self.changes)
 
+    def check_scale(self) -> None:
+        """Raise InputError for factors on the guide's parameters if it has none to multiply."""
+        scale = getattr(self.config, "scale", {})
+        if scale and "parameters" not in self.config.guide:
+            raise InputError(
+                f"scale is {dict(scale)}: {self.config.guide['_target_']} has no parameters to multiply; must be {{}}"
+            )
+
     @classmethod
     def composed(cls, config: DictConfig, hydra: Any, catalogue: Catalogue) -> Job[C]:
         """Return the job of a composed config and of Hydra's own part of it.
@@ -76,20 +92,52 @@ class Job(Generic[C]):
 
 
 def chosen(hydra: Any) -> dict[str, str]:
-    """Return the option of every config group, from Hydra's own part of a config; several are joined by +."""
-    words: Any = OmegaConf.to_container(
-        hydra.overrides.task, resolve=False
-    )  # one may interpolate what is not there
-    return {**_several(words), **_single(hydra.runtime.choices)}
+    """Return the option of every config group, from Hydra's own part of a config; several are joined by +.
+
+    Several ablations at once are known only if the command line chooses them: Hydra does not record them.
+    """
+    words: Any = OmegaConf.to_container(hydra.overrides.task, resolve=False)  # may interpolate other keys
+    lists = [text.partition("=")[2] for text in words if text.startswith("ablation=[")]
+    several = {"ablation": SEVERAL.join(map(str.strip, lists[-1].strip("[]").split(",")))} if lists else {}
+    choices = hydra.runtime.choices.items()
+    return several | {str(group): str(option) for group, option in choices if isinstance(option, str)}
 
 
-def _single(choices: Mapping[Any, Any]) -> dict[str, str]:
-    return {str(group): str(option) for group, option in choices.items() if isinstance(option, str)}
+def own_weights(guide: Mapping[str, Any]) -> str | None:
+    """Return the weight set of a guide's unresolved config; None if its parameters do not follow a weight set."""
+    return guide.get("weight_set", PUBLISHED) if guide.get("parameters") == PARAMETERS else None
 
 
-def _several(overrides: Sequence[str]) -> dict[str, str]:
-    """Return the choice of several ablations at once, which Hydra does not record; a choice in a file is unknown."""
-    lists = [text.partition("=")[2] for text in overrides if text.startswith("ablation=[")]
-    return (
-        {"ablation": SEVERAL.join(name.strip() for name in lists[-1].strip("[]").split(","))} if lists else {}
-    )
+def takes_weights(node: Mapping[str, Any]) -> bool:
+    """Return whether an unresolved config interpolates the key `weights`."""
+    return any(value in (PARAMETERS, "${weights}") for _, value in flatten(node))
+
+
+def scale_in_words(scale: Mapping[str, float]) -> str:
+    """Return a scale as a table shows it, "a_close × 0.5", separated by commas; empty if it changes nothing."""
+    return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items() if factor != 1)
+
+
+def scale_from_words(text: str) -> dict[str, float]:
+    """Return the scale of a text from `scale_in_words`."""
+    pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
+    return {name: float(factor) for name, factor in pairs}
+
+
+def named_option(
+    job: Job[SystemConfig], key: str, group: str, name: str, settings: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the node of a group's option `name`, as if the job had chosen it, with `settings` in place of its own.
+
+    For the option that the job has chosen this is the job's own node. key: key of the name in the config, for
+    messages. Raises InputError for a name that is not an option.
+    """
+    if job.choices.get(group) == name:
+        return overlaid(getattr(job.config, group), settings or {})
+    catalogue = Catalogue(job.folders)
+    known = catalogue.options(group)
+    if name not in known:
+        raise InputError(f"{key} is {name!r}: {nearest(name, known)}must be one of {', '.join(known)}")
+    file = f"{group}/{name}"
+    node = resolved(group, catalogue.values(file), asdict(job.config), str(catalogue.file(file)))
+    return overlaid(node, settings or {})

@@ -1,4 +1,7 @@
-"""Map sets by name, with settings, a robot and world numbers, as in `lme maps` and `lme figure maps`."""
+"""Map sets by name, with settings, a robot and world numbers, as in `lme maps` and `lme figure maps`.
+
+Numbers are written as `0-49`, as `7`, or as a list of both, `[0-9,20,30-39]`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, NamedTuple, cast
+
+from omegaconf import DictConfig, OmegaConf
 
 from lme.config.composer import resolved
 from lme.errors import InputError, nearest
@@ -15,11 +20,13 @@ from lme.worlds.rules import with_robot
 from lme.worlds.world import MapSet, Surveyed, Task
 from runners.config import catalogue
 from runners.config.catalogue import Catalogue
-from runners.config.worlds import parse_worlds
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that choose among a set's worlds
 _ROBOT = re.compile(r"robot(\.[\w.]+)?=")
+MAX_WORLDS = 1_000_000  # of a range: a longer list would fill the memory
+_SETS = ("held_out", "training")  # map sets by name, besides `map` itself
+_RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 
 
 class MapSetChoice(NamedTuple):
@@ -113,7 +120,7 @@ def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) ->
     from omegaconf.errors import GrammarParseError, OmegaConfBaseException
     from yaml import YAMLError
 
-    from runners.config.hydra_errors import translate_error
+    from runners.config.instantiate import translate_error
 
     try:
         return OmegaConf.merge(written, OmegaConf.from_dotlist(list(settings)))
@@ -122,3 +129,50 @@ def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) ->
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         given = " ".join(f"{prefix}{setting}" for setting in settings)
         raise InputError(f"{given}: must be key=value, as in YAML") from error
+
+
+def expand_worlds(config: DictConfig) -> None:
+    """Write out the ranges of every map set's `worlds` in a composed config.
+
+    A list of numbers stays as it is. Raises InputError.
+    """
+    sets = [(name, OmegaConf.select(config, name)) for name in _SETS]
+    named = [f"{name}.{option}" for name, node in sets if OmegaConf.is_dict(node) for option in node]
+    for key in ("map", *named):
+        node = OmegaConf.select(config, key)
+        if OmegaConf.is_dict(node) and "worlds" in node and not OmegaConf.is_interpolation(node, "worlds"):
+            node["worlds"] = parse_worlds(node["worlds"], f"{key}.worlds")
+
+
+def parse_worlds(given: Any, key: str) -> Any:
+    """Return the numbers of worlds in order; anything that holds no text and is not a number stays as it is.
+
+    key: key of `given`, for messages. Raises InputError for a text that is not a number or a range, for a range that
+    runs backwards, and for a world that is listed twice.
+    """
+    items = list(given) if isinstance(given, list | tuple) or OmegaConf.is_list(given) else [given]
+    is_number = isinstance(given, int) and not isinstance(given, bool)
+    if not is_number and not any(isinstance(item, str) for item in items):
+        return given
+    numbers = [number for item in items for number in _range_of(item, key)]
+    if len(set(numbers)) < len(numbers):
+        shown = ",".join(map(str, items))
+        raise InputError(f"{key} is [{shown}]: lists a world twice; must be different numbers")
+    return numbers
+
+
+def _range_of(item: Any, key: str) -> range | list[Any]:
+    """Return the numbers that an item of the list stands for; an item that is not text stays as it is."""
+    if not isinstance(item, str):
+        return [item]
+    found = _RANGE.fullmatch(item.strip())
+    if found is None:
+        raise InputError(
+            f"{key} has {item!r}: must be numbers and ranges from 0 on, such as 0-49 or [0-9,20,30-39]"
+        )
+    first, last = int(found[1]), int(found[2] or found[1])
+    if last < first:
+        raise InputError(f"{key} has {item}: the range runs backwards; must be {last}-{first}")
+    if last - first >= MAX_WORLDS:
+        raise InputError(f"{key} has {item}: must be at most {MAX_WORLDS} worlds")
+    return range(first, last + 1)

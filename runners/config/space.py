@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
 from lme.errors import InputError, nearest, require
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 from runners.config.instantiate import fill_dataclass
 from runners.config.schema import SystemConfig, TrainConfig
 
@@ -46,7 +46,8 @@ def read_space(config: TrainConfig, ablated: Collection[str] = ()) -> Space:
     known = dict(flatten(asdict(config)))
     for key, found in space.items():
         _check_key(key, known)
-        _check_range(f"space.{key}", found)
+        require(f"space.{key}.low", found.low, **({"above": 0.0} if found.log else {"at_least": 0.0}))
+        require(f"space.{key}.high", found.high, above=found.low)
     return space
 
 
@@ -94,8 +95,3 @@ def _check_key(key: str, known: Mapping[str, Any]) -> None:
         )
     if isinstance(known[key], bool) or not isinstance(known[key], int | float | None):
         raise InputError(f"space.{key}: {key} is {known[key]!r}: only numbers can be searched")
-
-
-def _check_range(key: str, found: Range) -> None:
-    require(f"{key}.low", found.low, **({"above": 0.0} if found.log else {"at_least": 0.0}))
-    require(f"{key}.high", found.high, above=found.low)

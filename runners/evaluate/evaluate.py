@@ -1,48 +1,85 @@
-"""Evaluate one job: episodes to records, records to tables, a figure and a tracked run."""
+"""`lme eval`: episodes of map set × runs become records, and records become tables, pictures and a tracked run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
-from lme.worlds.world import DrawsRobots, MapSet
-from runners.config import ablations, build, instantiate, systems, weights
-from runners.config.instantiate import configured
+from lme.worlds.world import DrawsRobots, MapSet, Named
+from runners.config import build, instantiate, systems
+from runners.config.changes import describe_changes
+from runners.config.composer import CUSTOM
 from runners.config.job import Job
-from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
-from runners.evaluate.labels import resume_hint, run_labels
-from runners.records.episode_record import EpisodeKey, RunLabels
-from runners.records.launch_record import identity
+from runners.config.quoting import resume_command
+from runners.config.schema import DriveConfig, EpisodesConfig, EvalConfig, Explain, Record, ReportConfig
+from runners.config.systems import System
+from runners.records import launch_record
+from runners.records.episode_record import CUSTOM_SUBSET, EpisodeKey, RunLabels
 from runners.records.parquet import EPISODES
-from runners.records.records import RecordWriter, read_episodes
+from runners.records.records import RecordWriter, find_runs, read_episodes
 from runners.reports.analysis import failures
-from runners.reports.explainer import pages
-from runners.tracking.mlflow import Tracking, closed_by
-from runners.tracking.names import parameters
-from runners.workers import recorder
+from runners.reports.analysis.summary import Row, metrics, numbers, summarise
+from runners.reports.analysis.tables import print_table, write_tables
+from runners.tracking.tracking import LABELS, Tracking, closed_by, parameters
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from runners.reports.analysis.summary import Row
+DRAWN = "drawn"  # instead of a robot's name, if every episode has another robot
+
+
+def evaluate(job: Job[EvalConfig], *, progress: bool = True, summary: bool = True) -> None:
+    """Drive the missing episodes of a job, and write everything below its run directory.
+
+    progress: show a bar. summary: print the table, where everything is, and after Ctrl-C how to go on.
+    """
+    # Build the worlds once, and open the tracked run.
+    run_dir, maps = job.run_dir, build.map_set(job.config)
+    labels = run_labels(job, maps)
+    tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
+    tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
+    config = {**asdict(job.config), "weights": job.weights}
+    tracking.start(parameters(config, labels), run_dir, tags, job.sweep_dir)
+    with closed_by(tracking):
+        # Drive what the records lack; then write pages, tables and pictures from the records alone.
+        with resume_hint("eval", run_dir) if summary else nullcontext():
+            drive(job.config, labels, maps, run_dir, progress)
+            if job.config.explain is not Explain.none:
+                from runners.reports.explainer.pages import make_requested_pages
+
+                executor = instantiate.build(job.config.executor, "executor")
+                make_requested_pages(job.config.explain, run_dir, executor)
+            frame, rows, artifacts = report(maps, job)
+            artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+        # Print the table, and where everything is.
+        if summary:
+            print_table(frame, rows)
+            if limits := build.describe_limits(job.config, frame):
+                print(limits)
+            print(f"Records, tables and pictures: {run_dir}")
+            for directory in failures.folder(run_dir):
+                print(f"Why the robot went there: {directory / failures.INDEX}")
+        tracking.finish(metrics(frame), artifacts)
 
 
 def validate(job: Job[EvalConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
-    weights.check_scale(job.config.scale, job.config.guide)
+    job.check_scale()
     check_report(job)
-    _check_drawn(job)
-    build.check_drive(job.config)
-
-
-def _check_drawn(job: Job[EvalConfig]) -> None:
-    """Raise InputError for keys that a map set that draws a robot per episode cannot support, or does not use."""
     maps = build.map_set(job.config)
+    _check_drawn(job, maps)
+    build.check_drive(job.config, maps=maps)
+
+
+def _check_drawn(job: Job[EvalConfig], maps: MapSet) -> None:
+    """Raise InputError for keys that a map set that draws a robot per episode cannot support, or does not use."""
     if not isinstance(maps, DrawsRobots):
         return
     if job.choices.get("crowd", "none") != "none":
@@ -55,7 +92,9 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
         "filter.latency",
         *(f"sim.{key}" for key in maps.drawn(maps.numbers[0]).disturbances),
     }
-    for key, value in {**_chosen_robot(job), **job.changes}.items():
+    words = (word.lstrip("+").partition("=") for word in job.overrides)
+    robot = {key: value for key, _, value in words if key == "robot"}
+    for key, value in {**robot, **job.changes}.items():
         if key in reported or key.partition(".")[0] == "robot":
             raise InputError(
                 f"{key} is {value}: must be left out where the map draws it for every episode (map.ranges)"
@@ -70,68 +109,15 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
         )
 
 
-def _chosen_robot(job: Job[EvalConfig]) -> dict[str, str]:
-    """Return the choice of a robot on the command line, if there is one."""
-    words = (word.lstrip("+").partition("=") for word in job.overrides)
-    return {key: value for key, _, value in words if key == "robot"}
-
-
 def check_report(job: Job[ReportConfig]) -> None:
     """Raise InputError if a job cannot record or report as its config says."""
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
+        from runners.workers import recorder
+
         recorder.check_installed()
-    configured(config.tracking, "tracking")
-
-
-def evaluate(job: Job[EvalConfig]) -> None:
-    """Run the missing episodes of map set × runs, and write everything below the job's run directory."""
-    from runners.reports.analysis.summary import metrics
-    from runners.reports.analysis.tables import print_table
-
-    maps = build.map_set(job.config)
-    with closed_by(start_tracking(job, maps)) as tracking:
-        # Drive the missing episodes, and write everything that follows from the records.
-        with resume_hint("eval", job.run_dir):
-            frame, rows, artifacts = run_and_report(job, maps)
-        # Print the table, and where everything is.
-        print_table(frame, rows)
-        if limits := build.describe_limits(job.config, frame):
-            print(limits)
-        print(f"Records, tables and pictures: {job.run_dir}")
-        for directory in failures.folder(job.run_dir):
-            print(f"Why the robot went there: {directory / failures.INDEX}")
-        tracking.finish(metrics(frame), artifacts)
-
-
-def start_tracking(job: Job[EvalConfig], maps: MapSet) -> Tracking:
-    """Open the tracked run of a job as its config says. maps: the job's map set."""
-    labels = run_labels(job, maps)
-    tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
-    tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    config = {**asdict(job.config), "weights": job.weights}
-    tracking.start(parameters(config, labels), job.run_dir, tags, job.sweep_dir)
-    return tracking
-
-
-def run_and_report(
-    job: Job[EvalConfig], maps: MapSet, progress: bool = True
-) -> tuple[pd.DataFrame, list[Row], list[Path]]:
-    """Run the missing episodes and report; return the records, the rows of the table, and all files.
-
-    maps: the job's map set. progress: show a bar.
-    """
-    run_dir = job.run_dir
-    # Drive what the records lack.
-    drive(job.config, run_labels(job, maps), maps, run_dir, progress)
-    # Make the pages that `explain` asks for.
-    pages.make_requested_pages(
-        job.config.explain, run_dir, instantiate.build(job.config.executor, "executor")
-    )
-    # Write tables and pictures from the records alone.
-    frame, rows, artifacts = report(maps, job)
-    return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+    instantiate.configured(config.tracking, "tracking")
 
 
 def drive(
@@ -149,7 +135,10 @@ def drive(
         if driven_keys:
             labels = _recorded(labels, run_dir)
         payload = EpisodePayload(config, labels, _recordings(config, run_dir))
-        remaining_keys = (key for key in _by_run(maps, config.runs) if key not in driven_keys)
+        # Run by run, so that a partial run covers the map set; the keys are never all in memory.
+        worlds = sorted(maps.numbers)
+        keys = (EpisodeKey(world, run) for run in range(config.runs) for world in worlds)
+        remaining_keys = (key for key in keys if key not in driven_keys)
         for result in executor.map(initialise, payload, remaining_keys):
             writer.append(result)
             bar.add(result.record.outcome)
@@ -164,13 +153,13 @@ def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
     """Write tables and picture from the records alone; return the records, the table's rows, and all files."""
-    from runners.reports.analysis.summary import summarise
-    from runners.reports.analysis.tables import write_tables
     from runners.reports.plots.paths import draw_run
 
-    run_dir = job.run_dir
+    # One run needs no other names than those of its own system and ablation.
+    run_dir, labels = job.run_dir, run_labels(job, maps)
     frame = read_episodes([run_dir])
-    rows = summarise(frame, systems=systems.systems(job.folders), labels=ablations.labels(job.folders))
+    ablations = systems.ablation_labels(job.folders, [labels.ablation])
+    rows = summarise(frame, systems=_own_system(labels.guide, labels.planner, job), labels=ablations)
     tables = write_tables(frame, rows, run_dir)
     picture = draw_run(frame, run_dir, maps, run_dir / "trajectories.png")
     return frame, rows, [*tables, *picture, run_dir / EPISODES]
@@ -192,10 +181,148 @@ def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
     """Return the directory and the config for recordings; None to write none."""
     if not isinstance(config, ReportConfig) or config.record is Record.none:
         return None
-    return Recordings(run_dir / recorder.FOLDER, identity(config))
+    from runners.workers import recorder
+
+    return Recordings(run_dir / recorder.FOLDER, launch_record.identity(config))
 
 
-def _by_run(maps: MapSet, runs: int) -> Iterator[EpisodeKey]:
-    """Yield the episodes run by run, so that a partial run covers the map set; they are never all in memory."""
-    worlds = sorted(maps.numbers)
-    return (EpisodeKey(world, run) for run in range(runs) for world in worlds)
+def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
+    """Return the names of system, robot and map for all records of the job. maps: the job's map set."""
+    config = job.config
+    guide, planner = _option_label("guide", job), _option_label("planner", job)
+    system = next(iter(_own_system(guide, planner, job).values()), None)
+    has_changes = any(key.startswith(("guide.", "planner.")) for key in job.changes)
+    return RunLabels(
+        system=systems.label(guide, planner, system, has_changes),
+        guide=guide,
+        planner=planner,
+        global_map=str(config.guide.get("global_map", "")),
+        # Several options are joined by +. If a file chooses several, the parameters that they set are named.
+        ablation=job.choices.get("ablation") or systems.SEVERAL.join(config.ablation),
+        weights=job.weights,
+        robot=DRAWN if isinstance(maps, DrawsRobots) else config.robot.name,
+        map=maps.name if isinstance(maps, Named) else job.choices["map"],
+        subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
+        people=str(build.people_of(config)),
+    )
+
+
+def _own_system(guide: str, planner: str, job: Job[DriveConfig]) -> dict[str, System]:
+    """Return the system of the job's pair by its name; {} for a pair without a name."""
+    return systems.system_of(guide, planner, job.folders, job.choices.get("system", ""))
+
+
+def _option_label(group: str, job: Job[DriveConfig]) -> str:
+    """Return the option of a group, or the name of a user's own class."""
+    node = {"guide": job.config.guide, "planner": job.config.planner}[group]
+    option = job.choices[group]
+    return str(node["_target_"]).rpartition(".")[2] if option == CUSTOM else option
+
+
+@contextmanager
+def resume_hint(command: str, run_dir: Path) -> Iterator[None]:
+    """Print the command that resumes the run in `run_dir` if Ctrl-C or SIGTERM ends the block."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(
+            f"\nStopped; finished work is kept. Continue with: {resume_command(command, run_dir)}",
+            file=sys.stderr,
+        )
+        raise
+
+
+class SweepReport(NamedTuple):
+    """Files that were written, and the lines to print below the table."""
+
+    files: list[Path]
+    lines: list[str]
+
+
+def finish_sweep(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
+    """Tabulate, draw, print and track all runs of a sweep. job: the first one."""
+    run_dirs = find_runs(run_dirs)
+    frame = read_episodes(run_dirs)
+    sweep_dir = job.sweep_dir
+    assert sweep_dir is not None
+    rows = summarise(
+        frame, job.config.table, systems.systems(job.folders), systems.ablation_labels(job.folders)
+    )
+    artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
+    print_table(frame, rows)
+    for line in lines:
+        print(line)
+    print(f"The sweep's table and pictures: {sweep_dir}")
+    _track(job.config, frame, artifacts, sweep_dir, run_dirs)
+
+
+def report_runs(
+    frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], folder: Path
+) -> SweepReport:
+    """Write the table and pictures of several runs into `folder`, and the studies that the records allow.
+
+    frame: their records. rows: those of their table.
+    """
+    from runners.reports.figures.trajectories import side_by_side_figure
+    from runners.reports.plots.comparison import comparison_figure
+
+    files = [
+        *write_tables(frame, rows, folder),
+        *comparison_figure(frame, rows, folder),
+        *side_by_side_figure(frame, run_dirs, folder),
+    ]
+    studied = _studies(frame, folder)
+    return SweepReport(files + studied.files, studied.lines)
+
+
+def _studies(frame: pd.DataFrame, folder: Path) -> SweepReport:
+    """Write the studies of systems, ablations, scales and values of a key, if the records have any."""
+    from runners.reports.analysis import study
+    from runners.reports.analysis.ablation import AblationStudy
+    from runners.reports.analysis.comparison import Comparison
+    from runners.reports.analysis.curves import CurveStudy
+    from runners.reports.analysis.sensitivity import SensitivityStudy
+
+    kinds: tuple[type[study.SweepStudy], ...] = (Comparison, AblationStudy, SensitivityStudy, CurveStudy)
+    files: list[Path] = []
+    lines: list[str] = []
+    for kind in kinds:
+        studies = kind.studies(frame)
+        if studies:
+            files += study.write(studies, folder)
+            lines += [line for sweep_study in studies for line in sweep_study.sentences()]
+    return SweepReport(files, lines)
+
+
+def _track(
+    config: ReportConfig,
+    frame: pd.DataFrame,
+    artifacts: Sequence[Path],
+    sweep_dir: Path,
+    run_dirs: Sequence[Path],
+) -> None:
+    """Track the sweep: the config that its jobs share, and the metrics of every row by its name."""
+    from runners.tracking.store import fitting_names
+
+    launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
+    tracking = instantiate.build(config.tracking, "tracking")
+    shared = launch_record.common([record.configs[0] for record in launches])
+    changes = launch_record.common([record.changes[0] for record in launches])
+    shared |= {key: frame[key].iloc[0] for key in LABELS if frame[key].nunique() == 1}
+    tracking.start(parameters(shared), sweep_dir, {"command": "sweep", "changes": describe_changes(changes)})
+    with closed_by(tracking):
+        rows = [row for row in summarise(frame, systems={}, labels={}) if row.episodes]
+        names = fitting_names([_row_name(row) for row in rows])
+        named_rows = zip(names, map(numbers, rows), strict=True)
+        tracking.finish(
+            {f"{name}/{key}": value for name, values in named_rows for key, value in values.items()},
+            artifacts,
+        )
+
+
+def _row_name(row: Row) -> str:
+    words = [
+        row.label.removesuffix(" (ours)"),
+        *(f"{key} {value}" for key, value in row.keys.items() if value),
+    ]
+    return " ".join(words)

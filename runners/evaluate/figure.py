@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from runners.config import build, instantiate, weights
+from runners.config import build, instantiate
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
+from runners.config.map_sets import parse_worlds
 from runners.config.schema import FigureConfig
-from runners.config.worlds import parse_worlds
-from runners.evaluate import evaluate
-from runners.evaluate.labels import resume_hint, run_labels
+from runners.evaluate.evaluate import drive, resume_hint, run_labels
 from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
 from runners.reports.figures.driven_runs import Kind, check_guided, read_runs
@@ -32,7 +31,7 @@ def validate(job: Job[FigureConfig]) -> None:
     if config.run is not None:
         find_runs([Path(config.run)])
     elif kind.drives:
-        weights.check_scale(config.scale, config.guide)
+        job.check_scale()
         build.check_drive(_with_worlds(config), num_tasks=None)
 
 
@@ -42,7 +41,10 @@ def figure(job: Job[FigureConfig]) -> None:
     drives = job.config.run is None and kind.drives
     if drives:
         _check_guide(job, kind)
-        _drive(job)
+        driven = replace(job, config=_with_worlds(job.config))
+        maps = build.map_set(driven.config)
+        with resume_hint("figure", job.run_dir):
+            drive(driven.config, run_labels(driven, maps), maps, job.run_dir)
     if job.sweep_dir is not None:
         return
     try:
@@ -89,13 +91,6 @@ def _check_guide(job: Job[FigureConfig], kind: Kind) -> None:
     except InputError:
         _remove_unless_drawn(job.run_dir)
         raise
-
-
-def _drive(job: Job[FigureConfig]) -> None:
-    job = replace(job, config=_with_worlds(job.config))
-    maps = build.map_set(job.config)
-    with resume_hint("figure", job.run_dir):
-        evaluate.drive(job.config, run_labels(job, maps), maps, job.run_dir)
 
 
 def _remove_unless_drawn(run_dir: Path) -> None:

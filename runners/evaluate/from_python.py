@@ -18,11 +18,10 @@ from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.quoting import quoted
 from runners.config.schema import EvalConfig
-from runners.evaluate.evaluate import drive, run_and_report, start_tracking, validate
-from runners.evaluate.labels import run_labels
+from runners.evaluate.evaluate import drive, run_labels, validate
+from runners.evaluate.evaluate import evaluate as evaluate_job
 from runners.records import launch_record, run_directories, trust
 from runners.records.records import episode_tables
-from runners.tracking.mlflow import closed_by
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,20 +58,25 @@ def evaluate(
     if resume and run_dir is None:
         raise InputError("resume=True: there is nothing to resume without into=DIR")
     with _in_pythons_words():
-        return _evaluate(_overrides(_words(overrides, keys, workers)), folder, run_dir, resume, progress)
-
-
-def _evaluate(
-    words: Sequence[str], folder: Path | None, run_dir: Path | None, resume: bool, progress: bool
-) -> pd.DataFrame:
-    job = _job(words, folder)
-    if run_dir is not None:
-        return _evaluate_into(job, words, run_dir, resume, progress)
-    _check_needs_no_directory(job)
-    with tempfile.TemporaryDirectory(prefix="lme-") as name:
-        maps = build.map_set(job.config)
-        drive(job.config, run_labels(job, maps), maps, Path(name), progress)
-        return _records(Path(name))
+        # Compose and check the job as on the command line.
+        words = _words(overrides, keys, workers)
+        job = _job(words, folder)
+        # Without a directory of the caller's, drive in a temporary one and write nothing but the records.
+        if run_dir is None:
+            _check_needs_no_directory(job)
+            with tempfile.TemporaryDirectory(prefix="lme-") as name:
+                maps = build.map_set(job.config)
+                drive(job.config, run_labels(job, maps), maps, Path(name), progress)
+                return _records(Path(name))
+        # Otherwise write everything that the command writes.
+        record = launch_record.launch_of("eval", [job], words, False, None)
+        if resume and run_directories.holds_run(run_dir):
+            run_directories.check_same(record, run_dir)
+        else:
+            run_directories.make_fresh(record, run_dir)
+        with trust.trusting(run_dir):  # whose config is the one just composed
+            evaluate_job(replace(job, run_dir=run_dir), progress=progress, summary=False)
+        return _records(run_dir)
 
 
 def to_hydra(value: Any) -> str:
@@ -115,21 +119,17 @@ def _path(keyword: str, path: str | Path | None) -> Path | None:
 
 
 def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | None) -> list[str]:
-    """Return all arguments of the caller as overrides. Raises InputError."""
+    """Return all arguments of the caller as overrides, with tracking=none if they choose none. Raises InputError."""
     for word in overrides:
         if not isinstance(word, str):
             raise InputError(f'{word!r}: must be text, key=value, such as "map=barn"')
     settings = {**keys, **({} if workers is None else {"executor.workers": workers})}
-    return [*overrides, *(f"{key}={to_hydra(value)}" for key, value in settings.items())]
-
-
-def _overrides(words: list[str]) -> list[str]:
-    """Return the overrides, with tracking=none if they choose none. Raises InputError for a key that is a keyword."""
-    keys = [word.partition("=")[0].lstrip("+") for word in words]
-    for key, word in zip(keys, words, strict=True):
+    words = [*overrides, *(f"{key}={to_hydra(value)}" for key, value in settings.items())]
+    given_keys = [word.partition("=")[0].lstrip("+") for word in words]
+    for key, word in zip(given_keys, words, strict=True):
         if key in _KEYWORDS:
             raise InputError(f"{word}: must be given as the keyword {_KEYWORDS[key]}")
-    return words if "tracking" in keys else ["tracking=none", *words]
+    return words if "tracking" in given_keys else ["tracking=none", *words]
 
 
 def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
@@ -157,27 +157,6 @@ def _check_needs_no_directory(job: Job[EvalConfig]) -> None:
     for key, value in requests.items():
         if value != "none":
             raise InputError(f"{key}={value}: needs into=DIR, the run's directory")
-
-
-def _evaluate_into(
-    job: Job[EvalConfig], words: Sequence[str], run_dir: Path, resume: bool, progress: bool
-) -> pd.DataFrame:
-    """Drive in a run directory as the command does, and write everything that it writes."""
-    from runners.reports.analysis.summary import metrics
-
-    record = launch_record.launch_of("eval", [job], list(words), False, None)
-    if resume and run_directories.holds_run(run_dir):
-        run_directories.check_same(record, run_dir)
-    else:
-        run_directories.make_fresh(record, run_dir)
-    job = replace(job, run_dir=run_dir)
-    # The run may be trusted: its config is the one just composed.
-    with trust.trusting(run_dir):
-        maps = build.map_set(job.config)
-        with closed_by(start_tracking(job, maps)) as tracking:
-            frame, _, artifacts = run_and_report(job, maps, progress)
-            tracking.finish(metrics(frame), artifacts)
-    return _records(run_dir)
 
 
 def _records(run_dir: Path) -> pd.DataFrame:

@@ -12,20 +12,17 @@ from lme.errors import InputError, require
 from lme.guides.lme.weight_files import NETWORK, find_network, with_network
 from lme.requirements import install
 from runners.config import build, instantiate
-from runners.config.job import Job
-from runners.config.options import named_option
+from runners.config.job import Job, named_option
 from runners.config.quoting import lme_command, override
 from runners.config.schema import LearnConfig
 from runners.evaluate import evaluate
-from runners.evaluate.driven import driven
-from runners.evaluate.labels import resume_hint, run_labels
+from runners.evaluate.evaluate import resume_hint, run_labels
 from runners.learning.learnable import check_learnable, learned_config, learned_part, learns_guide
-from runners.records import network_file
+from runners.records import weight_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
-from runners.tracking.mlflow import closed_by
-from runners.tracking.names import parameters
+from runners.tracking.tracking import closed_by, parameters
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.workers import imitation_rollouts
 from runners.workers.imitation_rollouts import Expert, RolloutPayload
@@ -55,7 +52,7 @@ def validate(job: Job[LearnConfig]) -> None:
     learner: Learner = instantiate.build(config.learner, "learner")
     learner.check(config)
     _payload(job, learner)
-    network_file.check_name(network_name(job), _fingerprint(config))
+    weight_file.check_network_name(network_name(job), _fingerprint(config))
 
 
 def learn(job: Job[LearnConfig]) -> None:
@@ -201,8 +198,10 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
         "held_out": dict(held_out),
     }
     key = f"{learned_part(config)}.weights"
-    command = lme_command("eval", *driven(job, "eval", [key]), override(key, name), folders=job.folders)
-    files = network_file.register(job.run_dir, name, metadata, command)
+    command = lme_command(
+        "eval", *weight_file.driven(job, "eval", [key]), override(key, name), folders=job.folders
+    )
+    files = weight_file.register_network(job.run_dir, name, metadata, command)
     if not held_out:
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")
         print(f"Network: {files[0]}; use it with: {command}")

@@ -124,7 +124,7 @@ def _write_run(
     session: Session, lane: SimulationTrack, run_dir: Path, words: list[str], key: EpisodeKey
 ) -> None:
     from runners.config import build
-    from runners.evaluate.labels import run_labels
+    from runners.evaluate.evaluate import run_labels
     from runners.records.records import RecordWriter
     from runners.workers.episodes import EpisodePayload, initialise, record_of
 

@@ -9,12 +9,12 @@ from typing import Any
 from lme.errors import InputError, require
 from lme.guides.lme.weight_files import PUBLISHED
 from lme.worlds.check import check_task
-from runners.config import build, command_line, weights
+from runners.config import build, command_line
 from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.schema import DriveConfig
+from runners.evaluate.evaluate import run_labels
 from runners.evaluate.from_python import to_hydra
-from runners.evaluate.labels import run_labels
 from runners.play.session import Entrant, Setup, Source
 from runners.records.episode_record import RunLabels
 
@@ -113,7 +113,7 @@ def _names(jobs: Sequence[Job[Any]], labels: Sequence[RunLabels]) -> list[str]:
 
 
 def _check(job: Job[Any]) -> None:
-    weights.check_scale(getattr(job.config, "scale", {}), job.config.guide)
+    job.check_scale()
     build.simulator(job.config)
 
 

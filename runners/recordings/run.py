@@ -27,8 +27,7 @@ from runners.recordings.driver import Driver
 from runners.recordings.goals import goal_source, topic_of
 from runners.recordings.recording import CLOCKS, Recording, inspect, open_recording
 from runners.recordings.topics import BagTopicsConfig, choose
-from runners.tracking.mlflow import closed_by
-from runners.tracking.names import parameters
+from runners.tracking.tracking import closed_by, parameters
 
 _SLOWER = 0.9  # scans at less than this fraction of the robot's control rate set the rate of decisions
 

@@ -1,4 +1,4 @@
-"""Launch record `launch.json`, which every directory of a run or of a sweep holds.
+"""Launch record `launch.json`, which every directory of a run or of a sweep holds; and the versions that it depends on.
 
 Two runs have the same fingerprint if their configs differ only in keys that cannot change a result.
 """
@@ -9,26 +9,31 @@ import dataclasses
 import hashlib
 import json
 import math
+import platform
+import subprocess
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import lme
 from lme.errors import InputError
 from lme.inputs.guarded_file import decode_json, read_bytes
 from lme.perception.people.source import People
 from runners.config import catalogue
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
+from runners.config.escaping import masked_text, masked_values
 from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
 from runners.config.quoting import lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
-from runners.config.urls import masked_text, masked_values
 from runners.records import input_search, inputs, trust
 from runners.records.atomic_write import write_atomically
 from runners.records.inputs import Input
-from runners.records.versions import code
 
 LAUNCH = "launch.json"
 # Keys that cannot change a result.
@@ -36,6 +41,8 @@ NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
 # Values of keys that older runs lack; they are left out, so that these runs can be resumed.
 DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}, "filter": {}}
 _SHOWN = 3  # number of differing keys that a message names at most
+_ROOT = Path(__file__).resolve().parents[2]
+_DIGITS = 8  # digits of a commit, as text
 
 
 @dataclass(slots=True)
@@ -300,3 +307,45 @@ def _canonical(value: Any) -> Any:
             return str(value)
         return int(value) if value.is_integer() else value
     return value
+
+
+class Commit(NamedTuple):
+    """Commit of a checkout. changed: whether its files have uncommitted changes."""
+
+    number: str
+    changed: bool
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Return the versions of Python, lme, and each of the packages that is installed, by name."""
+    versions_by_package = {"python": platform.python_version(), "lme": lme.__version__}
+    for package in packages:
+        with suppress(PackageNotFoundError):
+            versions_by_package[package] = version(package)
+    return versions_by_package
+
+
+@cache
+def commit() -> Commit | None:
+    """Return the commit of this file's checkout; None in an installed wheel."""
+    try:
+        if Path(_git("rev-parse", "--show-toplevel")).resolve() != _ROOT:
+            return None
+        has_changes = bool(_git("status", "--porcelain", "--untracked-files=no"))
+        return Commit(_git("rev-parse", "HEAD"), has_changes)
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def code() -> str:
+    """Return the version of lme and its commit as text: "lme 0.2.0, commit 1ec8305b, changed"."""
+    checkout = commit()
+    notes = (
+        [] if checkout is None else [f"commit {checkout.number[:_DIGITS]}", *["changed"] * checkout.changed]
+    )
+    return ", ".join([f"lme {lme.__version__}", *notes])
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(_ROOT), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()

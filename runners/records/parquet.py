@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.types import Ints
-from runners.records.append_log import AppendLog, LogEntry
 from runners.records.atomic_write import replacing
-from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, EpisodeKey
+from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, AppendLog, EpisodeKey, LogEntry
 
 if TYPE_CHECKING:
     import pyarrow as pa

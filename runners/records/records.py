@@ -16,13 +16,15 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from runners.config.changes import describe_changes
-from runners.config.flatten import flatten
-from runners.config.likeness import map_like, robot_difference, robots_like
-from runners.config.weights import scale_in_words
-from runners.records.append_log import (
+from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
+from runners.config.job import scale_in_words
+from runners.records.atomic_write import what_is_full
+from runners.records.episode_record import (
     APPEND_LOG,
+    KEY_COLUMNS,
     AppendLog,
+    EpisodeKey,
+    EpisodeResult,
     LogEntry,
     cut_torn_line,
     encode,
@@ -30,8 +32,6 @@ from runners.records.append_log import (
     lock,
     read_log,
 )
-from runners.records.atomic_write import what_is_full
-from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
 from runners.records.launch_record import DEFAULTS, LAUNCH, Launch, read_launch
 from runners.records.parquet import (
     EPISODES,
@@ -172,7 +172,14 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
     """
     runs: list[Path] = []
     for path in map(Path, paths):
-        children = sorted(path.iterdir(), key=_natural_order) if path.is_dir() else []
+        children = list(path.iterdir()) if path.is_dir() else []
+        children.sort(
+            key=lambda child: (
+                not child.name.isdigit(),
+                int(child.name) if child.name.isdigit() else 0,
+                child.name,
+            )
+        )
         run_dirs_here = [path] if has_records(path) else [child for child in children if has_records(child)]
         if not run_dirs_here:
             problem = "has no records" if path.is_dir() else "is not a directory"
@@ -195,14 +202,11 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     for table, columns in episode_tables(run_dirs):
         frame = table.to_pandas()
         added = {key: columns[key] for key in columns if key not in frame}
-        frames.append(frame.assign(**{**added, "people": _people(frame)}))
+        # Records without the column are of systems that saw the people who were really there.
+        truth = str(DEFAULTS["people"])
+        added["people"] = frame["people"].fillna(truth) if "people" in frame else truth
+        frames.append(frame.assign(**added))
     return pd.concat(frames, ignore_index=True)
-
-
-def _people(frame: pd.DataFrame) -> pd.Series | str:
-    """Return the people that the system saw in each episode: in records without the column, those really there."""
-    truth = str(DEFAULTS["people"])
-    return frame["people"].fillna(truth) if "people" in frame else truth
 
 
 def planned(episodes: pd.DataFrame, column: str) -> int:
@@ -221,7 +225,10 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
     tables = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
-    for run_dir, columns in zip(run_dirs, _run_columns(launches), strict=True):
+    # Every key that some run has changed is a column of all.
+    changed_keys = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
+    for run_dir, launch in zip(run_dirs, launches, strict=True):
+        columns = {} if launch is None else _columns_of(launch, changed_keys)
         with log_of(run_dir) as log:
             table = episode_table(run_dir, log)
         if table.num_rows == 0:
@@ -273,10 +280,6 @@ def has_records(path: Path) -> bool:
     return (path / EPISODES).is_file() or (path / APPEND_LOG).is_file()
 
 
-def _natural_order(path: Path) -> tuple[bool, int, str]:
-    return not path.name.isdigit(), int(path.name) if path.name.isdigit() else 0, path.name
-
-
 def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     """Open the append log of a run, finished or not. Raises InputError if no run is there or Arrow cannot open it."""
     try:
@@ -286,12 +289,6 @@ def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     if not has_records(run_dir):
         raise InputError(f"{run_dir} has no records: expected {EPISODES} or {APPEND_LOG}")
     return read_log(run_dir / APPEND_LOG)
-
-
-def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
-    """Return, for each run, the columns that its launch record adds to its episodes."""
-    changed_keys = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
-    return [{} if launch is None else _columns_of(launch, changed_keys) for launch in launches]
 
 
 def _columns_of(launch: Launch, changed_keys: Iterable[str]) -> dict[str, object]:

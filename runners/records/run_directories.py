@@ -1,24 +1,40 @@
-"""Directories of runs: the one that a run writes to, and the one that `resume=` continues."""
+"""Directories of runs: the one that a run writes to, the one that `resume=` continues, and all below given folders."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from itertools import count
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
 from runners.config.quoting import lme_command, resume_command
 from runners.records import inputs
-from runners.records.append_log import APPEND_LOG, lock
+from runners.records.episode_record import APPEND_LOG, lock
 from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
+from runners.records.records import has_records, read_episodes
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal", "checkpoint.pt")
 _ADVICE = "resume it with resume=PATH alone, or choose another directory"
 _OUTDATED = "the options that it was started with have changed since"
+# Errors from files of a run that somebody has changed: a part is missing, or has another type.
+NOT_AS_WRITTEN = (
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+)
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
@@ -45,7 +61,7 @@ def check_same(launch: Launch, directory: Path) -> None:
     if saved.fingerprint == launch.fingerprint and saved.configs == launch.configs:
         inputs.check_unchanged(saved.inputs, launch.inputs, directory)
         return
-    if _same_command_line(saved, launch):
+    if _command_line(saved) == _command_line(launch):
         raise _outdated(saved, launch, directory)
     if (saved.command, len(saved.configs)) != (launch.command, len(launch.configs)):
         raise InputError(
@@ -81,13 +97,8 @@ def _changes(saved: Launch, launch: Launch) -> str:
     return shortened(list(dict.fromkeys(change for old, new in pairs for change in differences(old, new))))
 
 
-def _same_command_line(saved: Launch, launch: Launch) -> bool:
-    """Return whether both were started by the same command line, apart from Hydra's own part."""
-    saved_words, words = map(_command_line, (saved, launch))
-    return saved_words == words
-
-
 def _command_line(launch: Launch) -> tuple[object, ...]:
+    """Return what a launch was started with, apart from Hydra's own part."""
     overrides = [word for word in launch.overrides if not word.startswith("hydra.")]
     return launch.command, launch.multirun, overrides, launch.config_dir, launch.config_name
 
@@ -98,18 +109,14 @@ def holds_run(directory: Path) -> bool:
     Raises InputError if it cannot be read.
     """
     try:
-        return _holds_run(directory)
+        for prefix in ("", "*/"):
+            if any(True for name in _RESULTS for _ in directory.glob(f"{prefix}{name}")):
+                return True
+            if any(file.stat().st_size for file in directory.glob(f"{prefix}parts/*") if file.is_file()):
+                return True
+        return False
     except OSError as error:
         raise directory_error(directory, "read", error) from error
-
-
-def _holds_run(directory: Path) -> bool:
-    for prefix in ("", "*/"):
-        if any(True for name in _RESULTS for _ in directory.glob(f"{prefix}{name}")):
-            return True
-        if any(file.stat().st_size for file in directory.glob(f"{prefix}parts/*") if file.is_file()):
-            return True
-    return False
 
 
 @contextlib.contextmanager
@@ -160,19 +167,15 @@ def _check_free(directory: Path) -> None:
 def _new_directory(launch: Launch, root: Path) -> Path:
     """Make a new directory, named by date, time and fingerprint; with a number if another run has that name."""
     name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_fingerprint_suffix(launch)}"
-    for candidate in _numbered(root / launch.command / name):
+    for number in count(1):
+        unique_name = name if number == 1 else f"{name}-{number}"
         with contextlib.suppress(FileExistsError):
-            return _make_directory(candidate, exist_ok=False)
+            return _make_directory(root / launch.command / unique_name, exist_ok=False)
     raise AssertionError("an endless sequence ended")
 
 
 def _fingerprint_suffix(launch: Launch) -> str:
     return f"{'sweep-' if launch.multirun else ''}{launch.fingerprint[:8]}"
-
-
-def _numbered(path: Path) -> Iterator[Path]:
-    yield path
-    yield from (path.with_name(f"{path.name}-{number}") for number in count(2))
 
 
 def _make_directory(directory: Path, exist_ok: bool) -> Path:
@@ -185,3 +188,51 @@ def _make_directory(directory: Path, exist_ok: bool) -> Path:
     except OSError as error:
         raise directory_error(directory, "written", error) from error
     return directory
+
+
+class Collected(NamedTuple):
+    """Collected runs. frames: records by run directory. problems: a line for each run that was left out."""
+
+    frames: dict[Path, pd.DataFrame]
+    problems: list[str]
+
+
+def collect(folders: Iterable[Path]) -> Collected:
+    """Return the records of every run in or below the folders, finished or not.
+
+    Below a folder, only a directory with a launch record is a run: MLflow keeps copies of records without one.
+    Raises InputError for a folder that does not exist or has no run below it.
+    """
+    collected = Collected({}, [])
+    for folder in folders:
+        runs = _runs_below(folder)
+        if not runs:
+            problem = "no run below it" if folder.is_dir() else "no such directory"
+            raise InputError(f"{folder}: {problem}; run lme eval first, or give folders that hold runs")
+        for run_dir in runs:
+            _add(run_dir, collected)
+    return collected
+
+
+def _runs_below(folder: Path) -> list[Path]:
+    run_dirs = sorted(path.parent for path in folder.rglob(LAUNCH))
+    return [run for run in dict.fromkeys([folder, *run_dirs]) if has_records(run)]
+
+
+def _add(run_dir: Path, collected: Collected) -> None:
+    """Read a run, only once if several paths lead to it."""
+    if any(run_dir.samefile(collected_dir) for collected_dir in collected.frames):
+        return
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # about a run without episodes: the error says so
+            collected.frames[run_dir] = read_episodes([run_dir])
+    except (InputError, OSError) as error:
+        collected.problems.append(str(error))
+    except NOT_AS_WRITTEN as error:
+        collected.problems.append(not_as_written(run_dir, error))
+
+
+def not_as_written(run_dir: Path, error: Exception) -> str:
+    """Return the message about a run whose files hold what lme does not write."""
+    return f"{run_dir}: cannot be read ({type(error).__name__}: {str(error).partition(chr(10))[0]:.200})"

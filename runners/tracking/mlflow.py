@@ -1,4 +1,4 @@
-"""Track runs in MLflow, or not at all.
+"""Track runs in MLflow.
 
 Importing MLflow and opening its store take seconds, so a thread does both while worker processes run the episodes.
 Tracking never stops a run: an error becomes a warning of one line, and the results stay on disk.
@@ -15,16 +15,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from runners.config.urls import masked, masked_text
-from runners.records.versions import commit, versions
+from runners.config.escaping import masked, masked_text
+from runners.records.launch_record import commit, versions
 from runners.tracking.store import (
     DEFAULT_URI,
-    FAILED,
-    FINISHED,
-    KILLED,
     PARENT,
     RUNNING,
     check_uri,
@@ -43,84 +40,15 @@ from runners.tracking.store import (
     unwritable,
     worst_state,
 )
+from runners.tracking.tracking import FAILED, FINISHED, KILLED, Series, state_of
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-Series = Mapping[str, Sequence[float]]
 
 _SHOWN = 8  # names in a message at most
 _CLOSE_S = 25.0  # longest wait of an interrupted run: Slurm kills 30 s after SIGTERM
 _UPLOAD_S = 30.0  # time limit of uploads that fail
-
-
-class Tracking(Protocol):
-    """Log of one run. `start` returns at once; `finish` or `stop` is called once, at the end."""
-
-    def start(
-        self,
-        config: Mapping[str, Any],
-        run_dir: Path,
-        tags: Mapping[str, Any],
-        sweep_dir: Path | None = None,
-    ) -> None:
-        """Open a run with the config as parameters; in a sweep, as a child of the run of `sweep_dir`."""
-
-    def finish(
-        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
-    ) -> None:
-        """Log the results and close the run.
-
-        artifacts: files, and folders with their contents. series: by name, one value for each step from 0 on.
-        """
-
-    def stop(self, state: str) -> None:
-        """Close a run that did not finish. state: KILLED or FAILED. Do nothing after `finish`."""
-
-
-@contextlib.contextmanager
-def closed_by(tracking: Tracking) -> Iterator[Tracking]:
-    """Close a run that the block does not finish: as KILLED after Ctrl-C or SIGTERM, else as FAILED."""
-    try:
-        yield tracking
-    except BaseException as error:
-        tracking.stop(_state_of(error))
-        raise
-
-
-def _state_of(error: BaseException) -> str:
-    return KILLED if isinstance(error, KeyboardInterrupt) else FAILED
-
-
-@dataclass(slots=True)
-class NoTrackingConfig:
-    """No settings."""
-
-
-class NoTracking:
-    """Tracking that logs nothing. The results are on disk anyway."""
-
-    Config = NoTrackingConfig
-
-    def __init__(self, config: NoTrackingConfig) -> None:
-        self._config = config
-
-    def start(
-        self,
-        config: Mapping[str, Any],
-        run_dir: Path,
-        tags: Mapping[str, Any],
-        sweep_dir: Path | None = None,
-    ) -> None:
-        """Do nothing."""
-
-    def finish(
-        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
-    ) -> None:
-        """Do nothing."""
-
-    def stop(self, state: str) -> None:
-        """Do nothing."""
 
 
 @dataclass(slots=True)
@@ -307,7 +235,7 @@ def sweep_closed(sweep_dir: Path, goes_on: bool) -> Iterator[None]:
         yield
     except BaseException as error:
         if not goes_on:
-            close_sweep(sweep_dir, _state_of(error))
+            close_sweep(sweep_dir, state_of(error))
         raise
     close_sweep(sweep_dir, FINISHED)
 
@@ -414,12 +342,10 @@ def _listed(names: Sequence[str]) -> str:
 
 def environment_tags() -> dict[str, str]:
     """Return tags of what the results may depend on besides the config: commit, versions, platform."""
-    return {"platform": platform.platform(), **versions("numpy", "numba"), **_git_tags()}
-
-
-def _git_tags() -> dict[str, str]:
-    """Return the commit of the checkout, and whether it has uncommitted changes; {} in an installed wheel."""
-    checkout = commit()
-    if checkout is None:
-        return {}
-    return {"mlflow.source.git.commit": checkout.number, "git_changed": str(checkout.changed).lower()}
+    checkout = commit()  # None in an installed wheel
+    git = (
+        {}
+        if checkout is None
+        else {"mlflow.source.git.commit": checkout.number, "git_changed": str(checkout.changed).lower()}
+    )
+    return {"platform": platform.platform(), **versions("numpy", "numba"), **git}

@@ -1,4 +1,4 @@
-"""Check and create MLflow stores, and write runs, parameters and metrics to them."""
+"""Check and create MLflow stores, and write runs, parameters and metrics to them under names that MLflow accepts."""
 
 from __future__ import annotations
 
@@ -7,31 +7,32 @@ import json
 import logging
 import math
 import os
+import posixpath
+import re
 import shlex
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import read_json
-from runners.config.flatten import flatten
-from runners.config.urls import masked
+from runners.config.escaping import masked, masked_text
 from runners.records.atomic_write import obstacle, write_atomically
-from runners.tracking.names import fitting_names, fitting_text, renamed
+from runners.tracking.tracking import FAILED, FINISHED, KILLED
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
+
 
 DEFAULT_URI = "sqlite:///outputs/mlflow.db"
 SQLITE = "sqlite:///"
 SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databricks")
 RUN_ID_FILE = "mlflow_run.json"
 PARENT = "mlflow.parentRunId"  # MLflow's tag of a child
-FINISHED, KILLED, FAILED = "FINISHED", "KILLED", "FAILED"  # how a run ended, the worst last
 RUNNING = "RUNNING"
 _CREATED = "lme_created"  # a tag: equal in runs that the same request created
 
@@ -50,6 +51,8 @@ DEFAULTS = {
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
     "MLFLOW_DISABLE_TELEMETRY": "true",
 }
+KEY_LENGTH = 250
+_REFUSED = re.compile(r"[^\w\-. /]" if os.name == "nt" else r"[^\w\-. /:]")
 
 
 def set_defaults() -> None:
@@ -252,6 +255,8 @@ def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> 
     """
     from mlflow.entities import Param
 
+    from runners.config.changes import flatten
+
     logged = client.get_run(run_id).data.params
     values = {str(key): str(value) for key, value in flatten(config)}
     names = dict(zip(values, fitting_names(list(values)), strict=True))
@@ -308,3 +313,56 @@ def _quieten() -> None:
     """Silence the log messages of MLflow, its migrations and retries; errors are raised anyway."""
     for name in ("mlflow", "alembic", "urllib3"):
         logging.getLogger(name).setLevel(logging.ERROR)
+
+
+def fitting_names(names: Sequence[str]) -> list[str]:
+    """Return for each name one that MLflow accepts; all differ, and accepted names stay as they are."""
+    unchanged = {name for name in names if _fits(name)}
+    assigned: set[str] = set()
+    names_out = []
+    for name in names:
+        if name in unchanged and name not in assigned:
+            assigned.add(name)
+            names_out.append(name)
+            continue
+        new_name = _unused(_cleaned(name), unchanged | assigned)
+        assigned.add(new_name)
+        names_out.append(new_name)
+    return names_out
+
+
+def fitting_text(value: object, length: int) -> str:
+    """Return a value as text that every store can hold: not too long, without passwords or lone surrogates."""
+    text = masked_text(str(value)).replace("\0", "�")
+    return text.encode(errors="replace").decode()[:length]
+
+
+def renamed(names: Iterable[str], new_names: Iterable[str]) -> list[str]:
+    """Return "a as b" for every name that was changed."""
+    return [
+        f"{name!r:.80} as {new_name!r:.80}"
+        for name, new_name in zip(names, new_names, strict=True)
+        if name != new_name
+    ]
+
+
+def _fits(name: str) -> bool:
+    """Return whether MLflow accepts the name: it may become the path of a file, which must not be another's."""
+    is_path = posixpath.normpath(name) == name and not name.startswith(("..", "/")) and name != "."
+    return bool(name) and len(name) <= KEY_LENGTH and not _REFUSED.search(name) and is_path
+
+
+def _cleaned(name: str) -> str:
+    segments = _REFUSED.sub("_", name).split("/")
+    clean = "/".join("_" if segment in ("", ".", "..") else segment for segment in segments)[:KEY_LENGTH]
+    return clean if _fits(clean) else re.sub(r"^\.+|/", "_", clean)
+
+
+def _unused(name: str, taken_names: set[str]) -> str:
+    """Return the name, with a number if another has it already."""
+    number, candidate = 1, name
+    while candidate in taken_names:
+        number += 1
+        suffix = f"_{number}"
+        candidate = name[: KEY_LENGTH - len(suffix)] + suffix
+    return candidate

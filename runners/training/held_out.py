@@ -7,14 +7,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runners.config import ablations, build, instantiate
+from runners.config import build, instantiate
 from runners.config.changes import HELD_OUT, TRAINING, TRAINING_ROBOTS
 from runners.config.job import Job
 from runners.config.schema import EvalConfig, HeldOutConfig
 from runners.config.space import PARAMETERS, with_values
-from runners.config.systems import systems
-from runners.evaluate.evaluate import drive, report
-from runners.evaluate.labels import run_labels
+from runners.config.systems import ablation_labels, systems
+from runners.evaluate.evaluate import drive, report, run_labels
 from runners.records import inputs
 from runners.records.launch_record import launch_of
 from runners.reports.explainer import pages
@@ -79,7 +78,7 @@ def write_table(job: Job[HeldOutConfig], run_dir: Path) -> None:
 def _rows(job: Job[HeldOutConfig], frame: pd.DataFrame) -> list[Row]:
     from runners.reports.analysis.summary import summarise
 
-    return summarise(frame, systems=systems(job.folders), labels=ablations.labels(job.folders))
+    return summarise(frame, systems=systems(job.folders), labels=ablation_labels(job.folders))
 
 
 def _evaluation(

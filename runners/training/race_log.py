@@ -9,7 +9,7 @@ from typing import Any, TextIO
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import LOG_BYTES, decode_json, read_bytes
-from runners.records.append_log import cut_torn_line
+from runners.records.episode_record import cut_torn_line
 from runners.workers.trials import Attempt, Score
 
 RACE_LOG, SCORE_LOG = "race.jsonl", "scores.jsonl"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.config import instantiate
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 from runners.config.job import Job
 from runners.config.quoting import lme_command, resume_command
 from runners.config.schema import TrainConfig

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.config.escaping import html_text
+from runners.config.escaping import counted, html_text
 from runners.config.space import Space
-from runners.config.wording import counted
 from runners.reports.analysis.shared_worlds import WorstWorld
 from runners.reports.explainer.write import document_parts, fill, write_html
 from runners.reports.figures.style import picture

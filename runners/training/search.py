@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from runners.config.escaping import masked
 from runners.config.space import Space
-from runners.config.urls import masked
 from runners.records import launch_record
 from runners.training.optuna_private import is_first
 from runners.training.race_log import SCORE_LOG, ScoreLog

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from runners.config import ablations, build, instantiate
+from runners.config import build, instantiate, systems
 from runners.config.catalogue import Catalogue
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 from runners.config.job import Job
 from runners.config.schema import TrainConfig
 from runners.config.space import Space, own_values, read_space
@@ -168,7 +168,7 @@ def start_name(job: Job[TrainConfig]) -> str:
 
 def search_space(job: Job[TrainConfig]) -> Space:
     """Return the search space: the ranges of the config, without the keys that the ablation fixes."""
-    ablated = ablations.settings(job.choices.get(ablations.GROUP, ""), Catalogue(job.folders))
+    ablated = systems.ablation_settings(job.choices.get(systems.ABLATION, ""), Catalogue(job.folders))
     return read_space(job.config, dict(flatten(ablated)))
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from lme.requirements import install
-from runners.config.urls import HIDDEN, fault_of_password, masked, reveals_password
+from runners.config.escaping import HIDDEN, fault_of_password, masked, reveals_password
 from runners.training.optuna_private import id_of
 
 if TYPE_CHECKING:

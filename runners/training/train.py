@@ -18,15 +18,13 @@ from runners.config.quoting import element, lme_command, override, resume_comman
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.evaluate import evaluate
-from runners.evaluate.driven import driven
-from runners.evaluate.labels import resume_hint, run_labels
+from runners.evaluate.evaluate import resume_hint, run_labels
 from runners.records import weight_file
 from runners.records.episode_record import RunLabels
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
-from runners.tracking.mlflow import closed_by
-from runners.tracking.names import parameters
+from runners.tracking.tracking import closed_by, parameters
 from runners.training.families import Families, families, too_narrow
 from runners.training.held_out import Places, evaluate_held_out, report_held_out
 from runners.training.race import START, check_race
@@ -68,7 +66,7 @@ def validate(job: Job[TrainConfig]) -> None:
     search_space(job)
     instantiate.build(config.search, "search")
     world_numbers(job, trained)
-    weight_file.check_name(weights_name(job), _fingerprint(config))
+    weight_file.check_weights_name(weights_name(job), _fingerprint(config))
     if config.storage is not None:
         open_storage(config.storage)
 
@@ -159,7 +157,7 @@ def _write_weights(
 
 def _usage(job: Job[TrainConfig], search_result: SearchResult) -> str:
     """Return the command that drives with the values found."""
-    words = driven(job, "train", search_result.values)
+    words = weight_file.driven(job, "train", search_result.values)
     if weight_file.best_parameters(job.config, search_result.values):
         words.append(override("weights", weights_name(job)))
     return lme_command("eval", *words, *weight_file.settings(search_result.values), folders=job.folders)
@@ -206,7 +204,7 @@ def _elsewhere(job: Job[TrainConfig], search_result: SearchResult) -> str:
     # A sweep over these maps.
     words = [
         word
-        for word in driven(job, "train", search_result.values)
+        for word in weight_file.driven(job, "train", search_result.values)
         if word.lstrip("+").partition("=")[0] != "robot"
     ]
     settings = weight_file.settings(search_result.values)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError, require
 from lme.requirements import install
-from runners.records.versions import versions
+from runners.records.launch_record import versions
 from runners.workers.environment import SAFE_PATH, environment
 from runners.workers.executor import (
     Initialise,

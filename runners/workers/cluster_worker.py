@@ -10,7 +10,7 @@ from typing import Any
 from distributed import Worker, WorkerPlugin, get_worker
 
 from lme.errors import InputError
-from runners.records.versions import versions
+from runners.records.launch_record import versions
 from runners.workers.executor import Item, Run, to_portable_error
 
 

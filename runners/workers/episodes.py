@@ -22,13 +22,10 @@ from lme.simulation.simulator import Simulator, State
 from lme.simulation.social import Company, without_people
 from lme.types import Guidance, Observation, Outcome, Twist
 from lme.worlds.check import check_task
-from lme.worlds.world import DrawsRobots, MapSet, Task
+from lme.worlds.world import DrawsRobots, Task
 from runners.config import build
 from runners.config.schema import DriveConfig
 from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
-from runners.workers.recorder import Recorder, recording_path
-
-_Systems = Callable[[DriveConfig], tuple[Navigator, Simulator]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,22 +47,30 @@ class EpisodePayload:
 
 def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]:
     """Build everything once per process; return the function that runs one episode. Raises InputError."""
-    seed = payload.config.seed
-    _check_run_dir(payload.recordings)
+    seed, recordings = payload.config.seed, payload.recordings
+    # On a cluster, a machine may not have the run's directory.
+    if recordings is not None and not recordings.folder.parent.is_dir():
+        raise InputError(
+            f"record=mcap: {recordings.folder.parent.absolute()} does not exist on {platform.node()}: start the "
+            "workers in the folder in which lme was called, on a file system that the machines share"
+        )
+    # Build the worlds, navigator and simulator; the last two for every episode if the map set draws robots.
     maps = build.map_set(payload.config)
-    systems = _systems(payload.config, maps)
-    _warm_up(build.setting(payload.config, maps, maps.numbers[0]), systems)
+    own = None if isinstance(maps, DrawsRobots) else _system(payload.config)
+    # Drive a short episode that is not recorded: the first decisions load compiled code, which takes time.
+    config, task, _ = build.setting(payload.config, maps, maps.numbers[0])
+    short = replace(task, time_limit=2 * config.robot.dt)
+    run_episode(short, *(own or _system(config)), np.random.default_rng(0))
 
     def run(key: EpisodeKey) -> EpisodeResult:
-        # The task, and navigator and simulator: those of this process, unless the map set draws a robot.
         start_s = perf_counter()
         config, task, disturbances = build.setting(payload.config, maps, key.world)
         robot = config.robot
         check_task(task, robot)
-        navigator, simulator = systems(config)
+        navigator, simulator = own or _system(config)
         # Drive, with observers for the recording and for the social measures, if wanted.
         company = Company(robot, simulator) if task.world.people else None
-        with _recorder(payload.recordings, seed, key, robot) as recorder:
+        with _recorder(recordings, seed, key, robot) as recorder:
             observers = [observer for observer in (recorder, company) if observer is not None]
             rng = episode_rng(seed, key.world, key.run)
             observer = _Observers(observers) if observers else None  # telling one the state takes time
@@ -81,6 +86,10 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
         return EpisodeResult(record, episode.trajectory)
 
     return run
+
+
+def _system(config: DriveConfig) -> tuple[Navigator, Simulator]:
+    return build.navigator(config), build.simulator(config)
 
 
 class _Observers:
@@ -103,37 +112,16 @@ def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, world, run]))
 
 
-def _check_run_dir(recordings: Recordings | None) -> None:
-    """Raise InputError on a machine of a cluster that does not have the run's directory."""
-    if recordings is not None and not recordings.folder.parent.is_dir():
-        raise InputError(
-            f"record=mcap: {recordings.folder.parent.absolute()} does not exist on {platform.node()}: start the "
-            "workers in the folder in which lme was called, on a file system that the machines share"
-        )
-
-
 def _recorder(
     recordings: Recordings | None, seed: int, key: EpisodeKey, robot: Robot
 ) -> AbstractContextManager[Observer | None]:
     """Return the recorder of the episode; a null context if no recordings are written."""
     if recordings is None:
         return nullcontext()
+    from runners.workers.recorder import Recorder, recording_path
+
     metadata = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
     return Recorder(recording_path(recordings.folder, key), metadata, robot)
-
-
-def _systems(config: DriveConfig, maps: MapSet) -> _Systems:
-    """Return a function that gives navigator and simulator; they are built once unless robots are drawn."""
-    if isinstance(maps, DrawsRobots):
-        return lambda setting_config: (build.navigator(setting_config), build.simulator(setting_config))
-    shared_pair = build.navigator(config), build.simulator(config)
-    return lambda _: shared_pair
-
-
-def _warm_up(setting: build.EpisodeSetting, systems: _Systems) -> None:
-    """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
-    task = replace(setting.task, time_limit=2 * setting.config.robot.dt)
-    run_episode(task, *systems(setting.config), np.random.default_rng(0))
 
 
 def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episode]) -> dict[str, float]:

@@ -30,8 +30,6 @@ from typing import Any
 
 from lme.errors import InputError, require
 from lme.inputs.user_code import explained
-from runners.workers import forkserver
-from runners.workers.forkserver import end_with_parent
 
 Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
@@ -229,6 +227,8 @@ def _start_workers(
     workers: dict[Connection, BaseProcess], count: int, initialise: Initialise, payload: Any
 ) -> None:
     """Add each worker's connection and process to `workers`."""
+    from runners.workers import forkserver
+
     with forkserver.context() as context:
         for _ in range(count):
             parent_end, child_end = context.Pipe()
@@ -249,6 +249,8 @@ def _stop(workers: dict[Connection, BaseProcess]) -> None:
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
     """Build once, then return results of items until the coordinator closes the connection or ends."""
+    from runners.workers.forkserver import end_with_parent
+
     end_with_parent()
     # All processes receive these two; the coordinator ends the workers.
     for number in (signal.SIGINT, signal.SIGTERM):

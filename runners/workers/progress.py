@@ -20,7 +20,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from runners.workers import kernels
+from lme import numba_cache
 
 _WIDTH = 100  # [characters]
 _EVERY_S = 0.2  # minimum time between updates of the bar
@@ -82,7 +82,7 @@ class _Bar:
         self._task = self._bar.add_task(label, start=False, total=total, **fields)
 
     def __enter__(self) -> Self:
-        if not (self._bar.disable or kernels.compiled()):
+        if not (self._bar.disable or numba_cache.compiled()):
             self._bar.console.print(_COMPILING)
         self._bar.start()
         self._bar.start_task(self._task)

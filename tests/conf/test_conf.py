@@ -10,18 +10,18 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
+from lme.config.composer import SHIPPED
 from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.inputs.resources import resource_dir
 from lme.live.config import LiveConfig
 from lme.robots import Robot
 from lme.worlds.check import check_task
 from runners.cli.main import command_files
-from runners.config import ablations, build, catalogue, schema, systems
+from runners.config import build, catalogue, schema, systems
+from runners.config.changes import flatten
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer, without_hydra
-from runners.config.flatten import flatten
-from runners.config.hydra_errors import dataclass_of
-from runners.config.instantiate import configured
+from runners.config.instantiate import configured, dataclass_of
 from runners.records import launch_record
 from runners.reports.analysis.published import TEXTS
 
@@ -253,7 +253,7 @@ def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for(chosen):
 
 @pytest.mark.parametrize("option", [name for name in CATALOGUE.options("ablation") if name != "none"])
 def test_every_ablation_has_a_label_of_its_own(option):
-    labels = ablations.labels()
+    labels = systems.ablation_labels()
     assert labels[option].startswith("without ")
     assert list(labels.values()).count(labels[option]) == 1
 
@@ -278,6 +278,7 @@ def test_a_system_is_the_pair_that_its_file_chooses(chosen, option):
     assert (system.guide, system.planner) == (choices["guide"], choices["planner"])
     assert system.global_planner == ("global_map" in config.guide)
     assert config.system.label == system.label
+    assert systems.system_of(system.guide, system.planner, SHIPPED, option) == {option: system}
 
 
 def test_published_figures_are_rates_of_systems_that_there_are():

@@ -17,7 +17,7 @@ from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue
-from runners.config.overrides import CUSTOM
+from runners.config.composer import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, shipped, task, without_errors
 from tests.networks import drl_vo_file, ipaprec_file, lics_file, network_file, onnx_file, subgoal_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS

@@ -113,8 +113,8 @@ def _keys(command: str) -> list[str]:
     from omegaconf import OmegaConf
 
     from runners.config import schema
+    from runners.config.changes import dotted_keys
     from runners.config.composer import Composer
-    from runners.config.flatten import dotted_keys
 
     schema.register()
     with Composer(command, None) as composer:

@@ -319,8 +319,7 @@ def _resume(folder: Path) -> None:
 
 def _log(folder: Path) -> None:
     from lme.navigation.episode import TRAJECTORY_COLUMNS
-    from runners.records.append_log import encode, entry_of
-    from runners.records.episode_record import EpisodeResult
+    from runners.records.episode_record import EpisodeResult, encode, entry_of
     from tests.builders import episode_record
 
     rng = np.random.default_rng(0)

@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.cli.parsers import texts
+from runners.cli.help import texts
 
 if TYPE_CHECKING:
     from runners.reports.analysis.compare_runs import RunComparison

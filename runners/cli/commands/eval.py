@@ -11,7 +11,6 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """Compose the config and evaluate; a sweep ends with one table and one chart over all its runs."""
     from runners.cli.launch import Command, launch
-    from runners.evaluate.evaluate import evaluate, validate
-    from runners.evaluate.sweeps import finish
+    from runners.evaluate.evaluate import evaluate, finish_sweep, validate
 
-    return launch(Command("eval", evaluate, validate, finish), argv)
+    return launch(Command("eval", evaluate, validate, finish_sweep), argv)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.cli.parsers import add_trust, texts
+from runners.cli.help import add_trust, texts
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import json
+import math
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
-from runners.cli.parsers import add_trust, texts
+from lme.errors import InputError, nearest
+from runners.cli.help import add_trust, texts
+from runners.config.escaping import csv_value, json_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,24 +30,33 @@ EXAMPLES = (
     "lme export outputs/eval/RUN --steps failures --format jsonl",
     "lme export outputs/eval/SWEEP --output sweep.parquet",
 )
-_FORMATS = ("csv", "jsonl", "parquet")
 _EPISODE = re.compile(r"\d+(/\d+)?|failures")
+_RUN_COLUMNS = (
+    "run_dir",
+    "sim",
+    "filter",
+    "crowd",
+    "scale",
+)  # tell runs apart, as do changed keys, which have a dot
+Write = Callable[
+    [Iterable["pa.Table"], Any], int
+]  # takes tables and an open file, returns the number of rows
+BINARY = ("parquet",)
 
 
 def main(argv: list[str]) -> int:
     """Write the rows to the file or to standard output. Raises InputError."""
-    from runners.records import export
     from runners.records.atomic_write import is_standard_output
     from runners.records.records import find_runs
 
     arguments = _parsed(argv)
     style = _format(arguments.format, arguments.output)
     runs = find_runs(arguments.runs)
-    tables = export.episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
+    tables = episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
     column_names = [name for name in (arguments.columns or "").split(",") if name]
-    rows = export.select(tables, column_names)
+    rows = select(tables, column_names)
     if arguments.output is None or str(arguments.output) == "-":
-        export.FORMATS[style](rows, sys.stdout)
+        FORMATS[style](rows, sys.stdout)
     else:
         count = _to_file(rows, arguments.output, style)
         stream = sys.stderr if is_standard_output(arguments.output) else sys.stdout
@@ -66,7 +80,9 @@ def _parser() -> argparse.ArgumentParser:
         help="the control steps of WORLD (its run 0), WORLD/RUN or failures; none: of all episodes",
     )
     parser.add_argument("--columns", metavar="A,B,…", help="these columns, in this order")
-    parser.add_argument("--format", choices=_FORMATS, help="default: by the ending of --output, else csv")
+    parser.add_argument(
+        "--format", choices=tuple(FORMATS), help="default: by the ending of --output, else csv"
+    )
     parser.add_argument(
         "--output", "-o", type=Path, metavar="FILE", help="default: -, which is standard output"
     )
@@ -79,8 +95,6 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 
     Raises InputError without a run.
     """
-    from lme.errors import InputError
-
     arguments = _parser().parse_args(argv)
     runs = [word for word in arguments.steps or [] if not _EPISODE.fullmatch(word) and Path(word).is_dir()]
     arguments.runs += map(Path, runs)
@@ -93,15 +107,13 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 
 def _format(format_name: str | None, output: Path | None) -> str:
     """Return the format. Raises InputError for Parquet without a file, and for a file with another suffix."""
-    from lme.errors import InputError
-
-    formats = ", ".join(_FORMATS)
+    formats = ", ".join(FORMATS)
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    if ending and ending not in _FORMATS and not format_name:
+    if ending and ending not in FORMATS and not format_name:
         raise InputError(
             f"--output {output}: .{ending} is not a format; end it in one of {formats}, or add --format"
         )
-    if format_name and ending in _FORMATS and ending != format_name:
+    if format_name and ending in FORMATS and ending != format_name:
         raise InputError(f"--output {output} --format {format_name}: ask for two formats; give one of them")
     style = format_name or ending or "csv"
     if style == "parquet" and (output is None or str(output) == "-"):
@@ -111,11 +123,9 @@ def _format(format_name: str | None, output: Path | None) -> str:
 
 def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
     """Return the steps of the named episodes of each run. Raises InputError before anything is written."""
-    from lme.errors import InputError
-    from runners.records.export import with_run_dir
     from runners.records.records import read_episodes
     from runners.reports.explainer.pages import keys_of
-    from runners.workers.steps import step_tables
+    from runners.workers.trace import step_tables
 
     tables_of_runs = []
     for run_dir in runs:
@@ -143,18 +153,134 @@ def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:
 
 def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
     """Write a whole file and return the number of its rows. Raises InputError where it cannot be written."""
-    from lme.errors import InputError
-    from runners.records import export
     from runners.records.atomic_write import output_file
 
     try:
         with output_file(path) as draft:
-            if style in export.BINARY:
+            if style in BINARY:
                 with draft.open("wb") as binary:
-                    return export.FORMATS[style](rows, binary)
+                    return FORMATS[style](rows, binary)
             with draft.open("w", encoding="utf-8", newline="") as file:
-                return export.FORMATS[style](rows, file)
+                return FORMATS[style](rows, file)
     except BrokenPipeError:  # its reader has seen enough
         raise
     except OSError as error:
         raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
+
+
+def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
+    """Yield the records of a run as its file holds them; for several runs, with the columns that tell them apart."""
+    from runners.records.records import episode_tables
+
+    tables = episode_tables(run_dirs)
+    if len(tables) == 1:
+        yield tables[0][0]
+        return
+    names = dict.fromkeys(name for table, _ in tables for name in table.column_names)
+    run_columns = dict.fromkeys(
+        key for _, columns in tables for key in columns if key in _RUN_COLUMNS or "." in key
+    )
+    for table, columns in tables:
+        full_table = _with_columns(table, {name: None for name in names if name not in table.column_names})
+        full_table = _with_columns(
+            full_table.select(list(names)), {key: columns.get(key, "") for key in run_columns}
+        )
+        yield full_table.select(["run_dir", *names, *(key for key in run_columns if key != "run_dir")])
+
+
+def with_run_dir(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table]:
+    """Yield the tables with the column `run_dir` before the others."""
+    for table in tables:
+        yield _with_columns(table, {"run_dir": str(run_dir)}).select(["run_dir", *table.column_names])
+
+
+def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Table]:
+    """Yield the tables with these columns in this order, or with all columns if none are named.
+
+    Raises InputError for a column that does not exist or is named twice, and for tables whose columns differ from
+    those of the first.
+    """
+    names: list[str] = []
+    for table in tables:
+        names = names or _check_columns(columns, table.column_names) or table.column_names
+        lacking_columns = [name for name in names if name not in table.column_names]
+        if lacking_columns or (not columns and len(names) < table.num_columns):
+            raise InputError(
+                "the runs have different columns, perhaps because different versions of lme recorded them: export "
+                "each alone, or choose --columns that all have"
+            )
+        yield table.select(names)
+
+
+def write_csv(tables: Iterable[pa.Table], file: IO[str]) -> int:
+    """Write a header and the rows; return their number. Floats are exact. Missing values and NaN are empty.
+
+    Text that a spreadsheet would take for a formula begins with an apostrophe.
+    """
+    writer = csv.writer(file, lineterminator="\n")
+    count = 0
+    for number, table in enumerate(tables):
+        if number == 0:
+            writer.writerow(map(csv_value, table.column_names))
+        writer.writerows(_rows(table, _csv_value))  # csv writes floats as repr() does
+        count += table.num_rows
+    return count
+
+
+def write_jsonl(tables: Iterable[pa.Table], file: IO[str]) -> int:
+    """Write an object of JSON for each row; return their number. NaN and infinity, which JSON lacks, are null."""
+    count = 0
+    for table in tables:
+        for row in _rows(table, _json_value):
+            values_by_name = dict(zip(table.column_names, row, strict=True))
+            file.write(json_text(json.dumps(values_by_name, ensure_ascii=False)) + "\n")
+        count += table.num_rows
+    return count
+
+
+def write_parquet(tables: Iterable[pa.Table], file: IO[bytes]) -> int:
+    """Write Parquet; return the number of rows."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    # A column that a run lacks has the type null there.
+    full_table = pa.concat_tables(tables, promote_options="permissive")
+    pq.write_table(full_table, file)
+    return int(full_table.num_rows)
+
+
+FORMATS: dict[str, Write] = {"csv": write_csv, "jsonl": write_jsonl, "parquet": write_parquet}
+
+
+def _check_columns(columns: Sequence[str], column_names: Sequence[str]) -> list[str]:
+    for number, name in enumerate(columns):
+        if name in columns[:number]:
+            raise InputError(f"--columns {','.join(columns)}: names {name} twice; name each column once")
+        if name not in column_names:
+            raise InputError(
+                f"--columns {name}: no such column; {nearest(name, column_names)}there are: {', '.join(column_names)}"
+            )
+    return list(columns)
+
+
+def _with_columns(table: pa.Table, constants: Mapping[str, object]) -> pa.Table:
+    import pyarrow as pa
+
+    for name, value in constants.items():
+        table = table.append_column(name, pa.array([value] * table.num_rows))
+    return table
+
+
+def _rows(table: pa.Table, value: Callable[[Any], Any]) -> Iterator[list[Any]]:
+    for batch in table.to_batches(max_chunksize=10_000):
+        columns = [column.to_pylist() for column in batch.columns]
+        for row in zip(*columns, strict=True):
+            yield [value(cell) for cell in row]
+
+
+def _csv_value(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isnan(value) else csv_value(value)
+
+
+def _json_value(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -7,8 +7,8 @@ import warnings
 from pathlib import Path
 
 from lme.errors import InputError
-from runners.cli.parsers import texts
-from runners.config.wording import counted
+from runners.cli.help import texts
+from runners.config.escaping import counted
 
 EXAMPLES = (
     "lme leaderboard",
@@ -20,7 +20,7 @@ NAME = "leaderboard.html"
 def main(argv: list[str]) -> int:
     """Write the page and print its path. Raises InputError if there are no records or the page cannot be written."""
     from runners.records.atomic_write import output_path
-    from runners.records.collect import collect
+    from runners.records.run_directories import collect
     from runners.reports.analysis.leaderboard import entries
     from runners.reports.explainer.leaderboard import write_leaderboard
 

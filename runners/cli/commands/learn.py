@@ -14,7 +14,7 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """Compose the config and learn; a sweep ends with one table over the held-out evaluations of all networks."""
     from runners.cli.launch import Command, launch
-    from runners.evaluate.sweeps import finish
+    from runners.evaluate.evaluate import finish_sweep
     from runners.learning.learn import learn, validate
 
-    return launch(Command("learn", learn, validate, finish), argv)
+    return launch(Command("learn", learn, validate, finish_sweep), argv)

@@ -8,12 +8,11 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import expanded
-from runners.cli import map_building
-from runners.cli.parsers import texts
+from runners.cli.help import texts
 
 if TYPE_CHECKING:
     from lme.worlds.world import Task
@@ -29,6 +28,45 @@ EXAMPLES = (
     "lme maps build drive.bag",
 )
 NAMED = 6  # worlds that the file name of a picture lists at most
+BUILD_EXAMPLES = (
+    "lme maps build drive.bag",
+    "lme maps build office.log.gz --output maps/office.yaml",
+    "lme maps build outputs/live/RUN/recordings/*.mcap --radius 0.18",
+    "lme maps build drive.mcap topics.scan=/front/scan frames.odom=odom start=20 end=300",
+)
+BUILDINGS_EXAMPLES = ("lme maps buildings ~/ple", "lme maps buildings ~/ple my_buildings --overwrite")
+_BUILD = """\
+Build a map from the log of a drive, to drive in with map=file or map=building.
+
+A log holds scans and poses: a ROS 1 or ROS 2 recording (.bag, .db3, .mcap, or its folder), a recording of lme live or
+lme eval, or a CARMEN log (.log, .clf, also .gz) with FLASER or ROBOTLASER1 lines. Several logs make one map if they
+are of one drive, so that their poses are in one frame.
+
+Poses come from tf in the frame "map" if a localiser or a SLAM program ran, else from odometry. The map is only as good
+as the poses: odometry drifts, so its walls become double. Nothing is aligned here.
+
+A beam hits the cell in which it ends and passes those before it. A cell is occupied if it has at least two hits and at
+least 12 % of its beams are hits. Free is what the robot's body swept, and what its body can reach. The rest is unknown,
+an obstacle for map=file. OUTPUT_way.png shows the map with the robot's way: look at it."""
+_BUILD_NOTES = """\
+settings of the log are keys of lme replay, as in conf/replay.yaml:
+  topics.scan, topics.pose   topics, if there are several of a type; lme replay LOG list=true shows them
+  frames.odom, frames.base   frames of the poses; frames.odom=odom: odometry although there is a frame "map"
+  scan.mount                 [x, y, z, roll, pitch, yaw] of the lidar on the base [m, rad], if tf does not know it
+  scan.range_max             [m] range without a return, if the recording does not say
+  scan.cloud.min_height, …   how a point cloud becomes a scan
+  start, end                 [s] from the beginning of the log
+  clock                      header | recorded | auto"""
+_BUILDINGS = """\
+Build the maps of ten real buildings from published laser logs, for map=building.
+
+The logs were made by real robots, published on Radish, the Robotics Data Set Repository, and corrected by SLAM. They
+are in https://github.com/acschaefer/ple, data/carmen/*-corrected.log.gz. Nothing is downloaded: clone it first. The
+terms of the data are those of Radish and of each log's author, so lme ships neither logs nor maps.
+
+The buildings: acapulco, aces, belgioioso, csail, edmonton, freiburg-079, freiburg-101, intel, orebro, seattle. Each log
+must be the published file, by its SHA-256 digest; a building whose log is not there is left out. freiburg-campus and
+infinite-corridor are kilometres long and not built."""
 
 
 def main(argv: list[str]) -> int:
@@ -90,7 +128,8 @@ def _parser() -> argparse.ArgumentParser:
     bring.add_argument("source", type=Path, help="an official checkout, its worlds/ or its BARN/")
     bring.add_argument("destination", type=Path, help="a new folder, for map.source=")
     bring.set_defaults(run=_import)
-    map_building.add_verbs(verbs)
+    _add_build(verbs)
+    _add_buildings(verbs)
     return parser
 
 
@@ -190,3 +229,125 @@ def _import(arguments: argparse.Namespace) -> None:
         f"{len(report)} worlds in {arguments.destination}, {len(report) - len(different)} equal to the "
         f"regenerated ones. Run them: {lme_command('eval', 'map=barn', 'map.subset=all', source)}"
     )
+
+
+def _add_build(verbs: Any) -> None:
+    build = verbs.add_parser(
+        "build",
+        help="a map from the log of a drive: a ROS recording, a CARMEN log, a recording of lme live",
+        **texts(_BUILD, BUILD_EXAMPLES, _BUILD_NOTES),
+    )
+    build.add_argument(
+        "what", nargs="+", metavar="LOG|key=value", help="logs of one drive; settings of the log"
+    )
+    build.add_argument(
+        "--output", type=Path, metavar="PATH", help="the map's file, .yaml; default: outputs/maps/LOG.yaml"
+    )
+    _add_overwrite(build)
+    # Lengths in metres, each with its default and its help.
+    numbers = {
+        "resolution": (0.05, "side of a cell"),
+        "max-range": (
+            10.0,
+            "what is farther from the lidar does not count as a hit; a beam clears at most this far",
+        ),
+        "radius": (0.25, "radius of the robot: what it swept is free, and where it cannot go is closed"),
+        "reach": (5.0, "space farther than this from the robot's way, along rows and columns, is closed"),
+    }
+    for name, (default, words) in numbers.items():
+        build.add_argument(
+            f"--{name}", type=float, default=default, metavar="M", help=f"{words} [m]; default: {default:g}"
+        )
+    build.add_argument(
+        "--no-returns",
+        default="clear",
+        metavar="clear|ignore",
+        help="clear: a beam without a return passes free cells (default); ignore: it says nothing, as through glass",
+    )
+    build.add_argument(
+        "--robot",
+        metavar="NAME",
+        help="the robot whose lidar it is, if the log does not say where it is mounted",
+    )
+    build.set_defaults(run=_build)
+
+
+def _add_buildings(verbs: Any) -> None:
+    buildings = verbs.add_parser(
+        "buildings",
+        help="maps of ten real buildings, from published logs that you have",
+        **texts(_BUILDINGS, BUILDINGS_EXAMPLES),
+    )
+    buildings.add_argument(
+        "source", type=Path, help="a checkout of acschaefer/ple, or a folder with its logs"
+    )
+    buildings.add_argument(
+        "destination",
+        type=Path,
+        nargs="?",
+        default=Path("outputs/maps/buildings"),
+        help="a folder for the maps; default: outputs/maps/buildings",
+    )
+    _add_overwrite(buildings)
+    buildings.set_defaults(run=_buildings)
+
+
+def _add_overwrite(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--overwrite", action="store_true", help="replace maps that exist")
+
+
+def _build(arguments: argparse.Namespace) -> None:
+    from runners.config.quoting import element, lme_command
+    from runners.recordings.log import log_config
+    from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
+
+    logs, settings = _split_words(arguments.what)
+    config = BuildConfig(
+        resolution=arguments.resolution,
+        max_range=arguments.max_range,
+        radius=arguments.radius,
+        reach=arguments.reach,
+        no_returns=arguments.no_returns,
+        log=log_config(settings, arguments.robot),
+    )
+    # Check the target before the logs are read, which may take minutes.
+    target = expanded(arguments.output) if arguments.output else _default_map_file(logs[0])
+    check_target(target, arguments.overwrite)
+    built = build_map(logs, config)
+    write_map(built, target)
+    print(f"log      {built.sources}")
+    print(f"map      {describe(built)}: {target}")
+    print(f"picture  {target.with_name(f'{target.stem}_way.png')}")
+    print(f"scans    {built.tally}")
+    paths = f"map.paths=[{element(str(target))}]"
+    print(f"Drive in it: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
+
+
+def _split_words(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
+    """Split the words into logs and settings. Raises InputError if there is no log, or a setting is not YAML."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    settings = [word for word in words if "=" in word and not expanded(word).exists()]
+    logs = [expanded(word) for word in words if word not in settings]
+    if not logs:
+        raise InputError("give the log of a drive, e.g. lme maps build drive.bag")
+    try:
+        parsed_settings: Any = OmegaConf.to_container(OmegaConf.from_dotlist(settings))
+    except (OmegaConfBaseException, YAMLError, ValueError) as error:
+        raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error
+    return logs, parsed_settings
+
+
+def _default_map_file(log: Path) -> Path:
+    from runners.records.run_directories import ROOT
+
+    name = log.resolve().name.removesuffix(".gz")
+    return ROOT / "maps" / f"{name.rpartition('.')[0] or name}.yaml"
+
+
+def _buildings(arguments: argparse.Namespace) -> None:
+    from runners.recordings.radish import build_all
+
+    build_all(expanded(arguments.source), expanded(arguments.destination), arguments.overwrite)

@@ -32,15 +32,15 @@ def main(argv: list[str]) -> int:
 
 
 def _serve(episode: list[str], step: int | None, arguments: Arguments) -> int:
+    from lme import numba_cache
     from lme.errors import InputError
     from runners.play.run import check_installed, serve, settings
-    from runners.workers import kernels
 
     check_installed()
     if step is not None and not episode:
         raise InputError(f"{_STEP} {step}: goes with a recorded episode, lme play RUN 282/1 {_STEP} {step}")
     port, browser = settings(arguments)
-    if not kernels.compiled():
+    if not numba_cache.compiled():
         print(
             "lme play: compiling the kernels once, which takes about a minute; the page opens then",
             flush=True,

@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.cli.parsers import add_trust, texts
+from runners.cli.help import add_trust, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,8 +56,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     """Return the rows of the table, in the order that the config of a sweep sets."""
-    from runners.config.ablations import labels
-    from runners.config.systems import systems
+    from runners.config.systems import ablation_labels, systems
     from runners.records.launch_record import read_launch
     from runners.reports.analysis.summary import summarise
 
@@ -65,7 +64,7 @@ def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     if launch is None:
         return summarise(frame)
     order = launch.configs[0].get("table", []) if is_sweep else []
-    return summarise(frame, order, systems(launch.folders), labels(launch.folders))
+    return summarise(frame, order, systems(launch.folders), ablation_labels(launch.folders))
 
 
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
@@ -81,13 +80,13 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
 def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], directory: Path) -> list[str]:
     """Rewrite the tables and pictures of a run or sweep and return its findings. Raises InputError if that fails."""
     from lme.errors import InputError
-    from runners.evaluate import sweeps
+    from runners.evaluate import evaluate
     from runners.reports.analysis.tables import write_tables
 
     try:
         directory.mkdir(parents=True, exist_ok=True)
         if runs != [directory]:
-            return sweeps.report(frame, rows, runs, directory).lines
+            return evaluate.report_runs(frame, rows, runs, directory).lines
         write_tables(frame, rows, directory)
         _draw(frame, directory)
     except OSError as error:

@@ -14,7 +14,7 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """Compose the config and train; a sweep ends with one table over the held-out evaluations of all studies."""
     from runners.cli.launch import Command, launch
-    from runners.evaluate.sweeps import finish
+    from runners.evaluate.evaluate import finish_sweep
     from runners.training.train import train, validate
 
-    return launch(Command("train", train, validate, finish), argv)
+    return launch(Command("train", train, validate, finish_sweep), argv)

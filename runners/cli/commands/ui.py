@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shlex
 import signal
@@ -11,9 +12,12 @@ import subprocess
 import sys
 import sysconfig
 import time
+import urllib.request
 import warnings
+from typing import Any, NamedTuple
 
-from runners.cli.parsers import texts
+from lme.errors import InputError
+from runners.cli.help import texts
 
 EXAMPLES = (
     "lme ui",
@@ -23,11 +27,22 @@ _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _OPEN = (
     "--host is {}: MLflow asks for no password, so whoever reaches port {} can read, change and delete runs"
 )
+VIEW = "lme"
+METRICS = ("success", "barn_metric", "collision", "timeout", "time_s", "spl")
+COLUMNS = ["tags.`system`", *(f"metrics.`{name}`" for name in METRICS), "tags.`map`", "tags.`command`"]
+STATE = {
+    "selectedColumns": COLUMNS,
+    "columnOrder": COLUMNS,
+    "searchFilter": "tags.command != 'sweep'",  # the metrics belong to a sweep's jobs
+    "orderByKey": "tags.`mlflow.runName`",  # dates; sorted by creation, jobs are hidden below their sweeps
+    "orderByAsc": False,
+}
+_TIMEOUT_S = 30.0
 
 
 def main(argv: list[str]) -> int:
     """Serve until Ctrl-C. Raises InputError if there is no store or the port is taken."""
-    from runners.config.urls import masked
+    from runners.config.escaping import masked
     from runners.tracking.store import DEFAULTS
 
     arguments = _parser().parse_args(argv)
@@ -95,7 +110,6 @@ def _serve(command: list[str], environment: dict[str, str], address: str) -> int
 
 def _announce(server: subprocess.Popen[bytes], address: str) -> None:
     """Print where the runs are as soon as the server answers; print nothing if it ends before."""
-    from runners.tracking.runs_page import addresses, is_up
 
     while not is_up(address):
         if server.poll() is not None:
@@ -112,8 +126,7 @@ def _announce(server: subprocess.Popen[bytes], address: str) -> None:
 
 
 def _check_store(uri: str) -> None:
-    from lme.errors import InputError
-    from runners.config.urls import masked
+    from runners.config.escaping import masked
     from runners.tracking.store import check_uri, sqlite_path
 
     check_uri("--uri", uri)
@@ -126,8 +139,6 @@ def _check_store(uri: str) -> None:
 
 def _check_address(host: str, port: int) -> None:
     """Bind the port once as a check, since the server itself reports a taken port in forty lines."""
-    from lme.errors import InputError
-
     if not 0 < port < 65536:
         raise InputError(f"--port is {port}: must be 1 to 65535")
     try:
@@ -138,3 +149,62 @@ def _check_address(host: str, port: int) -> None:
         raise InputError(
             f"--host {host} --port {port} cannot be used ({error.strerror}): choose another port"
         ) from None
+
+
+class RunsPage(NamedTuple):
+    """Table of the runs of one experiment."""
+
+    experiment: str
+    address: str
+
+
+def is_up(server: str) -> bool:
+    """Return whether the server is up."""
+    try:
+        with _opener_without_proxy().open(f"{server}/health", timeout=_TIMEOUT_S):
+            return True
+    except OSError:
+        return False
+
+
+def addresses(server: str) -> list[RunsPage]:
+    """Return the tables of all experiments that have runs, the latest experiment first.
+
+    server: its address, without a trailing slash. Raises OSError or ValueError if it does not answer as MLflow does.
+    """
+    return [
+        RunsPage(
+            str(experiment["name"]),
+            f"{server}/#/experiments/{experiment['experiment_id']}/runs{_shared(server, experiment)}",
+        )
+        for experiment in _ask(server, "experiments/search", max_results=1000).get("experiments", [])
+        if _ask(server, "runs/search", experiment_ids=[experiment["experiment_id"]], max_results=1).get(
+            "runs"
+        )
+    ]
+
+
+def _shared(server: str, experiment: dict[str, Any]) -> str:
+    """Share our view of the experiment; return the end of its address, or "" if the store cannot be written."""
+    tag = {"key": f"mlflow.sharedViewState.{VIEW}", "value": json.dumps(STATE)}
+    try:
+        _ask(server, "experiments/set-experiment-tag", experiment_id=experiment["experiment_id"], **tag)
+    except OSError:
+        return ""
+    return f"?viewStateShareKey={VIEW}"
+
+
+def _ask(server: str, method: str, **content: Any) -> dict[str, Any]:
+    """Return the server's answer to a request of its REST interface."""
+    request = urllib.request.Request(
+        f"{server}/api/2.0/mlflow/{method}",
+        json.dumps(content).encode(),
+        {"Content-Type": "application/json"},
+    )
+    with _opener_without_proxy().open(request, timeout=_TIMEOUT_S) as answer:
+        return dict(json.load(answer))
+
+
+def _opener_without_proxy() -> urllib.request.OpenerDirector:
+    """Return an opener that ignores the user's proxy, since the server is on this machine."""
+    return urllib.request.build_opener(urllib.request.ProxyHandler({}))

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import expanded
-from runners.cli.parsers import texts
+from runners.cli.help import texts
 
 if TYPE_CHECKING:
     from lme.inputs.onnx_file import Arrays
@@ -148,7 +148,7 @@ def _import(arguments: argparse.Namespace) -> None:
     from lme.guides.lme.weight_files import REGISTERED, shipped_networks
     from runners.config.quoting import lme_command, override
     from runners.records.atomic_write import replacing
-    from runners.records.registered_name import check_name
+    from runners.records.weight_file import check_name
 
     # Check the name and the authors' file before anything is written.
     name = arguments.name or arguments.network

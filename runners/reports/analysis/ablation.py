@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
-from runners.config.ablations import SEVERAL
-from runners.config.escaping import markdown_text, plot_text
-from runners.config.wording import markdown_table
+from runners.config.escaping import markdown_table, markdown_text, plot_text
+from runners.config.systems import SEVERAL
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy

@@ -7,8 +7,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from runners.config.escaping import markdown_text, visible
-from runners.config.wording import markdown_table
+from runners.config.escaping import markdown_table, markdown_text, visible
 from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lme.errors import InputError
-from runners.config.wording import counted
+from runners.config.escaping import counted
 from runners.records.launch_record import Launch, read_launch
 from runners.reports.analysis import paired, run_names
 from runners.reports.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from runners.config.wording import markdown_table
+from runners.config.escaping import markdown_table
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy

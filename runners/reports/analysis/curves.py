@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from runners.config.escaping import markdown_text, plot_text
-from runners.config.wording import markdown_table
+from runners.config.escaping import markdown_table, markdown_text, plot_text
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS
 from runners.reports.analysis.study import SweepStudy

@@ -11,8 +11,7 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.types import Outcome
-from runners.config.escaping import html_address, markdown_text
-from runners.config.wording import markdown_table
+from runners.config.escaping import html_address, markdown_table, markdown_text
 from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories

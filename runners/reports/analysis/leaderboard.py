@@ -17,13 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lme.errors import InputError
 from lme.worlds.barn.map_set import FRESH, OFFICIAL
-from runners.config.changes import describe_changes
-from runners.config.flatten import flatten
-from runners.records.append_log import APPEND_LOG
-from runners.records.collect import NOT_AS_WRITTEN, not_as_written
-from runners.records.episode_record import CUSTOM_SUBSET
+from runners.config.changes import describe_changes, flatten
+from runners.records.episode_record import APPEND_LOG, CUSTOM_SUBSET
 from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import EPISODES
+from runners.records.run_directories import NOT_AS_WRITTEN, not_as_written
 from runners.reports.analysis.paired import METRIC, interval_of_mean
 from runners.reports.analysis.summary import Row, as_text, measure, numbers, usual
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 from runners.records.launch_record import Launch
 from runners.reports.analysis.shared_worlds import ComparedRun
 from runners.reports.analysis.summary import changed_columns, usual

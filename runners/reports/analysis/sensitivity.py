@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from runners.config.escaping import markdown_text, plot_text
-from runners.config.weights import scale_from_words
-from runners.config.wording import markdown_table
+from runners.config.escaping import markdown_table, markdown_text, plot_text
+from runners.config.job import scale_from_words
 from runners.records.launch_record import read_launch
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, signed

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
 from lme.perception.people.source import People
-from runners.config import ablations
-from runners.config.systems import System
+from runners.config.systems import System, ablation_labels, describe_ablation
 from runners.config.systems import systems as named_systems
 from runners.records.records import PLANNED_EPISODES, PLANNED_WORLDS, planned
 from runners.reports.analysis import published
@@ -123,7 +122,7 @@ def summarise(
     default those of `conf/ablation/`.
     """
     systems = named_systems() if systems is None else systems
-    labels = ablations.labels() if labels is None else labels
+    labels = ablation_labels() if labels is None else labels
     figures = published.figures(systems)
     keys = row_keys(frame)
     grouping = ["system", *keys]
@@ -143,7 +142,7 @@ def summarise(
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
     """Return all numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
-    row = summarise(frame, systems={})[0]
+    row = summarise(frame, systems={}, labels={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
@@ -287,7 +286,7 @@ def _published_row(source: published.Figures, setting: published.DrivenSetting, 
 
 def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
     episode = group.iloc[0]
-    label = ablations.describe_ablation(str(episode.get("ablation", "")), labels)
+    label = describe_ablation(str(episode.get("ablation", "")), labels)
     # The label of lme_no_c_t says it already, as do those of systems with an ablation in records made before.
     return "" if str(episode["system"]).endswith(label) else label
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from lme.metrics import interval_over_worlds
 from lme.worlds.cold_trial import STAND_IN
-from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
-from runners.config.wording import markdown_table
+from runners.config.escaping import csv_value, html_text, latex_text, markdown_table, markdown_text, visible
 from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import published
 from runners.reports.analysis.failures import failed_section, timeouts_section

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from runners.config.escaping import html_address, visible
-from runners.config.wording import counted
+from runners.config.escaping import counted, html_address, visible
 from runners.reports.analysis.failures import INDEX, folder
 from runners.reports.analysis.leaderboard import BoardEntry
 from runners.reports.analysis.summary import DASH, INTERVAL_NOTE, TIMES

@@ -25,8 +25,7 @@ from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.launch_record import Launch
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.reports.figures.style import INK, save
-from runners.workers.steps import step_tables
-from runners.workers.trace import Trace, rerun_recorded
+from runners.workers.trace import Trace, rerun_recorded, step_tables
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -147,6 +147,14 @@ def test_json_of_a_hundred_nested_values_is_read(tmp_path):
         decode_json(json.dumps([value]))
 
 
+def test_a_reader_may_change_what_it_was_given(tmp_path):
+    """Content is kept, because the files of `conf/` are read again and again."""
+    path = tmp_path / "a.yaml"
+    path.write_text("a: {b: [1]}")
+    read_yaml(path)["a"]["b"].append(2)
+    assert read_yaml(path) == {"a": {"b": [1]}}
+
+
 def test_ordinary_anchors_and_merges_are_read():
     text = "base: &b {x: 1, y: [2]}\none: *b\ntwo: {<<: *b, x: 3}\nlast: *b\n"
     check_structure(text)

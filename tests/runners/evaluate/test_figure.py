@@ -7,7 +7,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.main import main
-from runners.evaluate import evaluate
+from runners.evaluate import figure
 from runners.reports.figures import driven_runs
 from runners.reports.figures.driven_runs import chosen_world, read_runs
 from tests.places import ROOT
@@ -100,7 +100,7 @@ def test_an_own_map_set_need_not_name_its_worlds(tmp_path, monkeypatch):
 )
 def test_another_guide_is_refused_before_it_drives(tmp_path, monkeypatch, capsys, kind, words, guide):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(evaluate, "drive", None)
+    monkeypatch.setattr(figure, "drive", None)
     assert main(["figure", kind, "world=206", *words, *WORDS]) == 2
     assert f": {kind} draws how LME" in (error := capsys.readouterr().err)
     assert f"choose guide={guide}, or" in error

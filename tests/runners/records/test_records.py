@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.navigation.episode import TRAJECTORY_COLUMNS
-from runners.records import append_log, parquet
+from runners.records import episode_record as log_module
+from runners.records import parquet
 from runners.records.episode_record import EpisodeKey, EpisodeResult
 from runners.records.launch_record import LAUNCH, Launch, read_launch
 from runners.records.parquet import EPISODES, TRAJECTORIES
@@ -141,25 +142,25 @@ def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_pa
 
 
 def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path, monkeypatch, says):
-    monkeypatch.setattr(append_log, "_LINE_BYTES", 1000)
-    monkeypatch.setattr(append_log, "_FOREIGN_BYTES", 1000)
-    monkeypatch.setattr(append_log, "_BLOCK", 100)
+    monkeypatch.setattr(log_module, "_LINE_BYTES", 1000)
+    monkeypatch.setattr(log_module, "_FOREIGN_BYTES", 1000)
+    monkeypatch.setattr(log_module, "_BLOCK", 100)
     log = tmp_path / "episodes.jsonl"
     log.write_bytes(bytes(2000))
-    with says.raises(InputError), append_log.read_log(log):
+    with says.raises(InputError), log_module.read_log(log):
         pass
     with says.raises(InputError):
-        append_log.cut_torn_line(log)
+        log_module.cut_torn_line(log)
     assert log.stat().st_size == 2000
 
 
 def test_a_torn_line_longer_than_a_block_is_cut(tmp_path, monkeypatch):
-    monkeypatch.setattr(append_log, "_BLOCK", 7)
+    monkeypatch.setattr(log_module, "_BLOCK", 7)
     log = tmp_path / "log"
     for whole in (b"", b"one\n", b"one\ntwo and more\n"):
         for torn in (b"", b"a", b"seven..", b"more than two blocks"):
             log.write_bytes(whole + torn)
-            append_log.cut_torn_line(log)
+            log_module.cut_torn_line(log)
             assert log.read_bytes() == whole
 
 

@@ -18,14 +18,12 @@ from lme.errors import InputError
 from runners.records.launch_record import Launch
 from runners.tracking.mlflow import (
     MlflowTracking,
-    NoTracking,
-    NoTrackingConfig,
     add_files,
     close_sweep,
-    closed_by,
     environment_tags,
 )
-from runners.tracking.store import DEFAULTS, FAILED, FINISHED, KILLED, RUN_ID_FILE, experiment_id, log_metrics
+from runners.tracking.store import DEFAULTS, RUN_ID_FILE, experiment_id, log_metrics
+from runners.tracking.tracking import FAILED, FINISHED, KILLED, NoTracking, NoTrackingConfig, closed_by
 from tests.places import ROOT
 
 CONFIG = {"seed": 3, "robot": {"name": "jackal", "lidar": {"num_beams": 720}}, "text": "x" * 6000}

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from runners.config.flatten import flatten
+from runners.config.changes import flatten
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
 from runners.reports.analysis.summary import metrics

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
+from runners.config.escaping import masked
 from runners.config.space import Range, own_values
-from runners.config.urls import masked
 from runners.training import storage
 from runners.training.journal import Journal
 from runners.training.race_log import SCORE_LOG, ScoreLog

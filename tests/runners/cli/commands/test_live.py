@@ -2,7 +2,7 @@
 
 import pytest
 
-from runners.cli import completion
+from runners.cli.commands import completion
 from runners.cli.main import main
 from runners.ros import run
 

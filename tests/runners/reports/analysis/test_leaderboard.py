@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from runners.records.collect import collect
+from runners.records.run_directories import collect
 from runners.reports.analysis.leaderboard import UNKNOWN, entries
 from tests.composing import jobs_of
 from tests.made_runs import write_run

@@ -5,7 +5,7 @@ import re
 import pytest
 from markupsafe import escape
 
-from runners.records.collect import collect
+from runners.records.run_directories import collect
 from runners.reports.analysis.leaderboard import entries
 from runners.reports.explainer.leaderboard import COLUMNS, write_leaderboard
 from tests.composing import jobs_of

@@ -1,0 +1,93 @@
+"""Tracking of runs: what every kind of it does, and the kind that logs nothing."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from runners.records.episode_record import RunLabels
+
+FINISHED, KILLED, FAILED = "FINISHED", "KILLED", "FAILED"  # how a run ended, the worst last
+LABELS = ("system", "robot", "map", "ablation")  # what users search for
+
+Series = Mapping[str, Sequence[float]]
+
+
+class Tracking(Protocol):
+    """Log of one run. `start` returns at once; `finish` or `stop` is called once, at the end."""
+
+    def start(
+        self,
+        config: Mapping[str, Any],
+        run_dir: Path,
+        tags: Mapping[str, Any],
+        sweep_dir: Path | None = None,
+    ) -> None:
+        """Open a run with the config as parameters; in a sweep, as a child of the run of `sweep_dir`."""
+
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
+        """Log the results and close the run.
+
+        artifacts: files, and folders with their contents. series: by name, one value for each step from 0 on.
+        """
+
+    def stop(self, state: str) -> None:
+        """Close a run that did not finish. state: KILLED or FAILED. Do nothing after `finish`."""
+
+
+@contextlib.contextmanager
+def closed_by(tracking: Tracking) -> Iterator[Tracking]:
+    """Close a run that the block does not finish: as KILLED after Ctrl-C or SIGTERM, else as FAILED."""
+    try:
+        yield tracking
+    except BaseException as error:
+        tracking.stop(state_of(error))
+        raise
+
+
+def state_of(error: BaseException) -> str:
+    return KILLED if isinstance(error, KeyboardInterrupt) else FAILED
+
+
+@dataclass(slots=True)
+class NoTrackingConfig:
+    """No settings."""
+
+
+class NoTracking:
+    """Tracking that logs nothing. The results are on disk anyway."""
+
+    Config = NoTrackingConfig
+
+    def __init__(self, config: NoTrackingConfig) -> None:
+        self._config = config
+
+    def start(
+        self,
+        config: Mapping[str, Any],
+        run_dir: Path,
+        tags: Mapping[str, Any],
+        sweep_dir: Path | None = None,
+    ) -> None:
+        """Do nothing."""
+
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
+        """Do nothing."""
+
+    def stop(self, state: str) -> None:
+        """Do nothing."""
+
+
+def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
+    """Return the parameters by dotted key, with labels such as system=LME, robot=jackal, map=barn, ablation=none."""
+    from runners.config.changes import flatten  # slow to import, and `lme doctor` does not need it
+
+    return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}
