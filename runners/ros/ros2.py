@@ -72,11 +72,6 @@ class Ros2:
         sec, nanosec = divmod(time, SECOND)
         return self.type("builtin_interfaces/Time")(sec=sec, nanosec=nanosec)
 
-    def duration(self, time: int) -> Any:
-        """Return a message's duration from nanoseconds."""
-        sec, nanosec = divmod(time, SECOND)
-        return self.type("builtin_interfaces/Duration")(sec=sec, nanosec=nanosec)
-
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages. The newest are requested by best effort, which matches every publisher."""
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
