@@ -1,4 +1,4 @@
-"""Cloning in torch: the rounds of `clone.py`, the data that they collect, and the updates."""
+"""Cloning in torch: the rounds of `Clone`, the data that they collect, and the updates."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from torch import Tensor
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import check_regular
-from runners.learning.mixture import MixtureBatch, log_likelihood
+from runners.learning.distributions import MixtureBatch, log_likelihood
+from runners.learning.learners import CloneConfig
 from runners.learning.run import Row, Run, descend
-from runners.learning.settings import CloneConfig
 from runners.records.atomic_write import replacing
 from runners.workers.imitation_rollouts import ImitationRollout, RolloutResult
 

@@ -29,8 +29,8 @@ from lme.planners.dclp.weights import (
     write_weights,
 )
 from lme.robots import Robot
+from runners.learning.distributions import MixtureBatch
 from runners.learning.largest import largest_output
-from runners.learning.mixture import MixtureBatch
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, as commonly used for SAC

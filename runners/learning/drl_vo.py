@@ -20,7 +20,7 @@ from lme.planners.drl_vo.graph import REPORTED, read_weights, write_weights
 from lme.planners.drl_vo.interface import DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
 from lme.robots import Robot
-from runners.learning.mixture import MixtureBatch
+from runners.learning.distributions import MixtureBatch
 
 Arrays = Mapping[str, NDArray[np.float32]]
 

@@ -69,7 +69,7 @@ def learn(job: Job[LearnConfig]) -> None:
         with resume_hint("learn", run_dir), locked(run_dir):
             # Learn, and register the best network before its evaluation, which may be stopped.
             run = _run_learner(job)
-            files = [*_register(job, run, {}), _picture(run)]
+            files = [*_register(job, run, {}), run.draw_curves()]
             # Evaluate on held-out worlds, and register again with the rates on the card.
             network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
             frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
@@ -207,12 +207,6 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")
         print(f"Network: {files[0]}; use it with: {command}")
     return files
-
-
-def _picture(run: Run) -> Path:
-    from runners.reports.plots.learning import curves_figure
-
-    return curves_figure(run.rows, run.run_dir / "curves.png")
 
 
 def _rates_by_map(frame: pd.DataFrame) -> dict[str, dict[str, float]]:

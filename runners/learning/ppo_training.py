@@ -10,9 +10,9 @@ from torch import Tensor, nn
 
 from runners.learning.driving import Driving, Features
 from runners.learning.learnable import Learnable
+from runners.learning.learners import PpoConfig
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
-from runners.learning.settings import PpoConfig
 
 
 class PpoStep(NamedTuple):

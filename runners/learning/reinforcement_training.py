@@ -13,8 +13,8 @@ import torch
 from torch import Tensor, nn
 
 from runners.learning.driving import Driving, Features
+from runners.learning.learners import ReinforcementConfig
 from runners.learning.run import Row, Run, descend
-from runners.learning.settings import ReinforcementConfig
 
 _GRADIENT_MAX = 0.5  # norm of an update's gradient
 

@@ -12,12 +12,12 @@ from typing import NamedTuple, cast
 import torch
 from torch import Tensor, nn
 
+from runners.learning.distributions import MixtureBatch, log_density_of_actions
 from runners.learning.driving import Driving, Experience, Features
 from runners.learning.learnable import Learnable
-from runners.learning.mixture import MixtureBatch, log_density_of_actions
+from runners.learning.learners import SacConfig
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
-from runners.learning.settings import SacConfig
 
 _ACTIONS = 2
 

@@ -17,7 +17,7 @@ from lme.guides.learned_subgoal.weights import LAYERS, REPORTED, SHAPES, SIGNATU
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
 from lme.robots import Robot
-from runners.learning.choices import ChoiceBatch
+from runners.learning.distributions import ChoiceBatch
 
 _MIRRORED_STATE = (
     1,
