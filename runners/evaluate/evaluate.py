@@ -166,7 +166,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     """Write tables and picture from the records alone; return the records, the table's rows, and all files."""
     from runners.reports.analysis.summary import summarise
     from runners.reports.analysis.tables import write_tables
-    from runners.reports.plots.paths import draw_run
+    from runners.reports.figures.paths import draw_run
 
     run_dir = job.run_dir
     frame = read_episodes([run_dir])

@@ -51,9 +51,9 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], f
 
     frame: their records. rows: those of their table.
     """
+    from runners.reports.analysis.comparison import comparison_figure
     from runners.reports.analysis.tables import write_tables
     from runners.reports.figures.trajectories import side_by_side_figure
-    from runners.reports.plots.comparison import comparison_figure
 
     files = [
         *write_tables(frame, rows, folder),

@@ -1,6 +1,7 @@
 """Distributions from which a policy draws: mixtures of Gaussians over actions, and choices among candidates.
 
-A component of a mixture is a Gaussian with independent v and ω before tanh, so that actions lie in (−1, 1)."""
+A component of a mixture is a Gaussian with independent v and ω before tanh, so that actions lie in (−1, 1).
+"""
 
 from __future__ import annotations
 

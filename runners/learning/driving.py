@@ -1,7 +1,8 @@
 """Robots that a network drives to gain experience, many at once in `lme.gym.fleet.Fleet`.
 
 A step lasts from one answer of the network to the next: a control period for a planner's network, `guide.period` for a
-guide's. A follower turns each answer into commands until the next one."""
+guide's. A follower turns each answer into commands until the next one.
+"""
 
 from __future__ import annotations
 

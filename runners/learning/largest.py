@@ -1,6 +1,7 @@
 """Maximum of a linear layer's outputs over the rows of each scene, and its gradient.
 
-Nearly all rows have no gradient. On a CPU torch spends most of an update on them; a kernel skips them."""
+Nearly all rows have no gradient. On a CPU torch spends most of an update on them; a kernel skips them.
+"""
 
 from __future__ import annotations
 

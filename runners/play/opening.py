@@ -1,6 +1,7 @@
 """Opening of a recorded episode, from a run of `lme eval`, a run saved from the page, or a recording; or of a map.
 
-The map of a place where a real robot drove is built from the log of its drive."""
+The map of a place where a real robot drove is built from the log of its drive.
+"""
 
 from __future__ import annotations
 

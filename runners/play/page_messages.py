@@ -1,4 +1,4 @@
-"""Messages to the page: the situation and the options as JSON, and what it draws as binary (`encode.Packer`)."""
+"""Messages to the page: the situation and the options as JSON, and what it draws as binary (`packer.Packer`)."""
 
 from __future__ import annotations
 

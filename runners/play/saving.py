@@ -181,8 +181,7 @@ def _save_page(session: Session, destination: _Destination, step: int) -> Saved:
 
 
 def _save_gif(session: Session, destination: _Destination, step: int) -> Saved:
-    from runners.reports.figures.animation import FilmPace, Screen
-    from runners.reports.figures.film import write_film
+    from runners.reports.figures.animation import FilmPace, Screen, write_film
 
     path = destination.free(".gif")
     # Drives that would make too long a film are shown faster than real time.

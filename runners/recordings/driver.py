@@ -1,6 +1,7 @@
 """Navigation on recorded messages: one decision per control period, without executing any command.
 
-The goal is a fixed point, or the messages of a topic."""
+The goal is a fixed point, or the messages of a topic.
+"""
 
 from __future__ import annotations
 

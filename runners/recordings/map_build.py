@@ -1,6 +1,7 @@
 """ROS maps built from the logs of one drive: a picture of cells, its YAML file, and a picture with the path.
 
-`build_all` builds those of ten real buildings from the corrected CARMEN logs of Radish in github.com/acschaefer/ple."""
+`build_all` builds those of ten real buildings from the corrected CARMEN logs of Radish in github.com/acschaefer/ple.
+"""
 
 from __future__ import annotations
 

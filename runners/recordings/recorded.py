@@ -1,6 +1,7 @@
 """Recordings that lme wrote, with the config and the seed: which episode they hold, and its decisions made again.
 
-`lme explain` draws the decisions with everything behind them."""
+`lme explain` draws the decisions with everything behind them.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """The simulator behind a real robot's topics, and the table of what came of its episodes.
 
-It publishes clock, scans, odometry, tf and goals, and takes commands."""
+It publishes clock, scans, odometry, tf and goals, and takes commands.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Report of a training as one HTML file: whether the result is better, how it was found, and where it fails.
 
-With it come two pictures, and explainer pages of the worst held-out worlds."""
+With it come two pictures, and explainer pages of the worst held-out worlds.
+"""
 
 from __future__ import annotations
 
@@ -211,12 +212,12 @@ def _commands(
 class TrainingReport:
     """Content of the page.
 
-    title, facts: its heading. sentence, sign: the verdict, and -1, 0 or 1. start: name of the starting weights.
-    winner: number of the result's trial, or START. best: number of the best trial, even if the start won.
-    training_reward, training_worlds: reward and worlds of the result in training. gap: this reward minus the mean of
-    the held-out maps' rewards. held_out: by map, and "all", in which every world counts the same. figures: "parameters", and "race" if there was
-    one. regressions: number of episodes that fail where the start succeeded. commands: those that are useful next, by
-    their purpose. files: files of the run to link.
+    title, facts: its heading. sentence, sign: the verdict, and -1, 0 or 1. start: name of the starting weights. winner:
+    number of the result's trial, or START. best: number of the best trial, even if the start won. training_reward,
+    training_worlds: reward and worlds of the result in training. gap: this reward minus the mean of the held-out maps'
+    rewards. held_out: by map, and "all", in which every world counts the same. figures: "parameters", and "race" if
+    there was one. regressions: number of episodes that fail where the start succeeded. commands: those that are useful
+    next, by their purpose. files: files of the run to link.
     """
 
     title: str

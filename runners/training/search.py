@@ -1,6 +1,7 @@
 """Search of a training: its study, opened or created and checked to be the same search; its trials; and their race.
 
-The race of the best trials gives the result."""
+The race of the best trials gives the result.
+"""
 
 from __future__ import annotations
 
