@@ -140,14 +140,14 @@ class DclpNetwork(DclpBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: factor on the logits of the components."""
-        found = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
+        arrays = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
-            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
-            found[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
-        found[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
-        found[f"{_LAST}.bias"][::MIXTURE] *= sharpness
-        return found
+            arrays[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
+            arrays[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
+        arrays[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
+        arrays[f"{_LAST}.bias"][::MIXTURE] *= sharpness
+        return arrays
 
     def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
         """Set the arrays of `SHAPES`."""

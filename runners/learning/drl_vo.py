@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 import numpy as np
 import torch
@@ -43,8 +43,7 @@ class Normed(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the normalised convolution of x: (B, inputs, height, width)."""
-        found: Tensor = self.norm(self.convolution(x))
-        return found
+        return cast(Tensor, self.norm(self.convolution(x)))
 
 
 class ResidualBlock(nn.Module):
@@ -59,8 +58,7 @@ class ResidualBlock(nn.Module):
         """Return the block's output. start: input of the shortcut, if it is not x."""
         first, second, third = self.inside
         inside = third(second(first(x).relu()).relu())
-        found: Tensor = (inside + self.around(x if start is None else start)).relu()
-        return found
+        return cast(Tensor, (inside + self.around(x if start is None else start)).relu())
 
 
 class DrlVoBody(nn.Module):
@@ -92,8 +90,7 @@ class DrlVoBody(nn.Module):
         if joint.dim() == 3:
             seen = seen[:, None].expand(-1, joint.shape[1], -1)
         features = self.features(torch.cat((seen, joint), -1)).relu()
-        found: Tensor = self.output(self.hidden(features).tanh())
-        return found
+        return cast(Tensor, self.output(self.hidden(features).tanh()))
 
     def _image_features(self, image: Tensor) -> Tensor:
         """Return image features (B, 8 c) of images (B, 3, 80, 80)."""
@@ -160,8 +157,8 @@ class DrlVoNetwork(DrlVoBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: ignored, because there is only one component."""
-        found = {name: tensor.detach().cpu().numpy().copy(order="C") for name, tensor in self._tensors()}
-        return {**found, TRAINED: self._trained.copy()}
+        arrays = {name: tensor.detach().cpu().numpy().copy(order="C") for name, tensor in self._tensors()}
+        return {**arrays, TRAINED: self._trained.copy()}
 
     def load(self, weights: Arrays) -> None:
         """Set the arrays that `lme.planners.drl_vo.architecture` lists, and their sizes."""

@@ -5,7 +5,7 @@ Nearly all rows have no gradient. On a CPU torch spends most of an update on the
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -22,8 +22,7 @@ def largest_output(inputs: Tensor, weight: Tensor) -> Tensor:
     if inputs.device.type != "cpu":
         return (inputs @ weight.T).amax(1)
     apply: Any = _Largest.apply
-    found: Tensor = apply(inputs, weight)
-    return found
+    return cast(Tensor, apply(inputs, weight))
 
 
 class _Largest(torch.autograd.Function):
@@ -37,8 +36,8 @@ class _Largest(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor]:
         inputs, weight = (each.detach().numpy() for each in ctx.saved_tensors)
-        found = largest_gradients(gradient.contiguous().numpy(), inputs, weight, ctx.where)
-        return torch.from_numpy(found[0]), torch.from_numpy(found[1])
+        of_inputs, of_weight = largest_gradients(gradient.contiguous().numpy(), inputs, weight, ctx.where)
+        return torch.from_numpy(of_inputs), torch.from_numpy(of_weight)
 
 
 @njit(cache=True, error_model="numpy")

@@ -18,7 +18,7 @@ from lme.planners.weighed import Weighing
 from runners.config import catalogue, systems
 from runners.play.drawing import MOVERS, Sketch
 from runners.play.session import Session, Setup
-from runners.play.simulation_track import Frame, SimulationTrack, Tasks
+from runners.play.simulation_track import Frame, SimulationTrack, Tasks, trajectory_of
 from runners.reports.explainer.encode import (
     Stretch,
     add_seen,
@@ -92,7 +92,9 @@ class Sender:
         packer = Packer()
         steps = [frame.moment for frame in frames if isinstance(frame.moment, TracedStep)]
         header = head(lane)
-        add_stretch(packer, _stretch(lane, frames, steps), header["planned"], header["tracked"])
+        moments, movers = [frame.moment for frame in frames], [frame.movers for frame in frames]
+        stretch = Stretch(lane.config.robot, steps, moments, trajectory_of(frames), movers)
+        add_stretch(packer, stretch, header["planned"], header["tracked"])
         self._add_seen(packer, lane, frames)
         return packer.raw(
             {
@@ -147,14 +149,6 @@ def world_message(drawing: Sketch, header_fields: dict[str, Any]) -> bytes:
             "touched": drawing.touched,
         }
     )
-
-
-def _stretch(lane: SimulationTrack, frames: Sequence[Frame], steps: Sequence[TracedStep]) -> Stretch:
-    rows = np.array([frame.row for frame in frames])
-    track = np.full((len(frames), 10), np.nan)
-    track[:, :6], track[:, 9] = rows[:, :6], rows[:, 6]
-    movers = [frame.movers for frame in frames]
-    return Stretch(lane.config.robot, steps, [frame.moment for frame in frames], track, movers)
 
 
 def detail_message(

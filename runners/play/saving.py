@@ -28,7 +28,7 @@ from runners.config.composer import Composer
 from runners.config.quoting import lme_command, override
 from runners.play.drawing import KINDS, Sketch, item_of
 from runners.play.session import Script, Session
-from runners.play.simulation_track import SimulationTrack
+from runners.play.simulation_track import SimulationTrack, trajectory_of
 from runners.records import inputs
 from runners.records.atomic_write import write_atomically
 from runners.records.episode_record import EpisodeKey, EpisodeResult
@@ -247,9 +247,7 @@ def _episode(lane: SimulationTrack) -> Episode | Drive:
     episode = lane.episode()
     if episode is not None:
         return episode
-    rows = np.full((len(lane.frames), 10), np.nan)
-    driven_rows = np.array([frame.row for frame in lane.frames])
-    rows[:, :6], rows[:, 9] = driven_rows[:, :6], driven_rows[:, 6]
+    rows = trajectory_of(lane.frames)
     for row, step in zip(rows, _steps(lane), strict=False):
         row[6:9] = *step.subgoal, step.guidance.switched
     return Drive("given up", float(rows[-1, 0]), rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,6 +47,14 @@ class Frame(NamedTuple):
         """Time, pose, twist and clearance."""
         x, y, yaw = self.state.pose
         return self.state.time, x, y, wrap_angle(yaw), *self.state.twist, self.state.clearance
+
+
+def trajectory_of(frames: Sequence[Frame]) -> Floats:
+    """Return the frames as rows (F, 10) with TRAJECTORY_COLUMNS; those of subgoals are NaN."""
+    rows = np.array([frame.row for frame in frames])
+    trajectory = np.full((len(frames), 10), np.nan)
+    trajectory[:, :6], trajectory[:, 9] = rows[:, :6], rows[:, 6]
+    return trajectory
 
 
 class _RunningDrive(NamedTuple):

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from lme.config.presets import load_robot
@@ -208,16 +207,14 @@ class DriveLog:
         try:
             self._recording = _inspected(self._bag, config)
         except InputError:
-            self._bag.__exit__(None, None, None)
+            self._bag.__exit__()
             raise
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bag.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self._bag.__exit__(*error)
 
     @property
     def sources(self) -> str:

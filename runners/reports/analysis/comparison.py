@@ -29,7 +29,7 @@ from runners.reports.analysis.summary import (
     usual,
 )
 from runners.reports.analysis.tables import title
-from runners.reports.figures.style import GRID, HATCHES, INK, OUTCOMES, SKY, STYLES, new_figure, save
+from runners.reports.figures.style import GRID, INK, OUTCOMES, SKY, filled, new_figure, outcome_keys, save
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -196,17 +196,7 @@ def _draw_outcomes(axes: Axes, rows: Sequence[Row]) -> None:
         left = 0.0
         for outcome in OUTCOMES:
             share, _ = row.stats.get(outcome, (0.0, math.nan))
-            axes.barh(
-                line,
-                share,
-                left=left,
-                height=_bar_height(row),
-                color=STYLES[outcome].colour,
-                alpha=_opacity(row),
-                hatch=HATCHES.get(outcome),
-                edgecolor="white",
-                linewidth=0.4,
-            )
+            axes.barh(line, share, left=left, height=_bar_height(row), alpha=_opacity(row), **filled(outcome))
             if outcome == "success":
                 _write_value(axes, line, share)
             left += share
@@ -255,22 +245,12 @@ def _draw_whisker(axes: Axes, line: int, low: float, high: float) -> None:
 
 def _label_chart(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int, heading: str) -> None:
     """Write the names of the rows, the heading and the key above, and the notes below. num_rows: rows of the table."""
-    from matplotlib.patches import Patch
-
     shared = _shared_keys(rows)
     axes.set_yticks(range(len(rows)), [_bar_label(row, shared) for row in rows], fontsize=8, color=INK)
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    keys = [
-        Patch(
-            facecolor=STYLES[kind].colour,
-            hatch=HATCHES.get(kind),
-            edgecolor="white",
-            linewidth=0.4,
-            label=kind,
-        )
-        for kind in OUTCOMES
-    ]
-    figure.legend(handles=keys, loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK)
+    figure.legend(
+        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
+    )
     heading = " · ".join(
         [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,16 +18,13 @@ from lme.guides.lme.score import CRITERIA
 from lme.types import Bools, Floats
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
-    LME,
+    DecisionFigure,
     DecisionView,
-    DrivenRun,
     StepConfig,
     candidate_reach,
     draw_heading,
-    draw_shots,
     heading,
     heading_height,
-    shots,
 )
 from runners.reports.figures.robot_view import draw_key, key
 from runners.reports.figures.scene import frame_panel
@@ -86,23 +82,15 @@ class _Layer(NamedTuple):
     names: tuple[str, str] = ("", "")
 
 
-class Features:
+class Features(DecisionFigure):
     """One panel for each criterion and one for S, in the robot frame with the heading up."""
 
     Config = FeaturesConfig
     name = "features"
-    drives = True
-    guided = LME
 
-    def __init__(self, config: FeaturesConfig) -> None:
-        self._config = config
-
-    def draw(
-        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
-    ) -> list[Path]:
-        """Draw one picture per run guided by LME and per requested world; return the paths."""
-        decisions = shots(runs, worlds, self._config.step, self.name)
-        return draw_shots(decisions, lambda decision: features_figure(decision, self._config), stem, formats)
+    def figure(self, shot: DecisionView) -> Figure:
+        """See `DecisionFigure`."""
+        return features_figure(shot, self._config)
 
 
 def features_figure(shot: DecisionView, config: FeaturesConfig) -> Figure:
@@ -206,9 +194,7 @@ def _draw_many(
         extend=extensions[bool(values.min() < low), bool(values.max() > high)],
         extendfrac=0.06,
     )
-    bar.outline.set_linewidth(0.4)
-    bar.ax.locator_params(nbins=4)
-    bar.ax.tick_params(labelsize=7, labelcolor=INK, length=2, width=0.5, pad=1.5)
+    view.style_bar(bar, 4)
 
 
 def clipped_range(values: Floats, percentiles: Sequence[float]) -> tuple[float, float]:
@@ -325,14 +311,13 @@ class FeaturePage:
         )
 
     def _draw_key(self) -> None:
-        font = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
         if not self._has_place:
             anchor = (0.5, (NOTE_IN + 0.02) / self._height)
-            draw_key(self.figure, self._key, anchor, "lower center", ncols=KEY_COLUMNS, **font)
+            draw_key(self.figure, self._key, anchor, "lower center", ncols=KEY_COLUMNS, **view.KEY)
             return
         x, y = self._corner(self._rows * self._columns - 1)
         anchor = (x / PAGE_IN, (y + self._tall) / self._height)
-        draw_key(self.figure, self._key, anchor, "upper left", labelspacing=0.35, **font)
+        draw_key(self.figure, self._key, anchor, "upper left", labelspacing=0.35, **view.KEY)
 
     def _corner(self, index: int) -> tuple[float, float]:
         """Return the lower left corner of a panel [in]; the grid is centred on the page."""
