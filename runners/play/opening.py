@@ -109,12 +109,10 @@ def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, 
     weights = changes.pop("guide.weights")
     trust.check_config(recorded, run_dir)
     # Check the words, and the weights, unless they lead to such a copy.
-    loaded_changes = {
+    others = {
         key: value for key, value in changes.items() if value == recorded[key]
-    }  # without the paths of copies
-    trust.check_words(
-        explicit(launch.choices[0], loaded_changes, replace(config, weights=PUBLISHED)), run_dir
-    )
+    }  # without paths of copies
+    trust.check_words(explicit(launch.choices[0], others, replace(config, weights=PUBLISHED)), run_dir)
     if weights == config.weights:
         trust.check_words([f"weights={weights}"], run_dir)
     return explicit(launch.choices[0], changes, replace(config, weights=weights))

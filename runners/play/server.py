@@ -29,11 +29,8 @@ POLICY: Final = (
     "default-src 'none'; style-src 'self'; script-src 'self'; connect-src 'self'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-HOSTS = (
-    "127.0.0.1",
-    "localhost",
-    "[::1]",
-)  # under which a browser may know this machine, also through a tunnel
+# Names under which a browser may know this machine, also through a tunnel.
+HOSTS = ("127.0.0.1", "localhost", "[::1]")
 TAKEN_OVER = 4001  # code of the socket that is closed for another page
 _HEADERS = {
     "Content-Security-Policy": POLICY,

@@ -85,14 +85,8 @@ class LiveRecorder:
         path = self._folder / f"goal-{step.goal}.mcap"
         file = self._open.enter_context(McapFile(path, LIVE_TOPICS, LATCHED, _ADVICE))
         self._writer = DecisionWriter(file, metadata, robot)
-        self._goal, self._latest, self._shift, self._written_state, self._previous_explanation = (
-            step.goal,
-            -1,
-            0,
-            "",
-            None,
-        )
-        self._before_first = True
+        self._goal, self._latest, self._shift = step.goal, -1, 0
+        self._written_state, self._previous_explanation, self._before_first = "", None, True
 
     def _decision(self, writer: DecisionWriter, step: LiveStep, time_ns: int) -> None:
         assert step.observation is not None

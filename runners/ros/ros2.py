@@ -47,9 +47,8 @@ class Ros2:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._handled = 0
-        self._later: list[
-            Callable[[], None]
-        ] = []  # calls that the action server defers until its own part is done
+        # Calls that the action server defers until its own part is done.
+        self._later: list[Callable[[], None]] = []
         self.sim_time = bool(self._node.get_parameter("use_sim_time").value)
 
     def has(self, kind: str) -> bool:

@@ -38,13 +38,8 @@ _COLUMNS = (
     "seed",
 )
 _MOST = 4  # parts of a name
-_WHICH_WORLDS = (
-    "runs",
-    "table",
-    "map.worlds",
-    "map.subset",
-    "map.count",
-)  # keys of a config that change no episode
+# Keys of a config that change no episode.
+_WHICH_WORLDS = ("runs", "table", "map.worlds", "map.subset", "map.count")
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ POINTER = (
     (-0.4, 0.0),
     (-0.8, -0.62),
     (1.0, 0.0),
-)  # longer than wide: its tip is recognisable
+)  # longer than wide, so that it points
 POINTER_SIZE = 10  # at the start
 PATH_PT = 1.1
 BEHIND_PT, BESIDE_PT = (

@@ -51,11 +51,8 @@ _NO_DATES: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None},
     "svg": {"Date": None},
 }
-_PRINT: dict[Any, Any] = {
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "lme",
-}  # keeps text as text
+# Keep text as text.
+_PRINT: dict[Any, Any] = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "lme"}
 
 
 def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:
