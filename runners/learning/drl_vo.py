@@ -125,8 +125,8 @@ class DrlVoNetwork(DrlVoBody):
     Its output is a Gaussian about the clipped mean. The standard deviation applies before tanh.
     """
 
-    def __init__(self, sizes: Sizes = SMALL) -> None:
-        super().__init__(sizes, 0, net.ACTIONS)
+    def __init__(self) -> None:
+        super().__init__(SMALL, 0, net.ACTIONS)
         self.log_std = nn.Parameter(torch.full((net.ACTIONS,), math.log(_SIGMA)))
         self._trained = np.zeros(len(REPORTED), np.float32)
 
