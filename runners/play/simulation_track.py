@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -214,10 +214,6 @@ class SimulationTrack:
                 del self._snapshots[dropped_step]
 
     def _copy(self, running: _RunningDrive, tasks: Tasks) -> _RunningDrive:
-        shared = {id(piece): piece for task in tasks.values() for piece in _task_pieces(task)}
-        return copy.deepcopy(running, shared)
-
-
-def _task_pieces(task: Task) -> tuple[Any, ...]:
-    """Return the objects that never change and are recognised by identity: the task, its world, its movers."""
-    return task, task.world, *task.world.movers
+        """Return a copy that shares what never changes and is recognised by identity: tasks, worlds, movers."""
+        pieces = (piece for task in tasks.values() for piece in (task, task.world, *task.world.movers))
+        return copy.deepcopy(running, {id(piece): piece for piece in pieces})

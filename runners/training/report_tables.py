@@ -65,7 +65,9 @@ def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) ->
     by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
     for row in frame.to_dict("records"):
         by_world.setdefault((str(row["run_dir"]), int(row["world"])), []).append(row)
-    return sorted((_world(rows, start_successes) for rows in by_world.values()), key=_order)[:count]
+    worlds = [_world(rows, start_successes) for rows in by_world.values()]
+    worlds.sort(key=lambda world: (world.outcome == SUCCESS, world.reward, -world.lost, -world.failed))
+    return worlds[:count]
 
 
 def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
@@ -89,10 +91,6 @@ def _world(rows: Sequence[Mapping[str, Any]], start_successes: set[_Key] | None)
         None if start_successes is None else sum(_key(row) not in start_successes for row in rows),
         len(regressed),
     )
-
-
-def _order(world: WorstWorld) -> tuple[bool, float, int, int]:
-    return world.outcome == SUCCESS, world.reward, -world.lost, -world.failed
 
 
 def _failed(row: Mapping[str, Any]) -> bool:

@@ -255,7 +255,8 @@ def _open(
     owner = f"{socket.gethostname()}:{run_dir.resolve()}"
     heartbeat = Heartbeat(shared if isinstance(shared, RDBStorage) else None)
     log = ScoreLog(run_dir / SCORE_LOG)
-    return Study(_create(shared, name, sampler), space, owner, _no_flush, heartbeat, log)
+    # A database needs no flush.
+    return Study(_create(shared, name, sampler), space, owner, lambda: None, heartbeat, log)
 
 
 def _create(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampler) -> optuna.Study:
@@ -289,10 +290,6 @@ def _open_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.
             f"{path}: is damaged ({type(error).__name__}): restore the file, or start another study"
         ) from error
     return study
-
-
-def _no_flush() -> None:
-    """Do nothing: a database needs no flush."""
 
 
 def run_trials(
