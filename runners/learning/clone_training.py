@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -13,10 +13,12 @@ from torch import Tensor
 from lme.errors import InputError
 from lme.inputs.guarded_file import check_regular
 from runners.learning.distributions import MixtureBatch, log_likelihood
-from runners.learning.learners import CloneConfig
 from runners.learning.run import Row, Run, descend
 from runners.records.atomic_write import replacing
 from runners.workers.imitation_rollouts import ImitationRollout, RolloutResult
+
+if TYPE_CHECKING:
+    from runners.learning.learners import CloneConfig
 
 _DATA = "data"  # folder of the collected data, one file per round
 _GRADIENT_MAX = 1.0  # norm of an update's gradient

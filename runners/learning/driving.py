@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import numpy as np
 import torch
@@ -32,10 +32,12 @@ from runners.config.instantiate import build as built
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import learned_config, learns_guide
-from runners.learning.learners import Curriculum
 from runners.learning.run import Run
 from runners.workers.imitation_rollouts import Interface
 from runners.workers.trials import draw_robot, ranged_keys, robot_with
+
+if TYPE_CHECKING:
+    from runners.learning.learners import Curriculum
 
 Features = tuple[Tensor, ...]
 _RECENT = 100  # episodes over which success is averaged
