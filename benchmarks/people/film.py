@@ -17,7 +17,7 @@ from benchmarks.people.labels import Recording, read
 from benchmarks.people.tracked import tracked
 from lme.perception.people.interface import Tracks
 from lme.types import Ints
-from runners.reports.figures.film import Picture, write_film
+from runners.reports.figures.animation import Picture, write_film
 from runners.reports.figures.style import new_figure
 
 _SIZE, _DPI = (8.0, 4.5), 100  # [in], [1/in]

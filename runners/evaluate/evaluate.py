@@ -153,7 +153,9 @@ def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
     """Write tables and picture from the records alone; return the records, the table's rows, and all files."""
-    from runners.reports.plots.paths import draw_run
+    from runners.reports.analysis.summary import summarise
+    from runners.reports.analysis.tables import write_tables
+    from runners.reports.figures.paths import draw_run
 
     # One run needs no other names than those of its own system and ablation.
     run_dir, labels = job.run_dir, run_labels(job, maps)
@@ -263,8 +265,8 @@ def report_runs(
 
     frame: their records. rows: those of their table.
     """
+    from runners.reports.analysis.comparison import comparison_figure
     from runners.reports.figures.trajectories import side_by_side_figure
-    from runners.reports.plots.comparison import comparison_figure
 
     files = [
         *write_tables(frame, rows, folder),

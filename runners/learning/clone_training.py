@@ -1,10 +1,10 @@
-"""Cloning in torch: the rounds of `clone.py`, the data that they collect, and the updates."""
+"""Cloning in torch: the rounds of `Clone`, the data that they collect, and the updates."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -12,11 +12,13 @@ from torch import Tensor
 
 from lme.errors import InputError
 from lme.inputs.guarded_file import check_regular
-from runners.learning.mixture import MixtureBatch, log_likelihood
+from runners.learning.distributions import MixtureBatch, log_likelihood
 from runners.learning.run import Row, Run, descend
-from runners.learning.settings import CloneConfig
 from runners.records.atomic_write import replacing
 from runners.workers.imitation_rollouts import ImitationRollout, RolloutResult
+
+if TYPE_CHECKING:
+    from runners.learning.learners import CloneConfig
 
 _DATA = "data"  # folder of the collected data, one file per round
 _GRADIENT_MAX = 1.0  # norm of an update's gradient

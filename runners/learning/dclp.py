@@ -29,8 +29,8 @@ from lme.planners.dclp.weights import (
     write_weights,
 )
 from lme.robots import Robot
+from runners.learning.distributions import MixtureBatch
 from runners.learning.largest import largest_output
-from runners.learning.mixture import MixtureBatch
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, as commonly used for SAC
@@ -140,14 +140,14 @@ class DclpNetwork(DclpBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: factor on the logits of the components."""
-        found = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
+        arrays = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
-            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
-            found[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
-        found[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
-        found[f"{_LAST}.bias"][::MIXTURE] *= sharpness
-        return found
+            arrays[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
+            arrays[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
+        arrays[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
+        arrays[f"{_LAST}.bias"][::MIXTURE] *= sharpness
+        return arrays
 
     def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
         """Set the arrays of `SHAPES`."""

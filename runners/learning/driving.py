@@ -1,7 +1,7 @@
 """Robots that a network drives to gain experience, many at once in `lme.gym.fleet.Fleet`.
 
 A step lasts from one answer of the network to the next: a control period for a planner's network, `guide.period` for a
-guide's.
+guide's. A follower turns each answer into commands until the next one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import numpy as np
 import torch
@@ -19,22 +19,25 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from lme.errors import InputError
+from lme.guides.learned_subgoal.guide import SubgoalInterface
 from lme.guides.lme.weight_files import with_network
 from lme.gym.episodes import Result, Reward
 from lme.gym.fleet import Fleet, Transition, Views
 from lme.robots import Robot
 from lme.simulation.fast import FastConfig, FastSimulator
-from lme.types import Bools, Floats, LaserScan, Limits, Observation, Outcome, Pose, Twist
+from lme.types import Bools, Floats, LaserScan, Limits, Observation, Outcome, Planner, Pose, Twist
 from lme.worlds.world import MapSet, Task
 from runners.config import build
 from runners.config.instantiate import build as built
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
-from runners.learning.followers import CommandFollower, Follower, SubgoalFollower
 from runners.learning.learnable import learned_config, learns_guide
 from runners.learning.run import Run
-from runners.learning.settings import Curriculum
+from runners.workers.imitation_rollouts import Interface
 from runners.workers.trials import draw_robot, ranged_keys, robot_with
+
+if TYPE_CHECKING:
+    from runners.learning.learners import Curriculum
 
 Features = tuple[Tensor, ...]
 _RECENT = 100  # episodes over which success is averaged
@@ -252,3 +255,52 @@ def _robot(config: LearnConfig, views: Views, row: int) -> Robot:
         half_length, half_width, _ = views.boxes[row].tolist()
         values |= {"length": 2 * half_length, "width": 2 * half_width}
     return robot_with(config.robot, values)
+
+
+class Follower(Protocol):
+    """Follower of answers, for one robot in one episode. steps: control periods between two answers."""
+
+    steps: int
+
+    def features(self, observation: Observation, target: Floats) -> tuple[Floats, ...]:
+        """Return the inputs of the network; called once before each answer."""
+
+    def take(self, answer: Floats) -> None:
+        """Follow this answer until the next one."""
+
+    def command(self, observation: Observation) -> Twist:
+        """Return the command for one control period."""
+
+
+class CommandFollower:
+    """Follower of a planner's network, whose answers are commands."""
+
+    steps = 1
+
+    def __init__(self, interface: Interface) -> None:
+        self._interface = interface
+        self.features = interface.features
+
+    def take(self, answer: Floats) -> None:
+        """See `Follower`. answer: (2,) in [−1, 1]."""
+        self._answer = answer
+
+    def command(self, observation: Observation) -> Twist:
+        """See `Follower`."""
+        return self._interface.command(self._answer, observation)
+
+
+class SubgoalFollower:
+    """Follower of a guide's network, whose answers are subgoals that a planner drives to."""
+
+    def __init__(self, interface: SubgoalInterface, planner: Planner) -> None:
+        self._interface, self._planner = interface, planner
+        self.features, self.steps = interface.features, interface.steps
+
+    def take(self, answer: Floats) -> None:
+        """See `Follower`. answer: the number of a candidate."""
+        self._interface.choose(int(answer))
+
+    def command(self, observation: Observation) -> Twist:
+        """See `Follower`."""
+        return self._planner.plan(observation, self._interface.guidance(observation))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from lme.planners.drl_vo.observation import image_of
 from lme.planners.drl_vo.planner import DrlVoConfig, DrlVoInterface
 from lme.planners.drl_vo.weights import REPORTED, Convolution, Residual, Sizes, read_weights, write_weights
 from lme.robots import Robot
-from runners.learning.mixture import MixtureBatch
+from runners.learning.distributions import MixtureBatch
 
 Arrays = Mapping[str, NDArray[np.float32]]
 
@@ -41,8 +41,7 @@ class Normed(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the normalised convolution of x: (B, inputs, height, width)."""
-        found: Tensor = self.norm(self.convolution(x))
-        return found
+        return cast(Tensor, self.norm(self.convolution(x)))
 
 
 class ResidualBlock(nn.Module):
@@ -57,8 +56,7 @@ class ResidualBlock(nn.Module):
         """Return the block's output. start: input of the shortcut, if it is not x."""
         first, second, third = self.inside
         inside = third(second(first(x).relu()).relu())
-        found: Tensor = (inside + self.around(x if start is None else start)).relu()
-        return found
+        return cast(Tensor, (inside + self.around(x if start is None else start)).relu())
 
 
 class DrlVoBody(nn.Module):
@@ -90,8 +88,7 @@ class DrlVoBody(nn.Module):
         if joint.dim() == 3:
             seen = seen[:, None].expand(-1, joint.shape[1], -1)
         features = self.features(torch.cat((seen, joint), -1)).relu()
-        found: Tensor = self.output(self.hidden(features).tanh())
-        return found
+        return cast(Tensor, self.output(self.hidden(features).tanh()))
 
     def _image_features(self, image: Tensor) -> Tensor:
         """Return image features (B, 8 c) of images (B, 3, 80, 80)."""
@@ -126,8 +123,8 @@ class DrlVoNetwork(DrlVoBody):
     Its output is a Gaussian about the clipped mean. The standard deviation applies before tanh.
     """
 
-    def __init__(self, sizes: Sizes = SMALL) -> None:
-        super().__init__(sizes, 0, net.ACTIONS)
+    def __init__(self) -> None:
+        super().__init__(SMALL, 0, net.ACTIONS)
         self.log_std = nn.Parameter(torch.full((net.ACTIONS,), math.log(_SIGMA)))
         self._trained = np.zeros(len(REPORTED), np.float32)
 
@@ -158,8 +155,8 @@ class DrlVoNetwork(DrlVoBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: ignored, because there is only one component."""
-        found = {name: tensor.detach().cpu().numpy().copy(order="C") for name, tensor in self._tensors()}
-        return {**found, TRAINED: self._trained.copy()}
+        arrays = {name: tensor.detach().cpu().numpy().copy(order="C") for name, tensor in self._tensors()}
+        return {**arrays, TRAINED: self._trained.copy()}
 
     def load(self, weights: Arrays) -> None:
         """Set the arrays that `lme.planners.drl_vo.weights` lists, and their sizes."""

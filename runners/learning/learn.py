@@ -22,6 +22,7 @@ from runners.records import weight_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
+from runners.reports.analysis.summary import metrics, metrics_by_map
 from runners.tracking.tracking import closed_by, parameters
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.workers import imitation_rollouts
@@ -32,7 +33,7 @@ from runners.workers.trials import check_ranges, ranged_keys
 if TYPE_CHECKING:
     import pandas as pd
 
-    from runners.learning.run import Learner, Row, Run
+    from runners.learning.run import Learner, Run
 
 
 def validate(job: Job[LearnConfig]) -> None:
@@ -41,7 +42,9 @@ def validate(job: Job[LearnConfig]) -> None:
     check_learnable(config, job.choices)
     if find_spec("torch") is None:
         raise InputError(f"lme learn needs torch: {install('torch')}")
-    _check_device(config)
+    from runners.learning.run import device_of
+
+    device_of(config.device)
     evaluate.check_report(job)
     build.check_episodes(config)
     _check_network(job)
@@ -66,14 +69,17 @@ def learn(job: Job[LearnConfig]) -> None:
         with resume_hint("learn", run_dir), locked(run_dir):
             # Learn, and register the best network before its evaluation, which may be stopped.
             run = _run_learner(job)
-            files = [*_register(job, run, {}), _picture(run)]
+            files = [*_register(job, run, {}), run.draw_curves()]
             # Evaluate on held-out worlds, and register again with the rates on the card.
             network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
             frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
             report_held_out(job, frame)
             _register(job, run, _rates_by_map(frame))
         pages = [page for run_path in frame["run_dir"].unique() for page in failures.folder(Path(run_path))]
-        tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))
+        last = run.rows[-1]
+        numbers = {"validation_success": last["best_success"], "hours": last["hours"]}
+        series = {f"curve_{key}": [row[key] for row in run.rows] for key in last}
+        tracking.finish({**metrics_by_map(frame), **numbers}, [*files, *pages], series)
 
 
 def network_name(job: Job[LearnConfig]) -> str:
@@ -125,13 +131,6 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> RolloutPayload:
     return RolloutPayload(config, guides, expert)
 
 
-def _check_device(config: LearnConfig) -> None:
-    """Raise InputError for a device that torch does not find."""
-    from runners.learning.run import device_of
-
-    device_of(config.device)
-
-
 def _check_network(job: Job[LearnConfig]) -> None:
     """Raise InputError for weights given by the wrong key, and for robot values that the planner overrides."""
     config = job.config
@@ -181,8 +180,10 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
     """Write network and card under the run's name; return the files in its directory."""
     config, name = job.config, network_name(job)
     last_row = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
+    incidental = ("resume", "executor", "tracking")  # keys that do not change the network
+    words = [word for word in job.overrides if word.partition("=")[0] not in incidental]
     metadata = {
-        "command": lme_command("learn", *_overrides(job), folders=job.folders),
+        "command": lme_command("learn", *words, folders=job.folders),
         **({"guide": job.choices["guide"]} if learns_guide(config) else {}),
         "planner": job.choices["planner"],
         "learner": job.choices["learner"],
@@ -208,36 +209,12 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
     return files
 
 
-def _picture(run: Run) -> Path:
-    from runners.reports.plots.learning import curves_figure
-
-    return curves_figure(run.rows, run.run_dir / "curves.png")
-
-
 def _rates_by_map(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
     """Return the rates of each held-out map, for the card."""
-    from runners.reports.analysis.summary import metrics
-
     return {
         str(map_name): {key: round(float(value), 6) for key, value in metrics(episodes).items()}
         for map_name, episodes in frame.groupby("map")
     }
-
-
-def _numbers(frame: pd.DataFrame, last: Row) -> dict[str, float]:
-    from runners.reports.analysis.summary import metrics_by_map
-
-    return {**metrics_by_map(frame), "validation_success": last["best_success"], "hours": last["hours"]}
-
-
-def _series(rows: list[Row]) -> dict[str, list[float]]:
-    return {f"curve_{key}": [row[key] for row in rows] for key in rows[0]}
-
-
-def _overrides(job: Job[LearnConfig]) -> list[str]:
-    return [
-        word for word in job.overrides if word.partition("=")[0] not in ("resume", "executor", "tracking")
-    ]
 
 
 def _fingerprint(config: LearnConfig) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Protocol
+from typing import IO, TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,5 +146,4 @@ def network_class(config: LearnConfig) -> type[Learnable]:
     """Return the class of the network. Imports torch."""
     networks = {**_PLANNERS, **_GUIDES}
     module, _, name = networks[str(getattr(config, learned_part(config))["_target_"])][1].rpartition(".")
-    found: type[Learnable] = getattr(importlib.import_module(module), name)
-    return found
+    return cast("type[Learnable]", getattr(importlib.import_module(module), name))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from statistics import fmean
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -12,7 +12,9 @@ from runners.learning.driving import Driving, Features
 from runners.learning.learnable import Learnable
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
-from runners.learning.settings import PpoConfig
+
+if TYPE_CHECKING:
+    from runners.learning.learners import PpoConfig
 
 
 class PpoStep(NamedTuple):

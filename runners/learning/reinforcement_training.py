@@ -7,14 +7,16 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from statistics import fmean
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from runners.learning.driving import Driving, Features
 from runners.learning.run import Row, Run, descend
-from runners.learning.settings import ReinforcementConfig
+
+if TYPE_CHECKING:
+    from runners.learning.learners import ReinforcementConfig
 
 _GRADIENT_MAX = 0.5  # norm of an update's gradient
 

@@ -19,6 +19,17 @@ from lme.guides.lme.weight_files import NETWORK
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import Learnable, learned_config, network_class
 from runners.records.atomic_write import replacing
+from runners.reports.figures.style import (
+    BLUE,
+    GREEN,
+    INK,
+    LEGEND_ORDER,
+    ORANGE,
+    PURPLE,
+    STYLES,
+    new_figure,
+    save,
+)
 from runners.workers.executor import Map
 from runners.workers.imitation_rollouts import ImitationRollout, RolloutResult
 from runners.workers.progress import LearnProgress
@@ -26,6 +37,8 @@ from runners.workers.trials import extremes
 
 CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.onnx"
 _GUIDES = 0x6775  # seeds the draw of guides separately from the episodes
+_WIDTH_IN, _PANEL_IN = 7.0, 2.3  # of the picture of the curves
+_COLOURS = (BLUE, ORANGE, PURPLE, GREEN)
 
 Row = dict[str, float]
 T = TypeVar("T")
@@ -134,6 +147,10 @@ class Run:
             type(self.network).write(self.network.weights(self.sharpness), file)
         return str(path)
 
+    def draw_curves(self) -> Path:
+        """Save the picture of the curves, and return its path."""
+        return curves_figure(self.rows, self.run_dir / "curves.png")
+
     def describe(self, doing: str) -> None:
         """Show what the learner is doing."""
         self._progress.describe(doing)
@@ -208,3 +225,37 @@ def write_curves(rows: Iterable[Row], path: Path) -> None:
         writer = csv.DictWriter(file, list(listed[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(listed)
+
+
+def curves_figure(rows: Sequence[Mapping[str, float]], path: Path) -> Path:
+    """Save `path` as PNG: the outcomes in validation, and panels of the losses and of the return, if there are any.
+
+    rows: of the curves in their order. The first key is the axis; a name with `loss` is a loss.
+    """
+    # Choose the panels: validation always, losses and return where the rows have them.
+    axis, *names = rows[0]
+    losses = [name for name in names if "loss" in name]
+    panels = [losses] if losses else []
+    if "return" in names:
+        panels.append(["return"])
+    figure = new_figure(_WIDTH_IN, _PANEL_IN * (1 + len(panels)))
+    outcome_panel, *further_panels = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    x_values = [row[axis] for row in rows]
+    for outcome in LEGEND_ORDER:
+        style = STYLES[outcome]
+        shares = [row[outcome] for row in rows]
+        outcome_panel.plot(x_values, shares, style.line, color=style.colour, marker=".", label=outcome)
+    outcome_panel.set(ylim=(0.0, 1.0), ylabel="share in validation")
+    outcome_panel.set_title(f"best success {rows[-1]['best_success']:.3f}", fontsize=10)
+    for panel, columns in zip(further_panels, panels, strict=True):
+        for name, colour in zip(columns, _COLOURS, strict=False):
+            panel.plot(
+                x_values, [row[name] for row in rows], color=colour, marker=".", label=name.replace("_", " ")
+            )
+        panel.set_ylabel("loss" if columns is losses else columns[0])
+    for panel in (outcome_panel, *further_panels):
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.tick_params(labelsize=8.5, colors=INK)
+        panel.legend(frameon=False, fontsize=8.5, ncols=4)
+    (further_panels or [outcome_panel])[-1].set_xlabel(axis)
+    return save(figure, path.with_suffix(""))[0]

@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import copy
 from statistics import fmean
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
 
+from runners.learning.distributions import MixtureBatch, log_density_of_actions
 from runners.learning.driving import Driving, Experience, Features
 from runners.learning.learnable import Learnable
-from runners.learning.mixture import MixtureBatch, log_density_of_actions
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
-from runners.learning.settings import SacConfig
+
+if TYPE_CHECKING:
+    from runners.learning.learners import SacConfig
 
 _ACTIONS = 2
 

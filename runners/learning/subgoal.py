@@ -26,21 +26,10 @@ from lme.guides.learned_subgoal.network import (
 from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
 from lme.robots import Robot
-from runners.learning.choices import ChoiceBatch
+from runners.learning.distributions import ChoiceBatch
 
-_MIRRORED_STATE = (
-    1,
-    1,
-    -1,
-    1,
-    -1,
-    1,
-    1,
-    1,
-    1,
-    1,
-    -1,
-)  # signs of the sine of the target, ω, and y of the last subgoal change
+# Signs of the sine of the target, ω, and y of the last subgoal change.
+_MIRRORED_STATE = (1, 1, -1, 1, -1, 1, 1, 1, 1, 1, -1)
 
 
 class SubgoalBody(nn.Module):
@@ -67,8 +56,7 @@ class SubgoalBody(nn.Module):
         values = torch.cat((scan, ways, *more), -1)
         for name in LAYERS[:-1]:
             values = nn.functional.leaky_relu(self.layer(name)(values), SLOPE)
-        found: Tensor = self.layer(LAYERS[-1])(values)
-        return found
+        return cast(Tensor, self.layer(LAYERS[-1])(values))
 
 
 class SubgoalCritic(SubgoalBody):
@@ -115,14 +103,14 @@ class SubgoalNetwork(SubgoalBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: factor on the logits of the candidates."""
-        found: dict[str, NDArray[np.float32]] = {TRAINED: self._trained.copy()}
+        arrays: dict[str, NDArray[np.float32]] = {TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
-            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
-            found[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
+            arrays[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
+            arrays[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
         for part in ("kernel", "bias"):
-            found[f"{LAYERS[-1]}.{part}"] *= sharpness
-        return found
+            arrays[f"{LAYERS[-1]}.{part}"] *= sharpness
+        return arrays
 
     def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
         """Set the arrays of `SHAPES`."""

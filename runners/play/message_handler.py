@@ -13,16 +13,12 @@ from lme.config.composer import SHIPPED
 from lme.errors import InputError
 from lme.inputs.user_code import show_traceback, user_error
 from lme.types import Pose
-from runners.play.details import LAYERS, detail_message
 from runners.play.drawing import FARTHEST, item_of
-from runners.play.fields import Fields
-from runners.play.frames import Sender, world_message
-from runners.play.saving import KINDS, save
+from runners.play.page_input import Fields, changed, map_files
+from runners.play.page_messages import LAYERS, Sender, detail_message, options, situation, world_message
+from runners.play.saving import SAVERS, save
 from runners.play.session import MOST_STEPS, Session
-from runners.play.setups import setup_of
-from runners.play.situation import options, situation
-from runners.play.trial import try_words
-from runners.play.words import changed, map_files
+from runners.play.setups import setup_of, try_words
 
 Reply = str | bytes  # JSON text, or a binary message
 
@@ -153,7 +149,7 @@ class MessageHandler:
 
     def _save(self, fields: Fields) -> None:
         """Save the session as a file of the requested kind, and reply with its path."""
-        kind = fields.one_of("kind", KINDS)
+        kind = fields.one_of("kind", SAVERS)
         saved = save(self.session, kind, fields.text("name"), self._root, self._step(fields))
         self._replies.append(json.dumps({"type": "saved", "path": str(saved.path), "command": saved.command}))
 

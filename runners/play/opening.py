@@ -1,4 +1,7 @@
-"""Opening of a recorded episode: from a run of `lme eval`, a run saved from the page, or a recording."""
+"""Opening of a recorded episode, from a run of `lme eval`, a run saved from the page, or a recording; or of a map.
+
+The map of a place where a real robot drove is built from the log of its drive.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,11 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.guides.lme.weight_files import PUBLISHED
-from lme.types import Outcome
+from lme.types import Floats, Outcome
 from lme.worlds.world import Task
 from runners.config import build
 from runners.config.schema import DriveConfig, RecordedConfig
-from runners.play.script_file import SCRIPT, read_script
+from runners.play.saving import FOLDER, SCRIPT, read_script
 from runners.play.session import Entrant, Script, Session, Setup, Source
 from runners.play.setups import explicit
 from runners.play.simulation_track import SimulationTrack
@@ -27,7 +30,9 @@ from runners.workers.trace import another_path, is_same_drive
 if TYPE_CHECKING:
     import pandas as pd
 
+
 BEFORE_S = 3.0  # how long before a collision the page opens
+_RECORDINGS = (".bag", ".db3")
 
 
 def open_episode(path: Path, word: str | None, step: int | None) -> Session:
@@ -104,12 +109,10 @@ def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, 
     weights = changes.pop("guide.weights")
     trust.check_config(recorded, run_dir)
     # Check the words, and the weights, unless they lead to such a copy.
-    loaded_changes = {
+    others = {
         key: value for key, value in changes.items() if value == recorded[key]
-    }  # without the paths of copies
-    trust.check_words(
-        explicit(launch.choices[0], loaded_changes, replace(config, weights=PUBLISHED)), run_dir
-    )
+    }  # without paths of copies
+    trust.check_words(explicit(launch.choices[0], others, replace(config, weights=PUBLISHED)), run_dir)
     if weights == config.weights:
         trust.check_words([f"weights={weights}"], run_dir)
     return explicit(launch.choices[0], changes, replace(config, weights=weights))
@@ -153,3 +156,43 @@ def words_of(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     for word in argv:
         (options if "=" in word or word.startswith("-") or options else paths).append(word)
     return paths, options
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a path is the log of a drive, not a run or an episode of `lme eval`. Raises InputError."""
+    from runners.recordings.bags import Bag
+    from runners.recordings.carmen import is_carmen
+    from runners.recordings.recorded import episode_of
+
+    if path.suffix == ".mcap":
+        with Bag(path) as bag:
+            episode = episode_of(bag)
+        return episode is None or episode.live
+    if path.is_dir():
+        return not (path / LAUNCH).exists() and any(path.glob("*.db3"))
+    return path.suffix in _RECORDINGS or is_carmen(path)
+
+
+def words_of_log(log: Path, root: Path = Path()) -> tuple[str, ...]:
+    """Return words that open the map of a log, from where the robot started to the farthest place on its way.
+
+    The map is written below `root`, as by `lme maps build`. Raises InputError.
+    """
+    from runners.recordings.map_build import BuildConfig, build_map, write_map
+
+    built = build_map([log], BuildConfig())
+    target = root / FOLDER / f"{log.resolve().name.partition('.')[0]}_map.yaml"
+    write_map(built, target)
+    print(f"map: {target}", flush=True)
+    start = built.way[0]
+    goal = built.way[np.argmax(np.hypot(*(built.way - start).T))]
+    return (
+        "map=file",
+        f"map.path={target}",
+        f"map.start={_point_text(start)}",
+        f"map.goal={_point_text(goal)}",
+    )
+
+
+def _point_text(point: Floats) -> str:
+    return f"[{point[0]:.3f},{point[1]:.3f}]"

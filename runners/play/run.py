@@ -45,8 +45,8 @@ def serve(session: Session, port: int, browser: bool) -> None:
     """Serve the page until Ctrl-C. browser: whether to open it. Raises InputError if the port is taken."""
     import uvicorn
 
-    from runners.play.fields import LONGEST_MESSAGE
     from runners.play.message_handler import MessageHandler
+    from runners.play.page_input import LONGEST_MESSAGE
     from runners.play.server import application
 
     # Listen first, so that the address can be printed and opened, then serve.

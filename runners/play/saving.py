@@ -1,26 +1,34 @@
-"""Files that the page saves below the folder where `lme play` started: maps, records, pages, films, recordings."""
+"""Files that the page saves below the folder where `lme play` started: maps, records, pages, films, recordings.
+
+A drawn world becomes a shape file, which `lme eval map=file map.path=FILE` drives. The changes of a session in a
+changing world are in `play.json` beside its record.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 from lme.errors import InputError
+from lme.inputs.guarded_file import read_json
 from lme.navigation.episode import Episode
+from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer
 from runners.config.quoting import lme_command, override
-from runners.play.map_writer import shape_file
-from runners.play.script_file import SCRIPT, write_script
-from runners.play.session import Session
-from runners.play.simulation_track import SimulationTrack
+from runners.play.drawing import KINDS, Sketch, item_of
+from runners.play.session import Script, Session
+from runners.play.simulation_track import SimulationTrack, trajectory_of
 from runners.records import inputs
 from runners.records.atomic_write import write_atomically
 from runners.records.episode_record import EpisodeKey, EpisodeResult
@@ -30,6 +38,9 @@ from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd
 FOLDER = Path("outputs/play")
 _NAME = re.compile(r"[A-Za-z0-9][\w-]{0,59}")
 _GIF_WIDTH, _GIF_FPS, _GIF_LONGEST_S = 800, 10.0, 20.0
+SCRIPT = "play.json"
+_BORDER = 0.5  # [m] around a world that has no outer wall
+_SIDES = 4
 
 
 class Saved(NamedTuple):
@@ -49,7 +60,7 @@ def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved
     folder = root / FOLDER
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        saved = KINDS[kind](session, _Destination(root, folder, name), step)
+        saved = SAVERS[kind](session, _Destination(root, folder, name), step)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror or error}): free some space there"
@@ -170,8 +181,7 @@ def _save_page(session: Session, destination: _Destination, step: int) -> Saved:
 
 
 def _save_gif(session: Session, destination: _Destination, step: int) -> Saved:
-    from runners.reports.figures.animation import FilmPace, Screen
-    from runners.reports.figures.film import write_film
+    from runners.reports.figures.animation import FilmPace, Screen, write_film
 
     path = destination.free(".gif")
     # Drives that would make too long a film are shown faster than real time.
@@ -204,7 +214,7 @@ def _save_mcap(session: Session, destination: _Destination, step: int) -> Saved:
     return Saved(destination.shown(path), lme_command("replay", destination.shown(path), "as_recorded=false"))
 
 
-KINDS: Mapping[str, Callable[[Session, _Destination, int], Saved]] = {
+SAVERS: Mapping[str, Callable[[Session, _Destination, int], Saved]] = {
     "map": _save_map,
     "record": _save_record,
     "page": _save_page,
@@ -237,9 +247,7 @@ def _episode(lane: SimulationTrack) -> Episode | Drive:
     episode = lane.episode()
     if episode is not None:
         return episode
-    rows = np.full((len(lane.frames), 10), np.nan)
-    driven_rows = np.array([frame.row for frame in lane.frames])
-    rows[:, :6], rows[:, 9] = driven_rows[:, :6], driven_rows[:, 6]
+    rows = trajectory_of(lane.frames)
     for row, step in zip(rows, _steps(lane), strict=False):
         row[6:9] = *step.subgoal, step.guidance.switched
     return Drive("given up", float(rows[-1, 0]), rows)
@@ -251,3 +259,92 @@ def _ended(session: Session, must: bool = True) -> SimulationTrack:
     if must and lane.outcome is None:
         raise InputError("the drive has not ended: a record needs its outcome; let it drive to the end")
     return lane
+
+
+def write_script(script: Script, path: Path) -> None:
+    """Write the drawings by step, and where the drive begins."""
+    drawings = {step: _to_mapping(drawing) for step, drawing in sorted(script.drawings.items())}
+    if script.begin is not None:
+        drawings[0]["start"] = list(script.begin)
+    write_atomically(path, json.dumps({"drawings": drawings}, indent=1) + "\n")
+
+
+def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
+    """Read the drawings by step, on a task. Raises InputError for a damaged file."""
+    try:
+        drawings = read_json(path)["drawings"]
+        sketches = {int(step): _sketch(task, mapping) for step, mapping in drawings.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: is damaged ({error}): the changes of this drive are lost") from error
+    if 0 not in sketches:
+        raise InputError(f"{path}: is damaged (no drawing at step 0): the changes of this drive are lost")
+    return sketches
+
+
+def _to_mapping(drawing: Sketch) -> dict[str, Any]:
+    items = {name: {"kind": item.kind, "entry": item.entry} for name, item in drawing.items.items()}
+    return {
+        "start": list(drawing.start),
+        "goal": list(drawing.goal),
+        "erased": sorted(drawing.erased),
+        "items": items,
+    }
+
+
+def _sketch(task: Task, entry: Mapping[str, Any]) -> Sketch:
+    x, y = map(float, entry["goal"])
+    items = {name: item_of(item["kind"], item["entry"]) for name, item in entry["items"].items()}
+    start = Pose(*map(float, entry["start"]))
+    return replace(Sketch.of(task), start=start, goal=(x, y), erased=frozenset(entry["erased"]), items=items)
+
+
+def shape_file(drawing: Sketch, title: str) -> str:
+    """Return the YAML of a drawing with its start and goal. A world without an outer wall gets one."""
+    bounds, wall = _bounds(drawing)
+    lines = [f"# {title}", f"bounds: {_flow(bounds)}"]
+    drawn_items = [item for name, item in drawing.parts() if name not in wall]
+    for kind in KINDS:
+        entries = [item.entry for item in drawn_items if item.kind == kind]
+        lines += [f"{kind}:"] if entries else []
+        lines += [f"  - {_flow(entry)}" for entry in entries]
+    lines += [
+        f"start: {_flow(list(drawing.start))}  # x, y [m], yaw [rad]",
+        f"goal: {_flow(list(drawing.goal))}  # [m]",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _bounds(drawing: Sketch) -> tuple[list[float], set[str]]:
+    """Return the bounds, and the names of the walls along them, which every shape file has anyway."""
+    # Use the outer wall of the base if all four sides are still there.
+    segments = drawing.base.world.segments[:_SIDES]
+    names = {f"s{i}" for i in range(_SIDES)}
+    if len(segments) == _SIDES and not names & drawing.erased and _is_outline(segments):
+        low, high = segments[:, :2].min(axis=0), segments[:, :2].max(axis=0)
+        return [*low.tolist(), *high.tolist()], names
+    # Else put bounds around everything, rounded outwards to whole metres.
+    points = _extent(drawing)
+    low, high = points.min(axis=0) - _BORDER, points.max(axis=0) + _BORDER
+    return [*(math.floor(low) for low in low.tolist()), *(math.ceil(high) for high in high.tolist())], set()
+
+
+def _is_outline(segments: Floats) -> bool:
+    """Return whether four segments form the closed wall along their bounding box."""
+    (x0, y0), (x1, y1) = segments[:, :2].min(axis=0), segments[:, :2].max(axis=0)
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return bool(np.array_equal(segments, np.hstack([corners, np.roll(corners, -1, axis=0)])))
+
+
+def _extent(drawing: Sketch) -> Floats:
+    """Return points that span everything in the world."""
+    world = drawing.world()
+    centres, radii = world.circles[:, :2], world.circles[:, 2:]
+    paths = [mover.path[:, :2] for mover in world.movers]
+    ends = np.array([drawing.start[:2], drawing.goal])
+    return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2), ends, *paths])
+
+
+def _flow(value: Any) -> str:
+    """Return a value on one line, with all its digits."""
+    container = list(value) if isinstance(value, list) else dict(value)
+    return yaml.safe_dump(container, default_flow_style=True, sort_keys=False, width=math.inf).strip()

@@ -1,7 +1,8 @@
 """The ASGI application: the page, its scripts and the socket, all below a secret path on this machine.
 
-A page of another origin cannot read the token. The checks of Host and Origin keep out a page that was told the token,
-or that reaches this machine by another name (DNS rebinding).
+Scene, colours and scores are those of the explainer page. A page of another origin cannot read the token. The checks
+of Host and Origin keep out a page that was told the token, or that reaches this machine by another name (DNS
+rebinding).
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 from runners.play.message_handler import MessageHandler, Reply
-from runners.play.page import PARTS, POLICY
+from runners.reports.explainer.write import asset
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -22,11 +24,13 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.websockets import WebSocket
 
-HOSTS = (
-    "127.0.0.1",
-    "localhost",
-    "[::1]",
-)  # under which a browser may know this machine, also through a tunnel
+
+POLICY: Final = (
+    "default-src 'none'; style-src 'self'; script-src 'self'; connect-src 'self'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# Names under which a browser may know this machine, also through a tunnel.
+HOSTS = ("127.0.0.1", "localhost", "[::1]")
 TAKEN_OVER = 4001  # code of the socket that is closed for another page
 _HEADERS = {
     "Content-Security-Policy": POLICY,
@@ -36,6 +40,36 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+ASSETS = Path(__file__).parent / "assets"
+SHARED = (  # of the explainer page, in this order: each may use those before it
+    "data.js",
+    "score.js",
+    "colours.js",
+    "theme.js",
+    "format.js",
+    "meanings.js",
+    "camera.js",
+    "marks.js",
+    "ground.js",
+    "scene.js",
+    "bars.js",
+    "legend.js",
+    "words.js",
+)
+OWN = (
+    "live.js",
+    "connection.js",
+    "shapes.js",
+    "tools.js",
+    "layers.js",
+    "settings.js",
+    "selection.js",
+    "results.js",
+    "thoughts.js",
+    "lane.js",
+    "keys.js",
+    "main.js",
+)
 
 
 def application(handler: MessageHandler, token: str) -> Starlette:
@@ -158,3 +192,26 @@ async def _sent(websocket: WebSocket, reply: Reply) -> bool:
 async def _close(websocket: WebSocket) -> None:
     with contextlib.suppress(RuntimeError):  # the page may have gone meanwhile
         await websocket.close(TAKEN_OVER)
+
+
+def script() -> str:
+    """Return all scripts as one, so that the shared ones need not be modules."""
+    sources = [*map(asset, SHARED), *map(own, OWN)]
+    return '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(sources))
+
+
+def style() -> str:
+    """Return the style of the explainer page, followed by what differs here."""
+    return asset("style.css") + own("play.css")
+
+
+def own(name: str) -> str:
+    """Return the text of an asset."""
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+PARTS: Final[dict[str, tuple[str, Callable[[], str]]]] = {  # by name: type, and how it is made
+    "": ("text/html", lambda: own("play.html")),
+    "play.js": ("text/javascript", script),
+    "play.css": ("text/css", style),
+}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from lme.errors import InputError
 from lme.types import Outcome, Pose
@@ -258,7 +257,8 @@ class Session:
         setup = script.setup
         if self.lanes and setup is self.script.setup:
             return [lane.rewound(0, self.tasks) for lane in self.lanes]
-        return [SimulationTrack(system.config, system.label, _generator(setup)) for system in setup.systems]
+        rng = partial(episode_rng, setup.seed, setup.task.number, setup.run)
+        return [SimulationTrack(system.config, system.label, rng) for system in setup.systems]
 
     def _task(self, script: Script, step: int) -> Task:
         task = script.drawings[step].task()
@@ -275,12 +275,3 @@ def _drive(lanes: Sequence[SimulationTrack], tasks: Mapping[int, Task], until: i
         shortest.extend(tasks)
         if time.monotonic() - start_time > budget_s:
             return
-
-
-def _generator(setup: Setup) -> Callable[[], np.random.Generator]:
-    """Return a function that makes the generator of the session's episode."""
-
-    def make() -> np.random.Generator:
-        return episode_rng(setup.seed, setup.task.number, setup.run)
-
-    return make

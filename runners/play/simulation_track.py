@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,14 @@ class Frame(NamedTuple):
         """Time, pose, twist and clearance."""
         x, y, yaw = self.state.pose
         return self.state.time, x, y, wrap_angle(yaw), *self.state.twist, self.state.clearance
+
+
+def trajectory_of(frames: Sequence[Frame]) -> Floats:
+    """Return the frames as rows (F, 10) with TRAJECTORY_COLUMNS; those of subgoals are NaN."""
+    rows = np.array([frame.row for frame in frames])
+    trajectory = np.full((len(frames), 10), np.nan)
+    trajectory[:, :6], trajectory[:, 9] = rows[:, :6], rows[:, 6]
+    return trajectory
 
 
 class _RunningDrive(NamedTuple):
@@ -205,10 +213,6 @@ class SimulationTrack:
                 del self._snapshots[dropped_step]
 
     def _copy(self, running: _RunningDrive, tasks: Tasks) -> _RunningDrive:
-        shared = {id(piece): piece for task in tasks.values() for piece in _task_pieces(task)}
-        return copy.deepcopy(running, shared)
-
-
-def _task_pieces(task: Task) -> tuple[Any, ...]:
-    """Return the objects that never change and are recognised by identity: the task, its world, its movers."""
-    return task, task.world, *task.world.movers
+        """Return a copy that shares what never changes and is recognised by identity: tasks, worlds, movers."""
+        pieces = (piece for task in tasks.values() for piece in (task, task.world, *task.world.movers))
+        return copy.deepcopy(running, {id(piece): piece for piece in pieces})

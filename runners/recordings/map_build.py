@@ -1,8 +1,12 @@
-"""ROS maps built from the logs of one drive: a picture of cells, its YAML file, and a picture with the path."""
+"""ROS maps built from the logs of one drive: a picture of cells, its YAML file, and a picture with the path.
+
+`build_all` builds those of ten real buildings from the corrected CARMEN logs of Radish in github.com/acschaefer/ple.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,11 +16,13 @@ import yaml
 from PIL import Image
 
 from lme.errors import InputError, require
+from lme.inputs.guarded_file import LOG_BYTES, read_bytes
 from lme.mapping.occupancy import FREE, OCCUPIED, GridMap, OccupancyGrid
 from lme.perception.scan_check import ScanTally
 from lme.types import Floats
 from lme.worlds.bitmap import MAX_PIXELS
-from runners.recordings.log import DriveLog, LogConfig
+from runners.config.quoting import element, lme_command
+from runners.recordings.posed_scans import DriveLog, LogConfig
 from runners.records.atomic_write import output_file
 from runners.reports.figures.style import BLUE, INK, VERMILION, new_figure
 from runners.workers.progress import ScanProgress
@@ -30,6 +36,20 @@ _GREYS = {FREE: 1.0, OCCUPIED: 0.1}
 _UNKNOWN_GREY = 0.78
 ENDING, PICTURE = ".yaml", "_way"  # of a map's file; of the name of its picture with the way
 NO_RETURNS = ("clear", "ignore")
+CHECKOUT = Path("data/carmen")  # where the logs lie in a checkout
+SUFFIX = "-corrected.log.gz"  # of a log's file name, after the building's name
+DIGESTS = {  # SHA-256 of the logs at commit cfcb5a7 of acschaefer/ple
+    "acapulco": "fbd19a018534dee751606a9520fd6be25c86f3d7f1f7d849b1834d047b330116",
+    "aces": "5434d44384166250608a64d3a8c32de84512f82c46cb60a2657f138592024569",
+    "belgioioso": "a130e3e6d9e5ec5e6a7f94cbb5cb6bca2df2626c7ed6bebb7b7a282253b10f6e",
+    "csail": "a98de24fc319651f231f9a8625b78bf1972312b86f7b00d2ddc979c4ac92ae2d",
+    "edmonton": "96599a91e0cc9cb2570dbb92f92bbdf1e3a405b16aa99f6d3ce1a703011befdb",
+    "freiburg-079": "0631d30baf4b9d1d209af47da9096e876e1b4cb3d5a2d68ef9c39c5a2360a466",
+    "freiburg-101": "7792de88bcb050f8edba92914aea75e8ec2fb73b483c01903bd2753aa655e982",
+    "intel": "71bef16e9926506cf7417995ef35ace09dbd5de067fd042a3aab85188b5480dc",
+    "orebro": "39a189c64489b84996669bc484d6bd6864f8733029a280a0e549a0adaae08a82",
+    "seattle": "5719198036b788d78a877ca04efdbfb07c2518508310f51d49c198bf1956bb4b",
+}
 
 
 def way_picture(built: GridMap, path: Floats, title: str) -> Figure:
@@ -172,3 +192,55 @@ def describe(built: BuiltMap) -> str:
 def _files(path: Path) -> tuple[Path, Path, Path]:
     """Return the paths of a map's YAML file, of its picture of cells, and of its picture with the path."""
     return path, path.with_suffix(".png"), path.with_name(f"{path.stem}{PICTURE}.png")
+
+
+def build_all(source: Path, destination: Path, overwrite: bool) -> None:
+    """Build the map of every building whose log is in `source` in the folder `destination`; print a line for each.
+
+    Raises InputError if there are no logs, one is not the published file, or a map exists and `overwrite` is false.
+    Everything is checked before the first map is built.
+    """
+    logs = dict(_logs(source))
+    if not logs:
+        raise InputError(
+            f"{source}: has no logs of these buildings, such as intel{SUFFIX}: must be a checkout of "
+            f"github.com/acschaefer/ple, or a folder with the files of its {CHECKOUT}"
+        )
+    for name, log in logs.items():
+        _check_digest(name, log)
+        check_target(_target(destination, name), overwrite)
+    for name, log in logs.items():
+        built = build_map([log], BuildConfig())
+        write_map(built, _target(destination, name))
+        print(f"{name:<14}{describe(built)}")
+    missing_logs = [name for name in DIGESTS if name not in logs]
+    if missing_logs:
+        print(f"left out, without a log: {', '.join(missing_logs)}")
+    paths = f"map.paths=[{element(str(destination))}]"
+    print(f"Drive in them: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
+
+
+def _logs(source: Path) -> Iterator[tuple[str, Path]]:
+    """Yield the known buildings whose logs are in a checkout or a folder."""
+    if not source.is_dir():
+        raise InputError(f"{source}: {'is not a folder' if source.exists() else 'no such folder'}")
+    folder = source / CHECKOUT if (source / CHECKOUT).is_dir() else source
+    for name in DIGESTS:
+        if (folder / f"{name}{SUFFIX}").is_file():
+            yield name, folder / f"{name}{SUFFIX}"
+
+
+def _check_digest(name: str, log: Path) -> None:
+    try:
+        digest = hashlib.sha256(read_bytes(log, LOG_BYTES)).hexdigest()
+    except OSError as error:
+        raise InputError(f"{log}: cannot be read ({error.strerror})") from error
+    if digest != DIGESTS[name]:
+        raise InputError(
+            f"{log}: its SHA-256 is {digest}: must be {DIGESTS[name]}, that of the published file; "
+            "for a log of your own: lme maps build"
+        )
+
+
+def _target(destination: Path, name: str) -> Path:
+    return destination / f"{name}{ENDING}"

@@ -21,10 +21,9 @@ from runners.config import build, instantiate
 from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import ReplayConfig
-from runners.recordings import recorded, report
+from runners.recordings import figures, recorded, report
 from runners.recordings.bags import Bag
-from runners.recordings.driver import Driver
-from runners.recordings.goals import goal_source, topic_of
+from runners.recordings.driver import Driver, goal_source, topic_of
 from runners.recordings.recording import CLOCKS, Recording, inspect, open_recording
 from runners.recordings.topics import BagTopicsConfig, choose
 from runners.tracking.tracking import closed_by, parameters
@@ -55,9 +54,7 @@ def validate(job: Job[ReplayConfig]) -> None:
         require(key, getattr(config, key), above=0.0)
     configured(config.tracking, "tracking")
     if config.rerun:
-        from runners.recordings.rerun_file import check_installed
-
-        check_installed()
+        figures.check_rerun()
     # What the replay builds, then the topics of the recording.
     fill_dataclass(ScanConfig, config.scan, "scan")
     build.refuse_truth(config)
@@ -97,8 +94,6 @@ def _replay(
     stack: ExitStack,
 ) -> tuple[dict[str, float], list[Path]]:
     """Replay the recording and write the results; return the figures and the paths of the files."""
-    from runners.recordings import figures
-
     # Find out what the recording holds, and build the lidar's view of it and the navigator.
     recording, section = _recording(bag, config, episode)
     stale = round(config.stale * SECOND)
@@ -126,10 +121,8 @@ def _replay(
     driving = driver()
     artifacts = []
     if config.rerun:
-        from runners.recordings.rerun_file import RerunFile
-
         file = stack.enter_context(
-            RerunFile(run_dir / "replay.rrd", recording.bag.path.name, scan_source.robot)
+            figures.RerunFile(run_dir / "replay.rrd", recording.bag.path.name, scan_source.robot)
         )
         driving.listen(file.show)
         artifacts.append(file.path)

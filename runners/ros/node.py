@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import math
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 from lme.errors import InputError
 from lme.guides.lme.explanation import Explanation, reason
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
-from lme.live.messages import SECOND
+from lme.live.messages import SECOND, nanoseconds
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.types import Twist
-from runners.ros.clock import SystemClock, TopicClock
-from runners.ros.markers import markers
-from runners.ros.outgoing import OutgoingMessages
-from runners.ros.status import Status
+from runners.ros.outgoing import OK, WARN, OutgoingMessages, markers
 from runners.ros.topics import IMU_KIND, TF, TF_MESSAGE, LiveTopicsConfig
 from runners.ros.transport import ActionGoal, Delivery, Transport
-from runners.ros.watchdog import Watchdog
 
 _AT_REST = 1.0  # [s] for which zero velocity is repeated without a goal; after that, others may drive
 _SHUTDOWN_STOPS = 3  # times that zero velocity is sent at shutdown
+_DIAGNOSTICS = "lme: navigation"  # name of the status on /diagnostics
+_DIAGNOSTICS_PERIOD = 1.0  # [s] of real time between messages on /diagnostics
 
 
 @dataclass(slots=True)
@@ -230,3 +229,109 @@ class Node:
         clock = TopicClock()
         self._ros.subscribe(self._topics.clock, "rosgraph_msgs/Clock", clock.take, Delivery.NEWEST)
         return clock
+
+
+class SystemClock:
+    """The system clock: time since 1970, as in the stamps of robots' drivers."""
+
+    seconds_still = 0.0
+
+    def now(self) -> int | None:
+        """Return the time [ns]."""
+        return time.time_ns()
+
+
+class TopicClock:
+    """The latest time on /clock."""
+
+    def __init__(self) -> None:
+        self._now: int | None = None
+        self._moved = time.monotonic()
+
+    def take(self, message: Any) -> None:
+        """Process a rosgraph_msgs/Clock."""
+        time_ns = nanoseconds(message.clock)
+        if time_ns != self._now:
+            self._now, self._moved = time_ns, time.monotonic()
+
+    def now(self) -> int | None:
+        """Return the time [ns]; None before the first message."""
+        return self._now
+
+    @property
+    def seconds_still(self) -> float:
+        """Return the real time since the clock last advanced [s]."""
+        return time.monotonic() - self._moved
+
+
+class Watchdog:
+    """Context manager that calls `halt`, from its own thread, if `feed` was not called for `patience` [s]."""
+
+    def __init__(self, patience: float, halt: Callable[[], None]) -> None:
+        self._patience, self._halt = patience, halt
+        self._fed = threading.Event()
+        self._ended = False
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ended = True
+        self._fed.set()
+        self._thread.join()
+
+    def feed(self) -> None:
+        """Report that the loop is running."""
+        self._fed.set()
+
+    def _watch(self) -> None:
+        while not self._ended:
+            if not self._fed.wait(self._patience):
+                self._halt()
+            self._fed.clear()
+
+
+class Status:
+    """Statistics of the steps since the last message on /diagnostics."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._decisions: list[float] = []
+        self._tracking: list[float] = []
+        self._people = 0
+
+    def count(self, step: LiveStep) -> None:
+        """Add a step."""
+        if step.guidance is not None:
+            self._decisions.append(step.decision_us)
+        if step.people is not None:
+            self._tracking.append(step.people_us)
+            self._people = len(step.people.names)
+
+    @property
+    def due(self) -> bool:
+        """Return whether the next message is due."""
+        return time.monotonic() - self._began >= _DIAGNOSTICS_PERIOD
+
+    def message(self, step: LiveStep, soft_stops: int, make: OutgoingMessages) -> Any:
+        """Return a diagnostic_msgs/DiagnosticArray for the time since the last one. soft_stops: total so far."""
+        seconds = time.monotonic() - self._began
+        decision_times = self._decisions
+        values = {
+            "state": step.state,
+            "decisions per second": round(len(decision_times) / seconds, 1),
+            "median decision [ms]": round(sorted(decision_times)[len(decision_times) // 2] / 1000.0, 2)
+            if decision_times
+            else "-",
+            "longest decision [ms]": round(max(decision_times) / 1000.0, 2) if decision_times else "-",
+            "soft stops": soft_stops,
+        }
+        if self._tracking:
+            middle = sorted(self._tracking)[len(self._tracking) // 2]
+            values |= {"people": self._people, "median tracking [ms]": round(middle / 1000.0, 2)}
+        level = WARN if step.state is LiveState.STOPPED else OK
+        text = f"{step.state}: {step.reason}" if step.reason else str(step.state)
+        self._began, self._decisions, self._tracking = time.monotonic(), [], []
+        return make.diagnostics(step.stamp, _DIAGNOSTICS, level, text, values)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from lme.guides.lme.explanation import Explanation, reason
@@ -46,9 +45,7 @@ class LiveRecorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._close()
 
     def take(self, step: LiveStep) -> None:
@@ -87,14 +84,8 @@ class LiveRecorder:
         path = self._folder / f"goal-{step.goal}.mcap"
         file = self._open.enter_context(McapFile(path, LIVE_TOPICS, LATCHED, _ADVICE))
         self._writer = DecisionWriter(file, metadata, robot)
-        self._goal, self._latest, self._shift, self._written_state, self._previous_explanation = (
-            step.goal,
-            -1,
-            0,
-            "",
-            None,
-        )
-        self._before_first = True
+        self._goal, self._latest, self._shift = step.goal, -1, 0
+        self._written_state, self._previous_explanation, self._before_first = "", None, True
 
     def _decision(self, writer: DecisionWriter, step: LiveStep, time_ns: int) -> None:
         assert step.observation is not None

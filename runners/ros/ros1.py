@@ -85,10 +85,6 @@ class Ros1:
         """Return a message's time from nanoseconds."""
         return self._rospy.Time(*divmod(time, SECOND))
 
-    def duration(self, time: int) -> Any:
-        """Return a message's duration from nanoseconds."""
-        return self._rospy.Duration(*divmod(time, SECOND))
-
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages. In ROS 1, the publisher decides whether to send an earlier one."""
         size = _QUEUE if delivery is Delivery.NEWEST else None

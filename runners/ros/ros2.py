@@ -47,9 +47,8 @@ class Ros2:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._handled = 0
-        self._later: list[
-            Callable[[], None]
-        ] = []  # calls that the action server defers until its own part is done
+        # Calls that the action server defers until its own part is done.
+        self._later: list[Callable[[], None]] = []
         self.sim_time = bool(self._node.get_parameter("use_sim_time").value)
 
     def has(self, kind: str) -> bool:
@@ -71,11 +70,6 @@ class Ros2:
         """Return a message's time from nanoseconds."""
         sec, nanosec = divmod(time, SECOND)
         return self.type("builtin_interfaces/Time")(sec=sec, nanosec=nanosec)
-
-    def duration(self, time: int) -> Any:
-        """Return a message's duration from nanoseconds."""
-        sec, nanosec = divmod(time, SECOND)
-        return self.type("builtin_interfaces/Duration")(sec=sec, nanosec=nanosec)
 
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages. The newest are requested by best effort, which matches every publisher."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from types import FrameType
 from typing import Any
@@ -12,7 +13,11 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.live.config import ScanConfig
+from lme.live.driver import LiveDriver
 from lme.live.frames import FramesConfig
+from lme.live.step import LiveStep
+from lme.navigation.navigator import Navigator
+from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build
@@ -20,9 +25,9 @@ from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import LiveCommandConfig, Record
 from runners.ros import ros1, ros2
-from runners.ros.drive import drive_robot
-from runners.ros.outcomes import Outcomes
-from runners.ros.simulator import SimulatedRobot
+from runners.ros.node import Node, NodeConfig
+from runners.ros.record import LiveRecorder
+from runners.ros.simulator import Outcomes, SimulatedRobot
 from runners.ros.topics import LiveTopicsConfig
 from runners.ros.transport import Transport
 from runners.workers.episodes import episode_rng
@@ -147,3 +152,41 @@ def _ends() -> list[signal.Signals]:
     """Return the signals that end the command. A closing terminal sends SIGHUP, which nohup ignores."""
     hears = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hears else [])]
+
+
+def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
+    """Drive the robot until an exception, such as KeyboardInterrupt."""
+    config = job.config
+    node_config: NodeConfig = configured(config.live, "live")[1]
+    topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
+
+    def navigator(robot: Robot) -> Navigator:
+        return build.navigator(config, robot)
+
+    scan, frames = (
+        fill_dataclass(ScanConfig, config.scan, "scan"),
+        fill_dataclass(FramesConfig, config.frames, "frames"),
+    )
+    # Connect the driver to ROS.
+    measured = topics.twist == "measured"
+    driver = LiveDriver(navigator, config.robot, node_config, scan, frames, measured_twists=measured)
+    node = Node(node_config, transport, topics, driver, config.robot.dt)
+    printed_state = ""
+
+    def print_state(step: LiveStep) -> None:
+        """Print the state of the robot whenever it changes."""
+        nonlocal printed_state
+        if step.text != printed_state:
+            printed_state = step.text
+            print(step.text, flush=True)
+
+    node.listen(print_state)
+    version = transport.version
+    action = f" or the action {topics.action_in(version)}" if node.serves_action else ""
+    print(f"{config.robot.name} in ROS {version}: reads {topics.scan} and {topics.pose}", flush=True)
+    print(f"goals on {topics.goal_in(version)}{action}, commands on {topics.command}", flush=True)
+    # Record, if asked for, and drive.
+    with ExitStack() as stack:
+        if config.record is Record.mcap:
+            node.listen(stack.enter_context(LiveRecorder(job.run_dir, config, driver)).take)
+        node.run()

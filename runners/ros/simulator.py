@@ -1,18 +1,21 @@
-"""The simulator behind a real robot's topics.
+"""The simulator behind a real robot's topics, and the table of what came of its episodes.
 
 It publishes clock, scans, odometry, tf and goals, and takes commands.
 """
 
 from __future__ import annotations
 
+import csv
 import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from lme import metrics
 from lme.errors import InputError, require
 from lme.geometry.frames import relative
 from lme.live.messages import SECOND, twist_of
@@ -28,6 +31,19 @@ from runners.ros.transport import Delivery, Publisher, Transport
 ODOM, BASE = "odom", "base_link"
 GOALS = ("topic", "action", "none")
 _REST = Twist(0.0, 0.0)
+TABLE = "outcomes.csv"
+COLUMNS = (
+    "world",
+    "run",
+    "outcome",
+    "time_s",
+    "barn_metric",
+    "spl",
+    "path_length_m",
+    "min_clearance_m",
+    "final_distance_m",
+)
+BARN = ("barn", "dynabarn")  # maps whose tables have the metric
 
 
 @dataclass(slots=True)
@@ -178,19 +194,57 @@ class SimulatedRobot:
             mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.mount)
             self._mount = ros.publisher(topics.tf_static, TF_MESSAGE, latched=True)
             self._mount(mount)
-        self._goal = self._goal_publisher()
-        ros.subscribe(topics.command, topics.command_kind, self._take, Delivery.NEWEST)
-
-    def _goal_publisher(self) -> Publisher | None:
-        topics = self._topics
+        self._goal: Publisher | None = None
         if self._config.goal == "topic":
-            return self._ros.publisher(topics.goal_in(self._ros.version), "geometry_msgs/PoseStamped")
-        return (
-            self._ros.client(topics.action_in(self._ros.version)) if self._config.goal == "action" else None
-        )
+            self._goal = ros.publisher(topics.goal_in(ros.version), "geometry_msgs/PoseStamped")
+        elif self._config.goal == "action":
+            self._goal = ros.client(topics.action_in(ros.version))
+        ros.subscribe(topics.command, topics.command_kind, self._take, Delivery.NEWEST)
 
     def _take(self, message: Any) -> None:
         """Take a command. A command that is not finite stops the robot."""
         twist = twist_of(message, f"geometry_msgs/msg/{self._topics.command_type}")
         self._command = twist if all(map(math.isfinite, twist)) else _REST
         self._commanded = self._now
+
+
+class Outcomes:
+    """Table `outcomes.csv` in a run's directory, to which episodes are added; its columns are as in `lme eval`."""
+
+    def __init__(self, run_dir: Path) -> None:
+        self._path = run_dir / TABLE
+        self._successes: list[bool] = []
+        self._scores: list[float] = []
+
+    def __enter__(self) -> Self:
+        self._file = self._path.open("w", newline="", encoding="utf-8")
+        self._rows = csv.writer(self._file)
+        self._rows.writerow(COLUMNS)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
+        count = len(self._successes)
+        if count:
+            rate, scores = sum(self._successes) / count, self._scores
+            metric = f", BARN metric {sum(scores) / len(scores):.3f}" if scores else ""
+            print(f"{count} episodes: success {rate:.3f}{metric}. Table: {self._path}")
+
+    def add(self, world: int, run: int, drive: Driven) -> None:
+        """Print one episode and add it to the table."""
+        success = drive.outcome is Outcome.SUCCESS
+        score = metrics.barn_metric(success, drive.time, drive.task.optimal_time)
+        spl = metrics.spl(success, drive.task.shortest_path_length, drive.path_length)
+        lengths = drive.path_length, drive.min_clearance, drive.final_distance
+        self._rows.writerow([world, run, drive.outcome, drive.time, score, spl, *lengths])
+        self._file.flush()
+        self._successes.append(success)
+        # Only the worlds of BARN and DynaBARN have the metric.
+        of_barn = drive.task.map_name.startswith(BARN)
+        self._scores += [score] * of_barn
+        metric = f"BARN metric {score:.3f}, " if of_barn else ""
+        print(
+            f"world {world}, run {run}: {drive.outcome} after {drive.time:.1f} s, {metric}"
+            f"path {drive.path_length:.1f} m, clearance {drive.min_clearance:.2f} m",
+            flush=True,
+        )

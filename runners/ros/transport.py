@@ -86,9 +86,6 @@ class Transport(Protocol):
     def stamp(self, time: int) -> Any:
         """Return a message's time from nanoseconds."""
 
-    def duration(self, time: int) -> Any:
-        """Return a message's duration from nanoseconds."""
-
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
         """Call `take` with the messages."""
 

@@ -97,7 +97,7 @@ def race_figure(race: Race, start: str) -> Figure:
     axes.tick_params(labelsize=8.5, colors=INK)
     axes.set(xlabel=driven_label(race), ylabel="mean reward so far")
     _names(axes, field, start, len(race.rungs))
-    axes.set_title(_title(race, field), fontsize=10)
+    axes.set_title(_title(field), fontsize=10)
     _race_legend(figure, race)
     return figure
 
@@ -245,7 +245,7 @@ def _names(axes: Axes, field: Sequence[Racer], start: str, rungs: int) -> None:
         )  # fmt: skip
 
 
-def _title(race: Race, field: Sequence[Racer]) -> str:
+def _title(field: Sequence[Racer]) -> str:
     worse = sum(racer.end is End.worse for racer in field if racer.raced)
     raced = sum(racer.raced for racer in field)
     return f"{len(field)} candidates · {raced} raced · {worse} of these worse beyond the noise"

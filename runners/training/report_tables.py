@@ -1,23 +1,29 @@
-"""Tables on the page of a training: held-out worlds, rungs, candidates, parameters and the worst worlds."""
+"""Tables on the page of a training: held-out worlds, rungs, candidates, parameters, and the worst worlds."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from runners.config.escaping import html_text
 from runners.config.space import PARAMETERS, Range, Space
+from runners.records.episode_record import EpisodeKey
 from runners.reports.analysis.failures import page_path
-from runners.reports.analysis.paired import Difference, interval, signed
-from runners.reports.analysis.shared_worlds import WorstWorld
+from runners.reports.analysis.paired import SUCCESS, Difference, interval, signed
 from runners.reports.analysis.summary import DASH, TIMES
+from runners.training.held_out import HeldOutComparison
 from runners.training.race import START, End, Race, name_of, racers, worlds_by_family, worlds_driven
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 _DIGITS = 4  # significant digits of a parameter
+_Key = tuple[str, EpisodeKey]
 _LEFT = (
     "difference",
     "Worlds driven so far",
@@ -30,38 +36,95 @@ _LEFT = (
 )
 
 
-class HeldOut(NamedTuple):
-    """Result and start on one held-out map, or on all. The changes are paired, result minus start."""
+@dataclass(frozen=True, slots=True)
+class WorstWorld:
+    """A world, represented by its worst episode. outcome, reward, time_s [s]: of this episode.
 
-    place: str
-    worlds: int
-    runs: int
-    success: float
-    start_success: float
-    success_change: Difference
+    runs, failed: number of episodes, and of failed ones. start_failed: failed ones of the start; None if the start is
+    the result. lost: failed episodes of the result in which the start succeeded.
+    """
+
+    run_dir: Path
+    key: EpisodeKey
+    outcome: str
     reward: float
-    start_reward: float
-    reward_change: Difference
+    time_s: float
+    runs: int
+    failed: int
+    start_failed: int | None
+    lost: int
 
 
-def held_out_table(rows: Sequence[HeldOut], is_start: bool) -> str:
+def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) -> list[WorstWorld]:
+    """Return at most `count` worlds: those with failures first, then those with the lowest reward.
+
+    Among equal ones, those where the start succeeded most often come first. frame, start: records with their
+    `run_dir` and the column `reward`; maps have directories of the same name. start: None if the start is the result.
+    """
+    start_successes = None if start is None else _succeeded_keys(start)
+    by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
+    for row in frame.to_dict("records"):
+        by_world.setdefault((str(row["run_dir"]), int(row["world"])), []).append(row)
+    worlds = [_world(rows, start_successes) for rows in by_world.values()]
+    worlds.sort(key=lambda world: (world.outcome == SUCCESS, world.reward, -world.lost, -world.failed))
+    return worlds[:count]
+
+
+def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
+    """Return the number of episodes in which the result fails where the start succeeded."""
+    start_successes = _succeeded_keys(start)
+    return sum(_failed(row) and _key(row) in start_successes for row in frame.to_dict("records"))
+
+
+def _world(rows: Sequence[Mapping[str, Any]], start_successes: set[_Key] | None) -> WorstWorld:
+    failed = [row for row in rows if _failed(row)]
+    regressed = [row for row in failed if start_successes is not None and _key(row) in start_successes]
+    worst = min(rows, key=lambda row: (not _failed(row), row["reward"], row not in regressed))
+    return WorstWorld(
+        Path(worst["run_dir"]),
+        EpisodeKey.of(worst),
+        str(worst["outcome"]),
+        float(worst["reward"]),
+        float(worst["time_s"]),
+        len(rows),
+        len(failed),
+        None if start_successes is None else sum(_key(row) not in start_successes for row in rows),
+        len(regressed),
+    )
+
+
+def _failed(row: Mapping[str, Any]) -> bool:
+    return bool(row["outcome"] != SUCCESS)
+
+
+def _succeeded_keys(start: pd.DataFrame) -> set[_Key]:
+    """Return the episodes in which the start succeeded."""
+    return {_key(row) for row in start.to_dict("records") if not _failed(row)}
+
+
+def _key(row: Mapping[str, Any]) -> _Key:
+    """Return what an episode of the result and one of the start have in common: the map and the key."""
+    return Path(row["run_dir"]).name, EpisodeKey.of(row)
+
+
+def held_out_table(comparisons: Mapping[str, HeldOutComparison], is_start: bool) -> str:
     """Write one line per map, and one of all if there are several. is_start: the start won, so nothing differs."""
-    rows = rows if len(rows) > 2 else rows[:1]
+    rows = list(comparisons.items()) if len(comparisons) > 2 else list(comparisons.items())[:1]
     if is_start:
-        lines = [[_th(row.place), _episodes(row), rounded(row.success), rounded(row.reward)] for row in rows]
+        lines = [[_th(name), _episodes(row), rounded(row.success), rounded(row.reward)] for name, row in rows]
         return _table(["Map", "Episodes", "Success", "Reward"], lines, "held-out")
     lines = [
         [
-            _th(row.place),
+            _th(name),
             _episodes(row),
             rounded(row.start_success),
             f"<b>{rounded(row.success)}</b>",
-            _change(row.success_change),
+            _change(row.success_difference),
             rounded(row.start_reward),
             f"<b>{rounded(row.reward)}</b>",
-            _change(row.reward_change),
+            _change(row.reward_difference),
         ]
-        for row in rows
+        for name, row in rows
     ]
     heads = ["Map", "Episodes", "start", "result", "difference", "start", "result", "difference"]
     groups = (
@@ -192,7 +255,7 @@ def _th(text: str, kind: str = "") -> str:
     return f'<th scope="row"{f" class={kind}" if kind else ""}>{html_text(text)}</th>'
 
 
-def _episodes(row: HeldOut) -> str:
+def _episodes(row: HeldOutComparison) -> str:
     return f"{row.worlds} {TIMES} {row.runs}" if row.runs > 1 else str(row.worlds)
 
 

@@ -97,9 +97,8 @@ class Gp:
         import torch
         from optuna.samplers import GPSampler
 
-        torch.set_num_threads(
-            1
-        )  # the order of sums, and so the result, must not depend on the number of cores
+        # The order of sums, and so the result, must not depend on the number of cores.
+        torch.set_num_threads(1)
         return GPSampler(n_startup_trials=self._config.startup, deterministic_objective=False, seed=seed)
 
 

@@ -219,9 +219,8 @@ class Study:
 
 
 def _trial(trial: FrozenTrial) -> Trial:
-    scores_stored = [Score(*score) for score in trial.user_attrs.get(SCORES, [])]
-    scores = [
-        score._replace(trial=trial.number) for score in scores_stored
-    ]  # a repeated trial has the scores of the original
+    # A repeated trial has the scores of the original.
+    stored = (Score(*score) for score in trial.user_attrs.get(SCORES, []))
+    scores = [score._replace(trial=trial.number) for score in stored]
     assert trial.value is not None
     return Trial(trial.number, trial.value, dict(trial.params), scores)

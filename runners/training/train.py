@@ -26,10 +26,10 @@ from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.tracking.tracking import closed_by, parameters
 from runners.training.families import Families, families, too_narrow
-from runners.training.held_out import Places, evaluate_held_out, report_held_out
+from runners.training.held_out import Places, Verdict, evaluate_held_out, judge, report_held_out, with_rewards
 from runners.training.race import START, check_race
 from runners.training.report import write_training_report
-from runners.training.search_and_race import (
+from runners.training.search import (
     SearchResult,
     evaluation_places,
     search_and_race,
@@ -38,7 +38,6 @@ from runners.training.search_and_race import (
     world_numbers,
 )
 from runners.training.storage import open_storage, storage_errors
-from runners.training.verdict import Verdict, judge, with_rewards
 from runners.workers.trials import check_disturbances
 
 if TYPE_CHECKING:

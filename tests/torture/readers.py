@@ -354,8 +354,7 @@ def _read_study(folder: Path) -> None:
     from runners.config.space import read_space
     from runners.records.launch_record import identity
     from runners.training.families import families
-    from runners.training.search import open_study
-    from runners.training.search_and_race import check_configurations, world_numbers
+    from runners.training.search import check_configurations, open_study, world_numbers
     from tests.composing import jobs_of
 
     with jobs_of("train") as job_of:

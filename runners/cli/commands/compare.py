@@ -82,7 +82,7 @@ def _write(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
     """Write the files and return their paths. Raises InputError if that cannot be done."""
     from lme.errors import InputError
     from runners.reports.analysis import compare_report
-    from runners.reports.plots.compare_runs import compare_figures
+    from runners.reports.analysis.compare_report import compare_figures
 
     try:
         directory.mkdir(parents=True, exist_ok=True)

@@ -70,9 +70,9 @@ def _parser() -> argparse.ArgumentParser:
 def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool) -> None:
     """Explain a recording by `lme eval` or `lme live`, on the terminal or as a page."""
     from lme.errors import InputError
-    from runners.recordings.retrace import retrace
+    from runners.recordings.recorded import retrace
     from runners.records.atomic_write import output_path
-    from runners.reports.explainer.encode import title
+    from runners.reports.explainer.encode import episode_title
     from runners.reports.explainer.pages import make_folder
     from runners.reports.explainer.write import write_page
     from runners.workers.trace import Drive
@@ -82,7 +82,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     # Repeat the decisions of the recording, then print or draw them.
     trace = retrace(path)
     if text:
-        print("\n".join(_episode_lines(title(trace).capitalize(), trace)))
+        print("\n".join(_episode_lines(episode_title(trace).capitalize(), trace)))
         return
     page_path = path.with_suffix(".html")
     if output is not None:

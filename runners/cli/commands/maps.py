@@ -298,8 +298,8 @@ def _add_overwrite(parser: argparse.ArgumentParser) -> None:
 
 def _build(arguments: argparse.Namespace) -> None:
     from runners.config.quoting import element, lme_command
-    from runners.recordings.log import log_config
     from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
+    from runners.recordings.posed_scans import log_config
 
     logs, settings = _split_words(arguments.what)
     config = BuildConfig(
@@ -348,6 +348,6 @@ def _default_map_file(log: Path) -> Path:
 
 
 def _buildings(arguments: argparse.Namespace) -> None:
-    from runners.recordings.radish import build_all
+    from runners.recordings.map_build import build_all
 
     build_all(expanded(arguments.source), expanded(arguments.destination), arguments.overwrite)

@@ -53,7 +53,7 @@ def _session(episode: list[str], step: int | None, arguments: Arguments) -> Sess
     """Return the session of a recorded episode, of a drive's log, or of the words alone."""
     from pathlib import Path
 
-    from runners.play.from_log import is_log, words_of_log
+    from runners.play.opening import is_log, words_of_log
 
     if not episode:
         return _composed((), arguments)

@@ -99,7 +99,7 @@ def _draw(frame: pd.DataFrame, run: Path) -> None:
     from runners.config import build
     from runners.records.launch_record import read_launch
     from runners.records.trust import UntrustedError
-    from runners.reports.plots.paths import draw_run, sample_worlds
+    from runners.reports.figures.paths import draw_run, sample_worlds
 
     launch = read_launch(run)
     if launch is None:

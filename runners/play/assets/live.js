@@ -29,7 +29,7 @@ class Growing {
 const WIDER = { Int8Array: Int32Array, Int16Array: Int32Array };
 
 class LiveTrace extends Trace {
-  /** @param {Object} head - see runners/play/frames.py @param {Worlds} worlds - by step */
+  /** @param {Object} head - see runners/play/page_messages.py @param {Worlds} worlds - by step */
   constructor(head, worlds) {
     super({ ...head, outcome: null, time: 0, sentences: [] }, {});
     this.worlds = worlds;

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 from runners.config.escaping import markdown_table, markdown_text, plot_text
 from runners.config.systems import SEVERAL
@@ -19,7 +19,7 @@ from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, 
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row
 from runners.reports.analysis.tables import title
-from runners.reports.figures.style import GRID, HATCHES, INK, OUTCOMES, STYLES, new_figure, save, symbol
+from runners.reports.figures.style import GRID, INK, OUTCOMES, filled, new_figure, outcome_keys, save, symbol
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -188,7 +188,12 @@ class AblationStudy(SweepStudy):
                 plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, loc="left"
             )
         figure.legend(
-            handles=_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
+            handles=outcome_keys(),
+            loc="outside upper right",
+            ncols=3,
+            frameon=False,
+            fontsize=8,
+            labelcolor=INK,
         )
         omitted = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
         figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
@@ -321,7 +326,7 @@ def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
         bottom = 0.0
         for outcome in OUTCOMES:
             share, _ = variant.row.stats.get(outcome, (0.0, math.nan))
-            axes.bar(column, share, BAR, bottom, hatch=HATCHES.get(outcome), **_filled(outcome))
+            axes.bar(column, share, BAR, bottom, **filled(outcome))
             bottom += share
             if outcome == SUCCESS:
                 _rate(axes, column, share, variant.row.interval)
@@ -395,16 +400,6 @@ def _label(ablation: str) -> str:
         return "Complete"
     removals = [removed.removeprefix("no_") for removed in ablation.split(SEVERAL)]
     return "\n".join(["No", *(symbol(removed) for removed in removals)])
-
-
-def _keys() -> list[Any]:
-    from matplotlib.patches import Patch
-
-    return [Patch(label=kind, hatch=HATCHES.get(kind), **_filled(kind)) for kind in OUTCOMES]
-
-
-def _filled(kind: str) -> dict[str, Any]:
-    return {"facecolor": STYLES[kind].colour, "edgecolor": "white", "linewidth": 0.4}
 
 
 def _style_axes(axes: Axes, variants: Sequence[Variant]) -> None:

@@ -13,9 +13,17 @@ from typing import TYPE_CHECKING
 from lme.errors import InputError
 from runners.config.escaping import counted
 from runners.records.launch_record import Launch, read_launch
-from runners.reports.analysis import paired, run_names
+from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
-from runners.reports.analysis.shared_worlds import ComparedRun, Group, groups
+from runners.reports.analysis.shared_worlds import (
+    ComparedRun,
+    Group,
+    differing_conditions,
+    differing_keys,
+    groups,
+    heading,
+    run_names,
+)
 from runners.reports.analysis.summary import METRICS, SMOOTHNESS, barn_metric
 
 if TYPE_CHECKING:
@@ -119,7 +127,7 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
 
 def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     runs = [group.reference, *(run for run, _ in group.others)]
-    reference, *names = run_names.names(runs)
+    reference, *names = run_names(runs)
     has_metric = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
     measure = METRIC if has_metric else SUCCESS
     frames = {
@@ -134,11 +142,11 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     ]
     # Configs can be compared only if every run has one.
     launches = [launch for run in runs if (launch := read_launch(run.run_dir)) is not None]
-    keys = run_names.differing_keys(launches) if len(launches) == len(runs) else {}
+    keys = differing_keys(launches) if len(launches) == len(runs) else {}
     return RunComparison(
         reference,
         group.reference,
-        run_names.heading(runs),
+        heading(runs),
         measure,
         compared,
         [*_notes(group, [reference, *names], keys, launches), *notes],
@@ -195,7 +203,7 @@ def _notes(
         if len(seeds) == 1
         else f"Seeds differ ({', '.join(seeds)}): pairs with another seed share the world, not the random numbers."
     )
-    conditions = run_names.differing_conditions(keys, runs)
+    conditions = differing_conditions(keys, runs)
     if conditions:
         lines.append(f"Driven under different conditions: {'; '.join(conditions)}.")
     if len(launches) < len(runs):

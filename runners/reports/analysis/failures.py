@@ -28,10 +28,8 @@ _TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
 _MAX_SETTINGS = 3  # in the name of a job
 EXTENT, LAST_S = "last_minute_m", 60.0
 CLASSES = ("stands", "to and fro", "on its way")
-UP_TO_M = (
-    0.5,
-    3.0,
-)  # extent of the last minute of all classes but the last. ASSUMED: a robot's size, a room's
+# Extent of the last minute of all classes but the last. ASSUMED: a robot's size, a room's.
+UP_TO_M = (0.5, 3.0)
 
 
 def page_path(run_dir: Path, key: EpisodeKey) -> Path:

@@ -1,7 +1,8 @@
-"""Runs that drove the same worlds, and the worlds in which they do worst."""
+"""Runs that drove the same worlds, and their names in a comparison: how they differ, and what they have in common."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lme.types import Bools
+from runners.config.changes import flatten
 from runners.config.escaping import visible
-from runners.records.episode_record import EpisodeKey
-from runners.reports.analysis.paired import SUCCESS
+from runners.records.launch_record import Launch
+from runners.reports.analysis.summary import changed_columns, usual
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,7 +23,23 @@ if TYPE_CHECKING:
 _TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
 _MEASURE = "world_"  # prefix of the columns that describe a world
 _SAME = 1e-6  # [m, rad]
-_Key = tuple[str, EpisodeKey]
+_BARE = ("system", "map", "robot")  # whose values say what they are
+_COLUMNS = (
+    "system",
+    "ablation",
+    "weights",
+    "scale",
+    "filter",
+    "people",
+    "map",
+    "robot",
+    "sim",
+    "crowd",
+    "seed",
+)
+_MOST = 4  # parts of a name
+# Keys of a config that change no episode.
+_WHICH_WORLDS = ("runs", "table", "map.worlds", "map.subset", "map.count")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,74 +129,100 @@ def _equal_values(values: pd.Series, reference_values: pd.Series) -> Bools:
     return np.asarray((values == reference_values) | (values.isna() & reference_values.isna()))
 
 
-@dataclass(frozen=True, slots=True)
-class WorstWorld:
-    """A world, represented by its worst episode. outcome, reward, time_s [s]: of this episode.
-
-    runs, failed: number of episodes, and of failed ones. start_failed: failed ones of the start; None if the start is
-    the result. lost: failed episodes of the result in which the start succeeded.
-    """
-
-    run_dir: Path
-    key: EpisodeKey
-    outcome: str
-    reward: float
-    time_s: float
-    runs: int
-    failed: int
-    start_failed: int | None
-    lost: int
+def run_names(runs: Sequence[ComparedRun]) -> list[str]:
+    """Return a name for each run, made of its differences from the others; runs without any are named by folder."""
+    differing = _telling_columns(runs)
+    texts = [", ".join(_shorten([_column_text(run, column) for column in differing])) for run in runs]
+    times = Counter(texts)
+    folder_counts = Counter(run.run_dir.name for run in runs)
+    return [
+        name if times[name] == 1 and name else _with_folder(name, run, folder_counts[run.run_dir.name] == 1)
+        for name, run in zip(texts, runs, strict=True)
+    ]
 
 
-def worst_worlds(frame: pd.DataFrame, start: pd.DataFrame | None, count: int) -> list[WorstWorld]:
-    """Return at most `count` worlds: those with failures first, then those with the lowest reward.
-
-    Among equal ones, those where the start succeeded most often come first. frame, start: records with their
-    `run_dir` and the column `reward`; maps have directories of the same name. start: None if the start is the result.
-    """
-    start_successes = None if start is None else _succeeded_keys(start)
-    by_world: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
-    for row in frame.to_dict("records"):
-        by_world.setdefault((str(row["run_dir"]), int(row["world"])), []).append(row)
-    return sorted((_world(rows, start_successes) for rows in by_world.values()), key=_order)[:count]
-
-
-def regressions(frame: pd.DataFrame, start: pd.DataFrame) -> int:
-    """Return the number of episodes in which the result fails where the start succeeded."""
-    start_successes = _succeeded_keys(start)
-    return sum(_failed(row) and _key(row) in start_successes for row in frame.to_dict("records"))
-
-
-def _world(rows: Sequence[Mapping[str, Any]], start_successes: set[_Key] | None) -> WorstWorld:
-    failed = [row for row in rows if _failed(row)]
-    regressed = [row for row in failed if start_successes is not None and _key(row) in start_successes]
-    worst = min(rows, key=lambda row: (not _failed(row), row["reward"], row not in regressed))
-    return WorstWorld(
-        Path(worst["run_dir"]),
-        EpisodeKey.of(worst),
-        str(worst["outcome"]),
-        float(worst["reward"]),
-        float(worst["time_s"]),
-        len(rows),
-        len(failed),
-        None if start_successes is None else sum(_key(row) not in start_successes for row in rows),
-        len(regressed),
+def heading(runs: Sequence[ComparedRun]) -> str:
+    """Return what all runs have in common: system, map, robot, and whatever is unusual."""
+    first, *further_runs = runs
+    common = [
+        column
+        for column in _columns(runs)
+        if column != "seed" and all(run.text(column) == first.text(column) for run in further_runs)
+    ]
+    return " · ".join(
+        _column_text(first, column) for column in common if first.text(column) not in usual(column)
     )
 
 
-def _order(world: WorstWorld) -> tuple[bool, float, int, int]:
-    return world.outcome == SUCCESS, world.reward, -world.lost, -world.failed
+def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
+    """Return the keys that decide results and differ between the configs, with the value of each run or None."""
+    configs = [dict(flatten(launch.configs[0])) for launch in launches]
+    keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
+    values = {key: [config.get(key) for config in configs] for key in keys}
+    return {key: texts for key, texts in values.items() if any(value != texts[0] for value in texts)}
 
 
-def _failed(row: Mapping[str, Any]) -> bool:
-    return bool(row["outcome"] != SUCCESS)
+def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
+    """Return the conditions, besides guides and planners, that differ between the runs.
+
+    Conditions are the robot, the simulator, the rules of the map, added people, the filter, and whom the system sees.
+    keys: those that differ, if they are known.
+    """
+    conditions = []
+    for group in ("robot", "sim", "map", "crowd", "filter", "people"):
+        values = list(dict.fromkeys(_condition(run, group) for run in runs))
+        if len(values) > 1:
+            conditions.append(f"{group}: {_listed(values)}")
+            continue
+        keys_of_group = {key: value for key, value in keys.items() if key.startswith(f"{group}.")}
+        conditions += [
+            f"{key}: {_listed(list(dict.fromkeys(map(str, value))))}" for key, value in keys_of_group.items()
+        ]
+    return conditions
 
 
-def _succeeded_keys(start: pd.DataFrame) -> set[_Key]:
-    """Return the episodes in which the start succeeded."""
-    return {_key(row) for row in start.to_dict("records") if not _failed(row)}
+def _condition(run: ComparedRun, group: str) -> str:
+    """Return the option of a run; records with a launch record name a crowd and a filter only if there is one."""
+    has_none = group in ("crowd", "filter") and run.text("sim")
+    return run.text(group) or ("none" if has_none else "")
 
 
-def _key(row: Mapping[str, Any]) -> _Key:
-    """Return what an episode of the result and one of the start have in common: the map and the key."""
-    return Path(row["run_dir"]).name, EpisodeKey.of(row)
+def _telling_columns(runs: Sequence[ComparedRun]) -> list[str]:
+    """Return the columns that differ, without those that others imply.
+
+    Others imply the usual weights of a system, and equal keys of two groups with the same values, such as robot.v_max
+    and planner.v_max.
+    """
+    values = {column: tuple(run.text(column) for run in runs) for column in _columns(runs)}
+    differing = {column: texts for column, texts in values.items() if len(set(texts)) > 1}
+    if "system" in differing and set(differing.get("weights", ())) <= usual("weights"):
+        differing.pop("weights", None)
+    columns = {(column.rpartition(".")[2], texts): column for column, texts in reversed(differing.items())}
+    return [column for column in differing if column in columns.values()]
+
+
+def _columns(runs: Sequence[ComparedRun]) -> list[str]:
+    changed_keys = dict.fromkeys(column for run in runs for column in changed_columns(run.frame))
+    return [*_COLUMNS, *(column for column in changed_keys if column not in _WHICH_WORLDS)]
+
+
+def _column_text(run: ComparedRun, column: str) -> str:
+    value = run.text(column)
+    if column in _BARE:
+        return value
+    return f"{column} {value}" if value else "" if "." in column else f"no {column}"
+
+
+def _shorten(texts: Sequence[str]) -> list[str]:
+    nonempty = [text for text in texts if text]
+    omitted = len(nonempty) - _MOST
+    return nonempty if omitted <= 0 else [*nonempty[:_MOST], f"{omitted} more"]
+
+
+def _with_folder(name: str, run: ComparedRun, is_enough: bool) -> str:
+    folder = run.run_dir.name if is_enough else str(run.run_dir)
+    return f"{name} ({folder})" if name else folder
+
+
+def _listed(values: Sequence[str]) -> str:
+    return " | ".join(value or "unknown" for value in values)

@@ -87,7 +87,7 @@ def _add_thoughts(
         _obstacles(packer, reasons)
 
 
-def title(trace: Trace) -> str:
+def episode_title(trace: Trace) -> str:
     """Return the name of the episode."""
     return f"{trace.task.map_name} {trace.world}, run {trace.run}"
 
@@ -95,7 +95,7 @@ def title(trace: Trace) -> str:
 def _header(trace: Trace, system: str) -> dict[str, Any]:
     robot, task, episode = trace.robot, trace.task, trace.episode
     return {
-        "title": title(trace),
+        "title": episode_title(trace),
         "system": system,
         "ablation": ", ".join(f"{name}={float(value):g}" for name, value in trace.config.ablation.items()),
         "robot": robot.name,

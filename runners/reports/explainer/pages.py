@@ -156,7 +156,7 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
 
 def index(run_dir: Path) -> Path:
     """Write the index of a run's pages again, and return its path."""
-    from runners.reports.explainer.index import write_index
+    from runners.reports.explainer.write import write_index
 
     return write_index(read_episodes([run_dir]), run_dir)
 

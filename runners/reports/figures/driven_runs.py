@@ -140,20 +140,34 @@ def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
         figure.text(x, y, line, va="top", color=INK, **style)
 
 
-def draw_shots(
-    decisions: Sequence[DecisionView],
-    figure_of: Callable[[DecisionView], Figure],
-    stem: Path,
-    formats: Sequence[str],
-) -> list[Path]:
-    """Save one picture per decision, numbered from 1 if there are several; return the paths."""
-    numbered_stems = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(decisions) + 1)]
-    stems = numbered_stems if len(decisions) > 1 else [stem]
-    return [
-        path
-        for decision, path_stem in zip(decisions, stems, strict=True)
-        for path in save(figure_of(decision), path_stem, formats)
-    ]
+class DecisionFigure:
+    """A `Kind` of figure with one picture for each decision, which a subclass draws in `figure`."""
+
+    name: str
+    drives = True
+    guided: Guided | None = LME
+
+    def __init__(self, config: Any) -> None:
+        """Prepare the figure. config: a `StepConfig`."""
+        self._config = config
+
+    def figure(self, shot: DecisionView) -> Figure:
+        """Draw the page of one decision."""
+        raise NotImplementedError
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Save one picture per run with this guide and per requested world, numbered from 1 if there are several."""
+        assert self.guided is not None
+        decisions = shots(runs, worlds, self._config.step, self.name, self.guided)
+        numbered_stems = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(decisions) + 1)]
+        stems = numbered_stems if len(decisions) > 1 else [stem]
+        return [
+            path
+            for decision, path_stem in zip(decisions, stems, strict=True)
+            for path in save(self.figure(decision), path_stem, formats)
+        ]
 
 
 def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided_by: Guided) -> DecisionView:

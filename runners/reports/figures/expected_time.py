@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,16 +18,14 @@ from lme.types import Floats
 from runners.config import build
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
+    DecisionFigure,
     DecisionView,
-    DrivenRun,
     Guided,
     StepConfig,
     candidate_reach,
     draw_heading,
-    draw_shots,
     heading,
     heading_height,
-    shots,
 )
 from runners.reports.figures.robot_view import draw_key, line, mark
 from runners.reports.figures.scene import Box, frame_panel
@@ -60,23 +57,16 @@ def telling_step(trace: Trace) -> int:
 LME_PLUS = Guided(LmePlus, "LME+", "lme_plus", telling_step)
 
 
-class ExpectedTime:
+class ExpectedTime(DecisionFigure):
     """The field of expected times in the robot frame with the heading up, and the decision that is based on it."""
 
     Config = StepConfig
     name = "expected_time"
-    drives = True
     guided = LME_PLUS
 
-    def __init__(self, config: StepConfig) -> None:
-        self._config = config
-
-    def draw(
-        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
-    ) -> list[Path]:
-        """Draw one picture per run guided by LME+ and per requested world; return the paths."""
-        decisions = shots(runs, worlds, self._config.step, self.name, self.guided)
-        return draw_shots(decisions, expected_time_figure, stem, formats)
+    def figure(self, shot: DecisionView) -> Figure:
+        """See `DecisionFigure`."""
+        return expected_time_figure(shot)
 
 
 def sights(trace: Trace, last_step: int) -> list[Perception]:
@@ -210,13 +200,10 @@ def _draw_side(figure: Figure, bars: Sequence[Any], explanation: Explanation, to
         y = top - 0.3 - 0.55 * number
         cax_box = (left / PAGE_IN, y / height, width / PAGE_IN, BAR_IN / height)
         bar = figure.colorbar(artist, cax=figure.add_axes(cax_box), orientation="horizontal")
-        bar.outline.set_linewidth(0.4)
-        bar.ax.locator_params(nbins=5)
-        bar.ax.tick_params(labelsize=7, labelcolor=INK, length=2, width=0.5, pad=1.5)
+        view.style_bar(bar, 5)
         bar.ax.set_title(title, fontsize=7, color=INK, pad=3)
     at_key = (left / PAGE_IN, (top - 1.15) / height)
-    style = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
-    draw_key(figure, _key(explanation), at_key, "upper left", labelspacing=0.45, **style)
+    draw_key(figure, _key(explanation), at_key, "upper left", labelspacing=0.45, **view.KEY)
 
 
 def _key(explanation: Explanation) -> list[Any]:

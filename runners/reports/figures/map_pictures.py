@@ -12,15 +12,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.geometry.frames import to_world
 from lme.robots import Robot
-from lme.types import Floats
+from lme.types import Floats, Pose
+from lme.worlds.movers import Mover
 from lme.worlds.world import Task
 from runners.config.catalogue import Catalogue, shipped
 from runners.config.escaping import plot_text
 from runners.config.map_sets import GRAMMAR, MapSetChoice, choose, known_path
 from runners.reports.figures.driven_runs import DrivenRun
-from runners.reports.figures.layout import describe_set, extent, metres, mover_outline
-from runners.reports.figures.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
+from runners.reports.figures.scene import (
+    MARGIN_M,
+    Box,
+    draw_task,
+    extremes,
+    frame_panel,
+    legend_keys,
+    scale_bar,
+)
 from runners.reports.figures.style import BLUE, GRID, INK, OBSTACLE, VERMILION, new_figure, save
 
 if TYPE_CHECKING:
@@ -38,6 +47,7 @@ SCALE_SHARE = 0.3  # of a panel's width that its scale bar may take
 SCALE_PT = 7.0  # from a panel down to its scale bar
 KEY_IN, KEY_LINE_IN = 1.3, 0.16  # size of an entry in the key
 ROOM = 0.12  # kept around start and goal for their letters, as a share of the longest side
+SIDES = 24  # of the polygon that outlines a disc
 SQUARES = 16  # of the grid along the longest side, at most
 
 MOVER: dict[str, Any] = {"edgecolor": VERMILION, "linewidth": 1.0, "facecolor": "none"}
@@ -133,6 +143,36 @@ def panels_of(chosen: MapSetChoice) -> list[MapPanel]:
         )
         for task in map(maps.task, chosen.worlds)
     ]
+
+
+def extent(task: Task) -> Box:
+    """Return the box around obstacles, movers at their first pose, start and goal."""
+    ends = np.array([task.start[:2], task.goal])
+    movers = (mover_outline(mover) for mover in task.world.movers)
+    points = np.vstack([ends, extremes(task.world), *movers])
+    return Box(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
+
+
+def mover_outline(mover: Mover) -> Floats:
+    """Return (V, 2) corners of a mover at its first pose [m]; a disc becomes a polygon of `SIDES` sides."""
+    angles = np.arange(SIDES) * (2 * math.pi / SIDES)
+    outline = mover.outline
+    if outline is None:
+        outline = (mover.radius or 0.0) * np.column_stack([np.cos(angles), np.sin(angles)])
+    return to_world(outline, Pose(*mover.path[0].tolist()))
+
+
+def metres(task: Task) -> str:
+    """Return the size of a world as text, start and goal included, rounded to half a metre."""
+    box = extent(task)
+    return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
+
+
+def describe_set(chosen: MapSetChoice, task: Task) -> str:
+    """Return two lines: the size of the world shown, and the number of worlds."""
+    count = len(chosen.maps.numbers)
+    choice = f", {chosen.choice}" if chosen.choice else ""
+    return f"{metres(task)}\n{count} world{'s' * (count > 1)}{choice}"
 
 
 def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,16 +15,13 @@ from lme.guides.lme.surmount import Blockage, sector_points
 from lme.types import Floats, Pose
 from runners.reports.figures import robot_view as view
 from runners.reports.figures.driven_runs import (
-    LME,
+    DecisionFigure,
     DecisionView,
-    DrivenRun,
     StepConfig,
     candidate_reach,
     draw_heading,
-    draw_shots,
     heading,
     heading_height,
-    shots,
 )
 from runners.reports.figures.scene import Box, frame_panel
 from runners.reports.figures.style import BLUE, GREEN, INK, SKY, VERMILION, YELLOW, new_figure
@@ -41,23 +37,15 @@ TURN_RAD = math.radians(30)  # by which the name of B is turned away from the ta
 ARCS = (0.62, 0.45)  # of the panel's half width: radii of the arcs of the smaller and the larger angle
 
 
-class Method:
+class Method(DecisionFigure):
     """Three panels of one decision, in the robot frame with the heading up."""
 
     Config = StepConfig
     name = "method"
-    drives = True
-    guided = LME
 
-    def __init__(self, config: StepConfig) -> None:
-        self._config = config
-
-    def draw(
-        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
-    ) -> list[Path]:
-        """Draw one picture per run guided by LME and per requested world; return the paths."""
-        decisions = shots(runs, worlds, self._config.step, self.name)
-        return draw_shots(decisions, method_figure, stem, formats)
+    def figure(self, shot: DecisionView) -> Figure:
+        """See `DecisionFigure`."""
+        return method_figure(shot)
 
 
 def method_figure(shot: DecisionView) -> Figure:

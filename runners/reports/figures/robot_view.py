@@ -19,6 +19,7 @@ from runners.reports.figures.style import BLUE, GREEN, INK, PURPLE, VERMILION
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
 
 
@@ -30,6 +31,9 @@ OLD: Floats = np.array([0.78, 0.91, 0.86])
 YOUNG: Floats = np.array([0.0, 0.30, 0.22])
 LETTER_PT = 8.0
 HALO_PT = 2.5  # width of the white outline of letters
+KEY: dict[str, Any] = {  # look of a key
+    "frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6,
+}  # fmt: skip
 STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "markersize": 10, "markeredgecolor": "white"}
 
 
@@ -300,6 +304,14 @@ def draw_key(
     labels = [(entry[0] if isinstance(entry, tuple) else entry).get_label() for entry in entries]
     handlers = {tuple: HandlerTuple(ndivide=None, pad=0.0)}
     figure.legend(entries, labels, loc=loc, bbox_to_anchor=anchor, handler_map=handlers, **style)
+
+
+def style_bar(bar: Colorbar, bins: int) -> None:
+    """Give a colour bar thin lines and small numbers, at most `bins` of them."""
+    outline_of_bar: Any = bar.outline
+    outline_of_bar.set_linewidth(0.4)
+    bar.ax.locator_params(nbins=bins)
+    bar.ax.tick_params(labelsize=7, labelcolor=INK, length=2, width=0.5, pad=1.5)
 
 
 def mark(label: str, **style: Any) -> Artist:

@@ -1,10 +1,13 @@
-"""A world and the paths in it, drawn at one scale."""
+"""A world and the paths in it, drawn at one scale, and rows of panels of equal width.
+
+Sizes on the page are in inches, so that texts do not overlap.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -16,9 +19,11 @@ from runners.reports.figures.style import END, FRAME, INK, LEGEND_ORDER, OBSTACL
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.path import Path
 
+Item = TypeVar("Item")
 ROOM_M = 10.0  # a world with sides up to this is shown whole; of a larger one, the part around the paths
 AROUND_M = 1.5  # shown around starts, goals and paths
 MARGIN_M = 0.4  # shown beyond the outermost obstacle
@@ -30,7 +35,7 @@ POINTER = (
     (-0.4, 0.0),
     (-0.8, -0.62),
     (1.0, 0.0),
-)  # longer than wide: its tip is recognisable
+)  # longer than wide, so that it points
 POINTER_SIZE = 10  # at the start
 PATH_PT = 1.1
 BEHIND_PT, BESIDE_PT = (
@@ -243,3 +248,77 @@ def extremes(world: World) -> Floats:
     """Return (N, 2) points that span the obstacles [m]."""
     centres, radii = world.circles[:, :2], world.circles[:, 2:]
     return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2)])
+
+
+class Around(NamedTuple):
+    """Free space [in]: above, below and between panels, and at the left, upper and lower edge of the page."""
+
+    title: float = 0.22
+    foot: float = 0.0
+    gap: float = 0.12
+    left: float = 0.12
+    header: float = 0.0
+    footer: float = 0.0
+
+    @property
+    def per_row(self) -> float:
+        """Height of a row without its panels."""
+        return self.title + self.foot + self.gap
+
+
+def panel_width(columns: int, count: int, aspect: float, page: tuple[float, float], around: Around) -> float:
+    """Return the largest width of `count` panels in `columns` columns on a page [in]. aspect: height over width."""
+    rows = math.ceil(count / columns)
+    max_width = (page[0] - around.left) / columns - around.gap
+    max_height = (page[1] - around.header - around.footer) / rows - around.per_row
+    return min(max_width, max_height / aspect)
+
+
+def best_columns(count: int, aspect: float, page: tuple[float, float], around: Around) -> int:
+    """Return the number of columns that gives the widest panels."""
+    return max(range(1, count + 1), key=lambda columns: panel_width(columns, count, aspect, page, around))
+
+
+def wrapped(items: Sequence[Item], columns: int) -> list[list[Item]]:
+    """Return rows of at most `columns` items."""
+    return [list(items[first : first + columns]) for first in range(0, len(items), columns)]
+
+
+def lay_out(
+    figure: Figure, rows: Sequence[Sequence[Box]], width_in: float, around: Around, least_in: float = 0.0
+) -> list[list[Axes]]:
+    """Add one framed panel per box, all of one width, and set the figure's size, at least `least_in` wide.
+
+    A row is as high as its highest box.
+    """
+    # Heights of the rows, and the size of the page.
+    row_heights = [width_in * max(map(aspect_of, row)) for row in rows]
+    grid = max(map(len, rows)) * (width_in + around.gap) + around.left
+    page = max(grid, least_in)
+    height = around.header + around.footer + sum(row_heights) + len(rows) * around.per_row
+    figure.set_size_inches(page, height)
+    # Place the panels from the top down, all relative to the page.
+    left, top = (page - grid) / 2 + around.left, height - around.header
+    panels = []
+    for row, row_in in zip(rows, row_heights, strict=True):
+        bottom = top - around.title - row_in
+        corners = [(left + column * (width_in + around.gap), bottom) for column in range(len(row))]
+        panels.append(
+            [
+                _panel(figure, box, (x / page, y / height, width_in / page, row_in / height))
+                for box, (x, y) in zip(row, corners, strict=True)
+            ]
+        )
+        top -= row_in + around.per_row
+    return panels
+
+
+def aspect_of(box: Box) -> float:
+    """Return height over width."""
+    return (box.y1 - box.y0) / (box.x1 - box.x0)
+
+
+def _panel(figure: Figure, box: Box, rectangle: tuple[float, float, float, float]) -> Axes:
+    axes = figure.add_axes(rectangle)
+    frame_panel(axes, box)
+    return axes

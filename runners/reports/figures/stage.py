@@ -16,9 +16,9 @@ from lme.robots import Robot
 from lme.types import Floats
 from lme.worlds.world import Task
 from runners.reports.figures.driven_runs import DrivenRun
+from runners.reports.figures.paths import sample_worlds
 from runners.reports.figures.scene import POINTER, outline
 from runners.reports.figures.style import BLUE, INK, ORANGE, SKY, YELLOW
-from runners.reports.plots.paths import sample_worlds
 from runners.workers.trace import Trace, TracedStep, TraceEnd
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from runners.records.atomic_write import output_file, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
     from matplotlib.typing import LineStyleType
 
 ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
@@ -50,11 +51,8 @@ _NO_DATES: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None},
     "svg": {"Date": None},
 }
-_PRINT: dict[Any, Any] = {
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "lme",
-}  # keeps text as text
+# Keep text as text.
+_PRINT: dict[Any, Any] = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "lme"}
 
 
 def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:
@@ -68,6 +66,19 @@ def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = 
     figure = Figure(figsize=(width_in, height_in), dpi=dpi, layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def filled(outcome: str) -> dict[str, Any]:
+    """Return the look of the bars of an outcome."""
+    colour, hatch = STYLES[outcome].colour, HATCHES.get(outcome)
+    return {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.4}
+
+
+def outcome_keys() -> list[Patch]:
+    """Return the entries of a key for bars of outcomes."""
+    from matplotlib.patches import Patch
+
+    return [Patch(label=outcome, **filled(outcome)) for outcome in OUTCOMES]
 
 
 def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[Path]:

@@ -17,7 +17,6 @@ from lme.errors import InputError, require
 from runners.config.escaping import plot_text
 from runners.records.trust import UntrustedError
 from runners.reports.figures.driven_runs import DrivenRun, runs_of
-from runners.reports.figures.layout import Around, aspect_of, best_columns, lay_out, wrapped
 from runners.reports.figures.panels import (
     SCALE,
     SYSTEMS,
@@ -31,10 +30,21 @@ from runners.reports.figures.panels import (
     scale_drop_pt,
     steps_of,
 )
-from runners.reports.figures.scene import Box, common_box, legend_keys, same_size, scale_bar
+from runners.reports.figures.paths import without_steps
+from runners.reports.figures.scene import (
+    Around,
+    Box,
+    aspect_of,
+    best_columns,
+    common_box,
+    lay_out,
+    legend_keys,
+    same_size,
+    scale_bar,
+    wrapped,
+)
 from runners.reports.figures.stage import SUBGOAL, DrivenPlace, places, stage_keys
 from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
-from runners.reports.plots.paths import without_steps
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError, require
-from runners.reports.figures.animation import FilmPace, Screen
+from runners.reports.figures.animation import GIF, MP4, FilmPace, Picture, Screen, find_ffmpeg, write_film
 from runners.reports.figures.driven_runs import DrivenRun, chosen_world
-from runners.reports.figures.film import GIF, MP4, Picture, find_ffmpeg, write_film
 from runners.workers.trace import Trace
 
 PANELS = 6  # at most: more cannot be seen at once

@@ -10,7 +10,7 @@ from runners.evaluate.evaluate import _recorded
 from runners.records.episode_record import RunLabels
 from runners.records.records import read_episodes
 from runners.reports.analysis.summary import summarise
-from runners.training.search_and_race import search_space
+from runners.training.search import search_space
 from tests.composing import jobs_of
 from tests.made_runs import write_run
 

@@ -19,7 +19,7 @@ from tests.tolerances import FLOAT32_LAYER, NETWORK
 
 torch = pytest.importorskip("torch")
 
-from runners.learning import mixture  # noqa: E402
+from runners.learning import distributions  # noqa: E402
 from runners.learning.dclp import DclpNetwork  # noqa: E402
 
 
@@ -79,7 +79,9 @@ def test_every_weight_is_trained(network):
 
 def one(logits, mu, sigma):
     """The output of a network that answers this, once."""
-    return mixture.MixtureBatch(*(torch.tensor([value]) for value in (logits, mu, np.log(sigma).tolist())))
+    return distributions.MixtureBatch(
+        *(torch.tensor([value]) for value in (logits, mu, np.log(sigma).tolist()))
+    )
 
 
 def test_density_by_hand():
@@ -94,14 +96,14 @@ def test_density_of_actions_sums_to_one():
     output = one([0.2, -0.1], [[0.3, -0.5], [-0.8, 0.4]], [[0.4, 0.6], [0.7, 0.5]])
     grid = torch.linspace(-0.9995, 0.9995, 2000)
     actions = torch.cartesian_prod(grid, grid)
-    many = mixture.MixtureBatch(*(value.expand(len(actions), *value.shape[1:]) for value in output))
-    density = mixture.log_density_of_actions(many, actions.atanh()).exp()
+    many = distributions.MixtureBatch(*(value.expand(len(actions), *value.shape[1:]) for value in output))
+    density = distributions.log_density_of_actions(many, actions.atanh()).exp()
     assert density.sum().item() * (grid[1] - grid[0]).item() ** 2 == pytest.approx(1.0, abs=0.01)
 
 
 def test_actions_are_drawn_by_probability_with_their_deviation():
     output = one([math.log(0.25), math.log(0.75)], [[-3.0, 0.0], [3.0, 1.0]], [[0.1, 0.2], [0.3, 0.5]])
-    many = mixture.MixtureBatch(*(value.expand(20_000, *value.shape[1:]) for value in output))
+    many = distributions.MixtureBatch(*(value.expand(20_000, *value.shape[1:]) for value in output))
     drawn = many.draw(torch.Generator().manual_seed(0))
     right = drawn[drawn[:, 0] > 0]
     assert len(right) / len(drawn) == pytest.approx(0.75, abs=0.02)
@@ -113,7 +115,7 @@ def test_an_expert_s_full_command_is_likely_and_no_deviation_counts_as_less():
     sharp = one([0.0], [[9.0, 9.0]], [[1e-6, 1e-6]])
     full = torch.ones(1, 2)
     wanted = -2 * math.log(0.1) - math.log(math.tau)
-    assert mixture.log_likelihood(sharp, full, 0.1).item() == pytest.approx(wanted, abs=FLOAT32_LAYER)
+    assert distributions.log_likelihood(sharp, full, 0.1).item() == pytest.approx(wanted, abs=FLOAT32_LAYER)
 
 
 def test_a_mirrored_scene_has_a_mirrored_answer_by_the_planner_s_own_features():

@@ -15,7 +15,7 @@ from tests.tolerances import FLOAT32_LAYER, KERNEL, NETWORK
 
 torch = pytest.importorskip("torch")
 
-from runners.learning import mixture  # noqa: E402
+from runners.learning import distributions  # noqa: E402
 from runners.learning.drl_vo import SMALL, DrlVoCritic, DrlVoNetwork  # noqa: E402
 
 ROBOT = stage(v_max=3.0, omega_max=3.0, alpha_v=100.0, alpha_omega=100.0)  # reaches any command in a period
@@ -97,7 +97,7 @@ def test_an_answer_that_is_cut_off_can_still_be_trained(network):
         network.output.bias += 5.0
     output = network(*tensors(inputs(4)))
     assert (output.mu.tanh() > 0.99).all()
-    loss = -mixture.log_likelihood(output, torch.zeros(4, 2), 0.03).mean()
+    loss = -distributions.log_likelihood(output, torch.zeros(4, 2), 0.03).mean()
     (gradient,) = torch.autograd.grad(loss, [network.output.bias])
     assert (gradient > 0.0).all()
 

@@ -27,8 +27,8 @@ from tests.tolerances import FLOAT32_LAYER, NETWORK
 
 torch = pytest.importorskip("torch")
 
-from runners.learning.choices import ChoiceBatch  # noqa: E402
-from runners.learning.followers import SubgoalFollower  # noqa: E402
+from runners.learning.distributions import ChoiceBatch  # noqa: E402
+from runners.learning.driving import SubgoalFollower  # noqa: E402
 from runners.learning.subgoal import SubgoalCritic, SubgoalNetwork  # noqa: E402
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lme.navigation.episode import RunningEpisode
-from runners.play.fields import LONGEST_MESSAGE
 from runners.play.message_handler import MessageHandler
+from runners.play.page_input import LONGEST_MESSAGE
 from tests.runners.play.conftest import drive, ways
 
 

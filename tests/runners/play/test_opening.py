@@ -10,9 +10,8 @@ import pytest
 from lme.errors import InputError
 from lme.types import Outcome
 from runners.cli import main
-from runners.play.from_log import is_log, words_of_log
 from runners.play.message_handler import MessageHandler
-from runners.play.opening import open_episode, words_of
+from runners.play.opening import is_log, open_episode, words_of, words_of_log
 from runners.play.session import Session, Source
 from runners.play.setups import setup_of
 from runners.recordings.map_build import BuildConfig, build_map

@@ -14,8 +14,8 @@ from lme.geometry.frames import compose, relative
 from lme.mapping.occupancy import FREE, OCCUPIED
 from lme.types import Pose
 from lme.worlds.room import MapFile
-from runners.recordings.log import DriveLog, LogConfig, log_config
 from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
+from runners.recordings.posed_scans import DriveLog, LogConfig, log_config
 from tests.made_bags import BEGAN, MOUNT, OTHERS, SECOND, TF, BagMaker, drive, seen
 from tests.made_bags import CIRCLES as BAG_CIRCLES
 from tests.made_bags import way as bag_way

@@ -1,5 +1,6 @@
-"""The node's commands, with a driver and a ROS that are none."""
+"""The node's commands, with a driver and a ROS that are none, and its watchdog."""
 
+import threading
 import time
 from types import SimpleNamespace
 
@@ -9,7 +10,7 @@ from lme.live.frames import Frames
 from lme.live.messages import SECOND
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.types import Twist
-from runners.ros.node import Node, NodeConfig
+from runners.ros.node import Node, NodeConfig, Watchdog
 from runners.ros.topics import LiveTopicsConfig
 
 DRIVES = LiveStep(0, LiveState.DRIVING, "", Twist(0.3, 0.0), 1)
@@ -107,3 +108,18 @@ def test_the_node_sends_nothing_while_it_has_no_goal():
 
     idle = LiveStep(0, LiveState.IDLE, "no goal")
     assert sent(idle, slow, stale=0.1) == FAREWELL
+
+
+def test_the_watchdog_halts_the_robot_repeatedly_until_it_is_fed():
+    halted = threading.Semaphore(0)
+    with Watchdog(0.02, halted.release):
+        assert all(halted.acquire(timeout=10.0) for _ in range(3))
+
+
+def test_the_watchdog_does_not_disturb_a_running_loop():
+    halts = []
+    with Watchdog(5.0, lambda: halts.append(1)) as watchdog:
+        for _ in range(20):
+            watchdog.feed()
+            time.sleep(0.005)
+    assert not halts

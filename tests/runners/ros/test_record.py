@@ -22,7 +22,7 @@ from runners.config import build
 from runners.recordings import figures
 from runners.recordings.bags import Bag
 from runners.recordings.map_build import BuildConfig, build_map
-from runners.recordings.retrace import retrace
+from runners.recordings.recorded import retrace
 from runners.ros.record import LIVE_TOPICS, LiveRecorder
 from runners.workers.episodes import episode_rng
 from tests.composing import jobs_of

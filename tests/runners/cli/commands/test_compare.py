@@ -15,8 +15,7 @@ from runners.records.episode_record import EpisodeResult
 from runners.records.launch_record import launch_of
 from runners.records.records import RecordWriter, read_episodes
 from runners.reports.analysis import paired
-from runners.reports.analysis.run_names import names
-from runners.reports.analysis.shared_worlds import ComparedRun, same_worlds
+from runners.reports.analysis.shared_worlds import ComparedRun, run_names, same_worlds
 from tests.builders import episode_record
 from tests.composing import jobs_of
 
@@ -271,7 +270,7 @@ def test_names_do_not_repeat_a_value():
         ComparedRun(Path(f"run{at}"), pd.DataFrame({key: [values[at]] for key, values in keys.items()}))
         for at in range(2)
     ]
-    assert names(runs) == ["robot.v_max 1, robot.omega_max 1", "robot.v_max 2, robot.omega_max 2"]
+    assert run_names(runs) == ["robot.v_max 1, robot.omega_max 1", "robot.v_max 2, robot.omega_max 2"]
 
 
 def test_equal_runs_are_named_by_their_folders(tmp_path, job, capsys):

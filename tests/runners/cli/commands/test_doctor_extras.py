@@ -5,7 +5,7 @@ import sys
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from runners.recordings import bags, rerun_file
+from runners.recordings import bags, figures
 from tests.lme.test_requirements import OPTIONAL
 from tests.places import ROOT
 
@@ -52,7 +52,7 @@ def test_a_replay_without_rosbags_says_what_to_install(tmp_path, monkeypatch, sa
 def test_a_rerun_file_without_its_package_says_what_to_install(monkeypatch, says):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with says.raises(InputError):
-        rerun_file.check_installed()
+        figures.check_rerun()
 
 
 def test_a_cluster_without_its_package_says_what_to_install(monkeypatch, says):

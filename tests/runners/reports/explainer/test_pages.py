@@ -22,7 +22,7 @@ from runners.records.records import RecordWriter, read_episodes, read_trajectori
 from runners.reports.analysis.failures import failed_section, folder
 from runners.reports.explainer import pages, write
 from runners.reports.explainer.encode import encode
-from runners.reports.explainer.index import write_index
+from runners.reports.explainer.write import write_index
 from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.trace import rerun, rerun_recorded
 from tests.made_runs import write_run

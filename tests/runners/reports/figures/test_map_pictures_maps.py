@@ -11,8 +11,7 @@ from lme.errors import InputError
 from lme.worlds.check import point_clearance
 from runners.config.catalogue import shipped
 from runners.config.map_sets import choose, known_path
-from runners.reports.figures.layout import extent
-from runners.reports.figures.map_pictures import COLUMNS, PANELS, Maps, panels_of, sheet
+from runners.reports.figures.map_pictures import COLUMNS, PANELS, Maps, extent, panels_of, sheet
 
 OWN = ("building", "file", "tracks")  # map sets of a user's own files
 

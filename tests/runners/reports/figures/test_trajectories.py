@@ -19,7 +19,7 @@ from runners.reports.figures.driven_runs import DrivenRun
 from runners.reports.figures.panels import Panel, ends_before, subgoals_of
 from runners.reports.figures.stage import places
 from runners.reports.figures.trajectories import Trajectories, moment
-from tests.runners.reports.plots.test_paths import drawn, task
+from tests.runners.reports.figures.test_paths import drawn, task
 
 __all__ = ["drawn"]  # a fixture
 

@@ -13,7 +13,7 @@ from lme.geometry.frames import to_world
 from runners.cli.main import main
 from runners.config.catalogue import shipped
 from runners.config.instantiate import build
-from runners.reports.figures import film
+from runners.reports.figures import animation
 from runners.reports.figures.animation import Screen
 from runners.reports.figures.driven_runs import read_runs
 from runners.reports.figures.scene import outline
@@ -193,15 +193,15 @@ def test_an_encoder_that_fails_is_one_line(tmp_path, monkeypatch):
     program = tmp_path / "ffmpeg"
     program.write_text("#!/bin/sh\necho 'Unknown encoder libx264' >&2\nexit 1\n")
     program.chmod(0o755)
-    monkeypatch.setattr(film, "find_ffmpeg", lambda: str(program))
+    monkeypatch.setattr(animation, "find_ffmpeg", lambda: str(program))
     pictures = [np.zeros((40, 40, 3), dtype=np.uint8)] * 200
     with pytest.raises(InputError, match=r"failed \(Unknown encoder libx264\)"):
-        film.write_film(pictures, Path(tmp_path / "a.mp4"), 10.0, pictures[:1])
+        animation.write_film(pictures, Path(tmp_path / "a.mp4"), 10.0, pictures[:1])
 
 
 def test_a_film_that_is_broken_off_leaves_the_one_before(tmp_path):
     picture = np.zeros((40, 40, 3), dtype=np.uint8)
-    film.write_film([picture] * 2, tmp_path / "a.gif", 10.0, [picture])
+    animation.write_film([picture] * 2, tmp_path / "a.gif", 10.0, [picture])
     before = (tmp_path / "a.gif").read_bytes()
 
     def broken_off():
@@ -209,7 +209,7 @@ def test_a_film_that_is_broken_off_leaves_the_one_before(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        film.write_film(broken_off(), tmp_path / "a.gif", 10.0, [picture])
+        animation.write_film(broken_off(), tmp_path / "a.gif", 10.0, [picture])
     assert (tmp_path / "a.gif").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["a.gif"]
 

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from runners.records.episode_record import EpisodeKey
-from runners.reports.analysis.shared_worlds import regressions, worst_worlds
+from runners.training.report_tables import regressions, worst_worlds
 
 
 def records(folder, *rows):

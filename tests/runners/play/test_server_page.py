@@ -8,7 +8,7 @@ import pytest
 
 from runners.cli import main
 from runners.play.message_handler import MessageHandler
-from runners.play.page import OWN, SHARED, own
+from runners.play.server import OWN, SHARED, own
 from runners.reports.explainer.write import asset
 from tests.runners.reports.explainer.conftest import browser, settle, until  # noqa: F401 - a fixture
 

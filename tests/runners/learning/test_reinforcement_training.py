@@ -16,7 +16,7 @@ from tests.tolerances import FLOAT32_LAYER
 
 torch = pytest.importorskip("torch")
 
-from runners.learning import mixture  # noqa: E402
+from runners.learning import distributions  # noqa: E402
 from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
 from runners.learning.driving import Driving, Experience  # noqa: E402
 from runners.learning.learnable import network_class  # noqa: E402
@@ -125,7 +125,9 @@ def test_the_worth_of_a_step_by_hand():
     with torch.no_grad():
         answer = policy(*inputs).with_min_sigma(0.1)
         raw = answer.draw(torch.Generator().manual_seed(3))
-        follows = lower_value(targets, inputs, raw.tanh()) - 0.5 * mixture.log_density_of_actions(answer, raw)
+        follows = lower_value(targets, inputs, raw.tanh()) - 0.5 * distributions.log_density_of_actions(
+            answer, raw
+        )
     assert wanted.numpy() == pytest.approx([1.0 + 0.9 * follows[0].item(), -10.0], abs=FLOAT32_LAYER)
 
 

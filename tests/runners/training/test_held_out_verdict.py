@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from runners.training.verdict import judge, with_rewards
+from runners.training.held_out import judge, with_rewards
 from tests.composing import jobs_of
 
 WORLDS, STEPS = 40, 100

@@ -1,4 +1,4 @@
-"""The report of a training: its figures, marks and links; names are only text; and how it looks in a browser."""
+"""The report of a training: figures, marks and links, names as text, its looks in a browser, and of a resumed run."""
 
 import html
 import re
@@ -6,15 +6,17 @@ from base64 import b64decode
 from dataclasses import replace
 
 import pytest
+import yaml
 
+from runners.cli.main import main
 from runners.config.space import Range
 from runners.records.episode_record import EpisodeKey
 from runners.reports.analysis.paired import Difference
-from runners.reports.analysis.shared_worlds import WorstWorld
+from runners.training.held_out import HeldOutComparison
 from runners.training.pictures import parameters_figure, race_figure
 from runners.training.race import START, Race, Rung
-from runners.training.report_page import TrainingReport, write_report
-from runners.training.report_tables import HeldOut
+from runners.training.report import TrainingReport, write_report
+from runners.training.report_tables import WorstWorld
 from tests.made_training import RACE, SPACE, TRIALS
 from tests.runners.reports.explainer.conftest import browser, open_page  # noqa: F401 - fixtures
 
@@ -26,12 +28,15 @@ FIGURES = {
     "race": race_figure(RACE, "published"),
 }
 ALONE = Difference(0.1, float("nan"), float("nan"), float("nan"), 1, 1)
+SMALL = (
+    "trials=5", "configurations=1", "runs=1", "search.startup=2", "tracking=none", "executor=serial",
+    "race.candidates=[3,2]", "race.worlds=[1,2]", "hydra.run.dir=run",
+)  # fmt: skip
+FAMILIES = ("training.env1.configurations=2", "training.fresh.count=2", "training.indoor.count=2")
 
 
-def row(place, success_change=BETTER, reward_change=WORSE):
-    worlds = success_change.worlds
-    runs = success_change.pairs // worlds
-    return HeldOut(place, worlds, runs, 0.9, 0.8, success_change, 0.4, 0.6, reward_change)
+def row(success_change=BETTER, reward_change=WORSE):
+    return HeldOutComparison(0.9, 0.4, success_change, reward_change)
 
 
 def world(folder, number, outcome="collision", lost=1, start_failed=0):
@@ -51,7 +56,7 @@ def report_of(place, **changes):
         training_reward=0.65,
         training_worlds="4 worlds",
         gap=0.25,
-        held_out=[row("env1"), row("fresh"), row("all")],
+        held_out={"env1": row(), "fresh": row(), "all": row()},
         figures=FIGURES,
         race=RACE,
         trials=TRIALS,
@@ -102,7 +107,7 @@ def test_held_out_maps_show_both_and_the_paired_difference(tmp_path):
 
 
 def test_one_map_has_one_line_and_perhaps_no_interval(tmp_path):
-    rows = [row("env1", ALONE, ALONE), row("all", ALONE, ALONE)]
+    rows = {"env1": row(ALONE, ALONE), "all": row(ALONE, ALONE)}
     (line,) = cells(written(tmp_path, held_out=rows), "held-out")[2:]
     assert line[:2] == ["env1", "1"]
     assert line[4] == "+0.100"
@@ -190,7 +195,7 @@ def hostile(tmp_path):
     ]
     return written(
         tmp_path, title=HOSTILE, facts=HOSTILE, sentence=f"Better: {HOSTILE}", start=HOSTILE[:19],
-        training_worlds=HOSTILE, held_out=[row(HOSTILE), row("all")], race=Race(tuple(rungs), {}), trials=trials,
+        training_worlds=HOSTILE, held_out={HOSTILE: row(), "all": row()}, race=Race(tuple(rungs), {}), trials=trials,
         space={key: Range(-1.0, 1.0)},
         start_values={key: 0.5}, importances={key: 1.0}, commands={HOSTILE: HOSTILE},
         worst=[world(tmp_path / HOSTILE.replace("/", ""), 1, HOSTILE)],
@@ -215,3 +220,86 @@ def test_the_page_fits_any_window_in_both_themes(tmp_path, open_page, width):  #
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") != before
     assert page.watch.said == []
     assert page.watch.strangers() == []
+
+
+def train(*words):
+    assert main(["train", *SMALL, *words]) == 0
+
+
+def links(page):
+    return [
+        page.parent / link for link in re.findall(r'href="([^"]+)"', page.read_text()) if link != "data:,"
+    ]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A training without the start among the candidates, so that a trial wins."""
+    place = tmp_path_factory.mktemp("trained")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        train(*FAMILIES, "start_from_config=false")
+    return place / "run"
+
+
+def test_a_training_leaves_a_page_and_two_pictures(trained):
+    assert all((trained / name).is_file() for name in ("report.html", "race.png", "parameters.png"))
+    text = (trained / "report.html").read_text().replace("<wbr>", "")
+    weights = yaml.safe_load((trained / "weights.yaml").read_text())
+    assert f"<strong>{weights['held_out']['verdict'].title()}</strong>" in text
+    assert f"trial {weights['trial']}" in text
+    assert "lme compare run/start/env1 run/env1" in text
+
+
+def test_every_link_leads_to_a_file_and_every_worst_world_has_a_page(trained):
+    found = links(trained / "report.html")
+    pages = [path for path in found if path.parent.name == "explain"]
+    assert all(path.is_file() for path in found)
+    assert len(pages) == 6  # there are six held-out worlds
+    assert {path.parent.parent.name for path in pages} == {"env1", "fresh", "indoor"}
+    assert all((path.parent / "index.html").is_file() for path in pages)
+
+
+def test_the_figures_are_those_of_the_weight_file(trained):
+    text = (trained / "report.html").read_text()
+    held_out = yaml.safe_load((trained / "weights.yaml").read_text())["held_out"]["difference_to_start"]
+    for place in ("env1", "fresh", "indoor"):
+        line = re.search(rf'<th scope="row">{place}</th>.*?</tr>', text, re.S)[0]
+        shown = [
+            float(cell.replace("−", "-")) for cell in re.findall(r"<td>(?:<b>)?([−.\d]+)(?:</b>)?</td>", line)
+        ]
+        each = held_out[place]
+        success, reward = each["success_difference"][0], each["reward_difference"][0]
+        expected = [2, each["success"] - success, each["success"], each["reward"] - reward, each["reward"]]
+        assert shown == pytest.approx(expected, abs=6e-4)
+
+
+def test_a_resumed_run_writes_the_same_and_keeps_its_pages(trained, monkeypatch, capsys):
+    monkeypatch.chdir(trained.parent)
+    files = [trained / name for name in ("report.html", "race.png", "parameters.png")]
+    before = [path.read_bytes() for path in files]
+    pages = {path: path.stat().st_mtime_ns for path in trained.glob("*/explain/[0-9]*.html")}
+    assert pages
+    assert main(["train", "resume=run"]) == 0
+    assert [path.read_bytes() for path in files] == before
+    assert {path: path.stat().st_mtime_ns for path in pages} == pages
+    assert "Report: run/report.html" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (("map=env1", "map.configurations=2", "race=null"), "There was no race"),
+        (
+            ("guide=target", "planner=dwa", "robot=jackal", "map=barn", "map.subset=fresh", "map.count=2"),
+            "planner.<wbr>clearance",
+        ),
+    ],
+)
+def test_any_training_has_a_report(tmp_path, monkeypatch, words, shown):
+    monkeypatch.chdir(tmp_path)
+    given = [word for word in SMALL if not (word.startswith("race.") and "race=null" in words)]
+    assert main(["train", *given, *words]) == 0
+    page = tmp_path / "run" / "report.html"
+    assert shown in page.read_text()
+    assert all(path.is_file() for path in links(page))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lme.types import Guidance
-from runners.ros.markers import Shape, markers
+from runners.ros.outgoing import Shape, markers
 from tests import builders
 
 

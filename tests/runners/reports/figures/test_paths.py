@@ -14,7 +14,7 @@ from PIL import Image
 
 from lme.types import Pose
 from lme.worlds.world import Task, World
-from runners.reports.plots import paths as figures
+from runners.reports.figures import paths as figures
 from tests.places import ROOT
 
 OUTCOMES = ("success", "collision", "timeout")
@@ -198,7 +198,7 @@ def test_drawing_does_without_pyplot(tmp_path):
     script = """
 import sys
 from pathlib import Path
-from tests.runners.reports.plots.test_paths import *
+from tests.runners.reports.figures.test_paths import *
 frame, trajectories = run_of(OUTCOMES)
 figures.trajectories_figure(frame, trajectories, {n: task(n) for n in range(3)}, Path(sys.argv[1]))
 sys.exit("matplotlib.pyplot" in sys.modules)

@@ -1,12 +1,17 @@
-"""Keys of the learners in `conf/learner/`. Nothing here imports torch."""
+"""The learners of `conf/learner/`, and their keys. Their trainings are in torch, which nothing here imports."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from lme.errors import InputError, require
 from lme.gym.episodes import Reward
+from runners.config.schema import LearnConfig
+
+if TYPE_CHECKING:
+    from runners.learning.run import Run
 
 
 @dataclass(slots=True)
@@ -151,3 +156,77 @@ class SacConfig(ReinforcementConfig):
         require("polyak", self.polyak, above=0.0, at_most=1.0)
         for key in ("warm_up", "critics_first"):
             require(key, getattr(self, key), at_least=0)
+
+
+Settings = TypeVar("Settings", bound=ReinforcementConfig)
+
+
+class Reinforcement(Generic[Settings]):
+    """Common part of ppo and sac, which each add `learn`."""
+
+    def __init__(self, config: Settings) -> None:
+        self._config = config
+
+    @property
+    def total(self) -> int:
+        return self._config.steps
+
+    @property
+    def expert(self) -> Mapping[str, Any] | None:
+        return None
+
+    def check(self, config: LearnConfig) -> None:
+        from runners.learning.driving import check_driving
+
+        check_driving(config)
+
+
+class Clone:
+    """Cloning by DAgger (Ross, Gordon and Bagnell 2011): an expert labels the states that it and the network visit.
+
+    The expert drives round 0. In later rounds the network drives more and more, so that the expert also labels the
+    states to which the network's mistakes lead.
+    """
+
+    Config = CloneConfig
+
+    def __init__(self, config: CloneConfig) -> None:
+        self._config = config
+
+    @property
+    def total(self) -> int:
+        return self._config.rounds
+
+    @property
+    def expert(self) -> Mapping[str, Any] | None:
+        return asdict(self._config.expert)
+
+    def check(self, config: LearnConfig) -> None:
+        """Accept every simulator."""
+
+    def learn(self, run: Run) -> None:
+        from runners.learning.clone_training import CloneTraining
+
+        CloneTraining(self._config).learn(run)
+
+
+class Ppo(Reinforcement[PpoConfig]):
+    """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347) with many robots, by small changes."""
+
+    Config = PpoConfig
+
+    def learn(self, run: Run) -> None:
+        from runners.learning.ppo_training import PpoTraining
+
+        PpoTraining(self._config).learn(run)
+
+
+class Sac(Reinforcement[SacConfig]):
+    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1801.01290) of a mixture policy, as DRL-DCLP was trained."""
+
+    Config = SacConfig
+
+    def learn(self, run: Run) -> None:
+        from runners.learning.sac_training import SacTraining
+
+        SacTraining(self._config).learn(run)

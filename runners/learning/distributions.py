@@ -1,6 +1,6 @@
-"""Mixture of Gaussians from which a policy draws its actions.
+"""Distributions from which a policy draws: mixtures of Gaussians over actions, and choices among candidates.
 
-A component is a Gaussian with independent v and ω before tanh, so that actions lie in (−1, 1).
+A component of a mixture is a Gaussian with independent v and ω before tanh, so that actions lie in (−1, 1).
 """
 
 from __future__ import annotations
@@ -77,3 +77,25 @@ def _log_mixture(logits: Tensor, means: Tensor, log_sigma: Tensor, values: Tenso
 
 def _noise(like: Tensor, generator: torch.Generator) -> Tensor:
     return torch.randn(like.shape, generator=generator).to(like.device)
+
+
+class ChoiceBatch(NamedTuple):
+    """Distributions of B choices among A candidates. logits: (B, A), −inf for candidates that must not be chosen."""
+
+    logits: Tensor
+
+    def with_min_sigma(self, sigma: float) -> ChoiceBatch:
+        """Return the distributions themselves: a choice has no deviation."""
+        return self
+
+    def draw(self, generator: torch.Generator) -> Tensor:
+        """Draw candidate numbers (B,) by their probability."""
+        return draw_index(self.logits, generator)
+
+    def log_density(self, raw: Tensor) -> Tensor:
+        """Return the logarithm of the probability of candidates (B,): (B,)."""
+        return self.logits.log_softmax(-1).gather(1, raw[:, None])[:, 0]
+
+    def actions(self, raw: Tensor) -> Tensor:
+        """Return the numbers themselves."""
+        return raw

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from runners.reports.analysis import compare_report as figures
 from runners.reports.analysis.compare_runs import compare_runs
-from runners.reports.plots import compare_runs as figures
 from tests.runners.reports.analysis.test_paired import episodes
 
 

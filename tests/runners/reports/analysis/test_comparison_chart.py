@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from runners.reports.analysis import comparison
+from runners.reports.analysis.comparison import MOST, best_and_worst
 from runners.reports.analysis.summary import Row, summarise
-from runners.reports.plots import comparison
-from runners.reports.plots.comparison import MOST, best_and_worst
 from tests.runners.reports.analysis.test_tables import records
 
 

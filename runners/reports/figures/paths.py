@@ -17,17 +17,22 @@ from runners.records.episode_record import EpisodeKey
 from runners.records.launch_record import trust_flags
 from runners.records.parquet import TRAJECTORIES, lacks_steps
 from runners.records.records import read_trajectories
-from runners.reports.figures.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.reports.figures.scene import (
     BESIDE_PT,
+    Around,
     Box,
+    aspect_of,
+    best_columns,
     common_box,
     draw_obstacles,
     draw_paths,
     draw_task,
     extremes,
+    lay_out,
     legend_keys,
+    panel_width,
     same_size,
+    wrapped,
     write,
 )
 from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, new_figure, save

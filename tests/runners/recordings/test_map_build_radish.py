@@ -10,8 +10,8 @@ from PIL import Image
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.worlds.building import Buildings
-from runners.recordings import radish
-from runners.recordings.radish import DIGESTS, build_all
+from runners.recordings import map_build
+from runners.recordings.map_build import DIGESTS, build_all
 from tests.made_logs import flaser_lines, write
 from tests.places import SHARED
 
@@ -25,7 +25,7 @@ def checkout(tmp_path, monkeypatch):
     logs = {name: write(folder / f"{name}-corrected.log.gz", flaser_lines()) for name in ("intel", "seattle")}
     write(folder / "infinite-corridor-corrected.log.gz", ["not read"])
     digests = {name: hashlib.sha256(log.read_bytes()).hexdigest() for name, log in logs.items()}
-    monkeypatch.setattr(radish, "DIGESTS", {**DIGESTS, **digests})
+    monkeypatch.setattr(map_build, "DIGESTS", {**DIGESTS, **digests})
     return tmp_path / "ple"
 
 
