@@ -211,6 +211,15 @@ def test_every_dotted_name_leads_to_something(page):
             pkgutil.resolve_name(name)
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=str)
+def test_a_name_of_a_file_is_defined_there(page):
+    """`METRICS` of `runners/reports/analysis/summary.py`."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for name, path in re.findall(r"`(\w+)`\s(?:of|in)\s`([\w/]+\.py)`", text):
+        code = (ROOT / path).read_text(encoding="utf-8")
+        assert re.search(rf"^(?:class |def )?{name}\b", code, re.MULTILINE), f"{page}: no {name} in {path}"
+
+
 def test_readmes_snippet_prints_a_subgoal_and_the_reason_for_it(capsys):
     page, code = next(block.values for block in BLOCKS if block.id == "README.md-0")
     exec(compile(code, str(page), "exec"), {})

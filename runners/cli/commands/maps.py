@@ -16,6 +16,7 @@ from runners.cli.help import texts
 
 if TYPE_CHECKING:
     from lme.worlds.world import Task
+    from runners.config.catalogue import Catalogue
     from runners.config.map_sets import MapSetChoice
 
 EXAMPLES = (
@@ -83,6 +84,8 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
     strange = [word for word in unparsed if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
     if strange or (unparsed and not hasattr(arguments, "what")):
         parser.error(f"unrecognized arguments: {' '.join(strange or unparsed)}")
+    if arguments.config_dir is not None and arguments.run not in (_list, _show):
+        parser.error("--config-dir is for `lme maps` and `lme maps show`")
     if unparsed:
         arguments.what += unparsed
     return arguments
@@ -91,6 +94,12 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="lme maps", **texts(__doc__, EXAMPLES))
     parser.set_defaults(run=_list)
+    own_options: dict[str, Any] = {
+        "type": Path,
+        "metavar": "DIR",
+        "help": "a folder of your own options, such as map/ and robot/",
+    }
+    parser.add_argument("--config-dir", "-cd", **own_options)
     # lme maps show MAP [NUMBER | key=value …]
     verbs = parser.add_subparsers(metavar="VERB")
     description = (
@@ -109,13 +118,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NUMBER|key=value",
         help="worlds, such as 3 or 0-5; settings of the map set; robot=NAME",
     )
-    show.add_argument(
-        "--config-dir",
-        "-cd",
-        type=Path,
-        metavar="DIR",
-        help="a folder of your own options, such as map/ and robot/",
-    )
+    # Without the option here, what stands before the verb stays.
+    show.add_argument("--config-dir", "-cd", default=argparse.SUPPRESS, **own_options)
     show.add_argument(
         "--output",
         type=Path,
@@ -133,24 +137,28 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _list(_: argparse.Namespace) -> None:
-    from runners.config import catalogue
-
-    for name, title in catalogue.shipped().titles("map").items():
+def _list(arguments: argparse.Namespace) -> None:
+    for name, title in _configs(arguments).titles("map").items():
         print(f"{name:<14}  {title}")
     print("\nOne set's worlds: lme maps show NAME; one of them, with a picture: lme maps show NAME NUMBER")
 
 
-def _show(arguments: argparse.Namespace) -> None:
+def _configs(arguments: argparse.Namespace) -> Catalogue:
+    """Return the options of `conf/`, and those of `--config-dir`."""
     from runners.config import catalogue
     from runners.config.arguments import check_config_dir
-    from runners.config.map_sets import choose
 
     config_dirs = [arguments.config_dir] if arguments.config_dir else []
     for folder in config_dirs:
         check_config_dir(folder)
+    return catalogue.shipped(*config_dirs)
+
+
+def _show(arguments: argparse.Namespace) -> None:
+    from runners.config.map_sets import choose
+
     # Build the chosen tasks, print their measures, and draw those that were named.
-    choice = choose([arguments.map, *arguments.what], configs=catalogue.shipped(*config_dirs))
+    choice = choose([arguments.map, *arguments.what], configs=_configs(arguments))
     if not choice.worlds and arguments.output is not None:
         raise InputError(
             f"--output {arguments.output}: name the worlds, lme maps show {arguments.map} NUMBER …"

@@ -22,7 +22,8 @@ def test_every_map_set_has_an_id():
     from lme.gym.registration import MAPS
 
     shipped = {path.stem for path in (ROOT / "conf" / "map").glob("[!_]*.yaml")}
-    assert {map_set for map_set, _ in MAPS.values()} == shipped
+    registered = {map_set for map_set, _ in MAPS.values()}
+    assert registered == shipped, f"MAPS of lme/gym/registration.py: {registered ^ shipped}"
     for name, (map_set, robot) in MAPS.items():
         assert gym.spec(f"lme/{name}-v0").kwargs == {"map": map_set, "robot": robot}
 

@@ -28,6 +28,18 @@ def test_every_set_is_one_line(capsys, says):
     says(lines[-1])
 
 
+def test_map_sets_of_ones_own_are_listed_and_shown(tmp_path, capsys):
+    (tmp_path / "own" / "map").mkdir(parents=True)
+    (tmp_path / "own" / "map" / "mine.yaml").write_text("# My map set\ndefaults: [traps]\nstarts: 2\n")
+    maps.main(["--config-dir", "own"])
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[: len(SETS) + 1]] == sorted(
+        [*SETS, "mine"]
+    )
+    for words in (["--config-dir", "own", "show", "mine"], ["show", "mine", "--config-dir", "own"]):
+        maps.main(words)
+        assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["world", "0", "1"]
+
+
 def test_a_world_outside_the_subset_has_its_line_and_its_picture(capsys):
     maps.main(["show", "barn", "42"])
     out, err = capsys.readouterr()
@@ -113,7 +125,14 @@ def test_mistakes_say_what_would_be_right(words, says):
 
 
 @pytest.mark.parametrize(
-    "words", [["show", "barn", "42", "--big"], ["show"], ["shwo"], ["import", "a", "b", "c"]]
+    "words",
+    [
+        ["show", "barn", "42", "--big"],
+        ["show"],
+        ["shwo"],
+        ["import", "a", "b", "c"],
+        ["--config-dir", "own", "import", "a", "b"],
+    ],
 )
 def test_words_that_mean_nothing_are_refused(capsys, words):
     with pytest.raises(SystemExit) as stop:
