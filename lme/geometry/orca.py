@@ -14,7 +14,7 @@ from numba import njit
 
 from lme.types import Floats
 
-_PARALLEL = 1e-10
+_PARALLEL = 1e-10  # directions (sine of the angle) and distances [m/s] below this are rounding
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,13 +132,14 @@ def _on_border(lines, i, v_max, goal_x, goal_y, far):
         return False, 0.0, 0.0
     half = math.sqrt(square)
     low, high = -middle - half, -middle + half
-    # Cut the interval by the earlier half-planes; a parallel one permits all of it or nothing.
+    # Cut the interval by the earlier half-planes; a parallel one permits all of it or nothing, and where both borders
+    # are the same line but for rounding, all of it.
     for j in range(i):
         qx, qy, ex, ey = lines[j]
         across = dx * ey - dy * ex
         ahead = ex * (py - qy) - ey * (px - qx)
         if abs(across) <= _PARALLEL:
-            if ahead < 0.0:
+            if ahead < -_PARALLEL:
                 return False, 0.0, 0.0
             continue
         part = ahead / across

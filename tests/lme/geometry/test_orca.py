@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.orca import before_point, beside_disc, best_velocity
@@ -71,6 +71,7 @@ def test_people_choose_as_in_rvo2(places, velocities, wanted, chosen):
 
 @settings(max_examples=200, deadline=None)
 @given(LINES, NEAR, NEAR)
+@example([(0.0, 0.0, 0.0), (-1.0, -4e-51, 2e-16)], 1.0, -1.0)  # one line but for rounding
 def test_no_permitted_velocity_is_nearer_to_the_wanted_one(given_lines, x, y):
     lines = half_planes(given_lines)
     found = np.array(best_velocity(lines, 0, V_MAX, (x, y)))
