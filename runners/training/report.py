@@ -291,7 +291,7 @@ def _tiles(report: TrainingReport) -> Iterator[str]:
     yield _tile("Reward in training", rounded(report.training_reward), gap)
     winner_text = "the start" if is_start else f"trial {report.winner}"
     yield _tile(
-        "SearchResult by", winner_text, f"of {counted(len(report.trials), 'trial')}, {report.training_worlds}"
+        "Result by", winner_text, f"of {counted(len(report.trials), 'trial')}, {report.training_worlds}"
     )
 
 
