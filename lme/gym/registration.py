@@ -8,28 +8,26 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
+from lme.inputs.resources import resource_dir
+
 NAMESPACE = "lme"
 _GYMNASIUM = "gymnasium"
 
-MAPS = {  # name in the id: map set, and the robot that drives there unless another is chosen
-    "Barn": ("barn", "jackal"),
-    "DynaBarn": ("dynabarn", "jackal"),
-    "Social": ("social", "jackal"),
-    "Env1": ("env1", "stage"),
-    "Env2": ("env2", "stage"),
-    "Traps": ("traps", "stage"),
-    "Indoor": ("indoor", "turtlebot2"),
-    "Real1": ("real1", "turtlebot2"),
-    "Real1Dynamic": ("real1_dynamic", "turtlebot2"),
-    "Real2": ("real2", "turtlebot2"),
-    "Real3": ("real3", "turtlebot2"),
-    "Real4": ("real4", "turtlebot2"),
-    "Go2A": ("go2_a", "go2"),
-    "Go2B": ("go2_b", "go2"),
-    "Empty": ("empty", "jackal"),
-    "File": ("file", "stage"),  # needs map_config={"path": …}
-    "Tracks": ("tracks", "jackal"),  # needs map_config={"path": …}
-    "Building": ("building", "turtlebot2"),  # needs map_config={"paths": […]}
+# Robot that drives in a map set unless another is chosen, where that is not a Jackal.
+_ROBOTS = {
+    "env1": "stage",
+    "env2": "stage",
+    "traps": "stage",
+    "file": "stage",
+    "indoor": "turtlebot2",
+    "building": "turtlebot2",
+    "real1": "turtlebot2",
+    "real1_dynamic": "turtlebot2",
+    "real2": "turtlebot2",
+    "real3": "turtlebot2",
+    "real4": "turtlebot2",
+    "go2_a": "go2",
+    "go2_b": "go2",
 }
 
 
@@ -64,14 +62,16 @@ class _Watcher:
 
 
 def _register() -> None:
+    """Give each map set of `conf/map/` an id: `lme/Real1Dynamic-v0` is real1_dynamic."""
     from gymnasium.envs.registration import register, registry
 
-    for name, (map_set, robot) in MAPS.items():
+    for path in sorted((resource_dir("conf") / "map").glob("[!_]*.yaml")):
+        name = "".join(part.capitalize() for part in path.stem.split("_"))
         env_id = f"{NAMESPACE}/{name}-v0"
         if env_id not in registry:
             register(
                 env_id,
                 entry_point="lme.gym.envs:NavigationEnv",
                 vector_entry_point="lme.gym.envs:NavigationVectorEnv",
-                kwargs={"map": map_set, "robot": robot},
+                kwargs={"map": path.stem, "robot": _ROBOTS.get(path.stem, "jackal")},
             )

@@ -37,7 +37,7 @@ def drive(env, action=AHEAD, **reset):
         ("Barn", {"sim_config": {"latency": 0.1, "slip": 0.1, "scan_dropout": 0.1, "goal_noise": 0.1}}),
         ("Env1", {}),
         ("Env2", {"sim": "physics"}),
-        ("DynaBarn", {"map_config": {"difficulty": "hard"}}),
+        ("Dynabarn", {"map_config": {"difficulty": "hard"}}),
         ("Social", {"map_config": {"kind": "crossing"}, "people": "tracked"}),
         ("Traps", {"map_config": {"kind": "door"}}),
         ("Real1Dynamic", {}),
