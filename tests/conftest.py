@@ -11,8 +11,10 @@ from lme.errors import InputError
 from tests.places import ROOT
 
 # No test fails for being slow: the machine may be busy, and the first call compiles.
-settings.register_profile("no deadline", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("no deadline")
+_usual = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("usual", _usual, max_examples=30)
+settings.register_profile("thorough", _usual, max_examples=300)  # --hypothesis-profile=thorough
+settings.load_profile("usual")
 
 _MARKED_BY_FIXTURE = {"browser", "ros"}
 _CACHE_KEY = "lme/skipped"

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -81,7 +81,6 @@ def test_any_scan_gives_a_finite_command_within_limits(name, robot):
 @pytest.mark.parametrize(
     ("name", "rear"), [("apf", -5.0), ("min_time", -5.0), ("orca", 0.1), ("vfh_plus", -5.0)]
 )
-@settings(max_examples=60)
 @given(
     st.sampled_from(["stage", "jackal", "go2"]),
     st.lists(st.floats(0.25, 3.0), min_size=12, max_size=12),

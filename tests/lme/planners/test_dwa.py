@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -66,7 +66,6 @@ def test_mirrored_view_mirrored_command(name):
         assert other == pytest.approx((one.v, -one.omega), abs=KERNEL), seed
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 50), SIGNED, SIGNED, st.floats(-6, 6), st.floats(-6, 6))
 def test_commands_keep_to_the_limits(seed, v, omega, x, y):
     robot = stage()

@@ -125,7 +125,7 @@ def test_ros_dwa_never_drives_faster_than_configured():
     assert episode.trajectory[:, 4].max() <= 0.3 + KERNEL
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_ros_dwa_drives_around_posts_on_a_free_path(seed):
     rng = np.random.default_rng(seed)

@@ -190,7 +190,6 @@ def test_a_heading_keeps_off_the_edges_of_a_wide_valley_and_takes_the_middle_of_
     assert len(headings(blocked, 0.0, NARROW, WIDE, NARROW)) == 0
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.integers(1, 2))
 def test_search_finds_the_cheapest_of_all_ways(seed, depth):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -65,7 +65,6 @@ def test_the_scan_says_how_it_was_taken():
     assert seen.limits == robot.limits
 
 
-@settings(max_examples=25)
 @given(SEEDS)
 def test_ranges_are_those_from_the_mounted_lidar(seed):
     rng = np.random.default_rng(seed)
@@ -134,7 +133,6 @@ def test_noise_stays_between_nothing_and_range_max():
 # --- how it moves -------------------------------------------------------------------------------------
 
 
-@settings(max_examples=40)
 @given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=12), st.booleans())
 def test_velocity_keeps_to_the_limits_whatever_is_commanded(commands, even_ramp):
     simulator, _ = started(even_ramp=even_ramp, goal=(1e3, 0.0))
@@ -149,7 +147,6 @@ def test_velocity_keeps_to_the_limits_whatever_is_commanded(commands, even_ramp)
             assert is_ == pytest.approx(min(max(goal, was - 0.4), was + 0.4), abs=1e-8)
 
 
-@settings(max_examples=40)
 @given(SIGNED, SIGNED, SIGNED, SIGNED, st.booleans())
 def test_the_pose_is_the_integral_of_the_velocities(v0, omega0, v1, omega1, even_ramp):
     simulator, _ = started(even_ramp=even_ramp, goal=(1e3, 0.0), max_step=1e-3)
@@ -215,7 +212,6 @@ def test_a_start_in_contact_is_seen_at_once():
     assert simulator.state.clearance == 0.0
 
 
-@settings(max_examples=80)
 @given(
     st.floats(-0.2745, 0.2745), st.floats(0, 0.4), st.floats(-math.pi, math.pi), st.sampled_from([5.0, 10.0])
 )
@@ -244,7 +240,6 @@ def test_the_robot_passes_a_post_that_it_does_not_touch(offset):
     assert abs(offset) - 0.275 - KERNEL <= least <= math.hypot(offset, 0.0126) - 0.275 + 1e-6
 
 
-@settings(max_examples=40)
 @given(SEEDS)
 def test_clearance_is_exact(seed):
     rng = np.random.default_rng(seed)

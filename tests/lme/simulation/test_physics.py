@@ -73,7 +73,6 @@ def test_the_same_commands_lead_to_the_same_place_and_odometry(name):
         assert one.state.time == pytest.approx(other.state.time, abs=KERNEL)
 
 
-@settings(max_examples=40)
 @given(SEEDS)
 def test_fast_and_physics_touch_the_same_obstacle_at_the_same_time(seed):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -38,7 +38,6 @@ def off_centre(points, lidar):
     return np.array([math.remainder(bearing - lidar.yaw, math.tau) for bearing in polar(points)[1]])
 
 
-@settings(max_examples=60)
 @given(FOVS, OFFSETS, OFFSETS, st.floats(-math.pi, math.pi), st.sampled_from(["polar", "area"]), OFFSETS)
 def test_no_candidate_lies_outside_the_field_of_view(fov, x, y, yaw, distribution, target_y):
     robot = with_lidar(fov, x=x, y=y, yaw=yaw)

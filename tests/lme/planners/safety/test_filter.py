@@ -120,7 +120,6 @@ def test_a_wrong_value_is_refused(key):
         load_settings("filter/stopping", **{key: -1.0})
 
 
-@settings(max_examples=25)
 @given(
     st.sampled_from(["jackal", "go2", "stage", "turtlebot2"]),
     st.sampled_from([(0.0, 0.0), (0.1, 0.0), (0.15, 0.0), (0.0, 0.2)]),

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.points import beam_directions
@@ -14,7 +14,6 @@ SECTORS = 12
 MIDDLES = beam_directions(math.pi / SECTORS, math.tau / SECTORS, SECTORS)
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_equals_looking_at_every_sector(seed):
     rng = np.random.default_rng(seed)
