@@ -192,10 +192,6 @@ def test_what_is_left_out_of_the_search_changes_no_path(seed):
     np.testing.assert_array_equal(*paths)
 
 
-def test_a_sealed_box_ends_in_a_timeout():
-    assert drive(SEALED, (4.0, 0.0), time_limit=15.0).outcome is Outcome.TIMEOUT
-
-
 # Maps
 
 

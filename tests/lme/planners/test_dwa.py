@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
@@ -199,31 +198,6 @@ def test_dwa_drives_through_a_barn_world(number):
         job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
     )
     assert episode.outcome is Outcome.SUCCESS
-
-
-@pytest.mark.parametrize("key", ["heading", "clearance", "velocity", "margin", "margin_time"])
-def test_negative_gains_and_margins_are_named(key, says):
-    with says.raises(InputError):
-        load_settings("planner/dwa", **{key: -0.1})
-
-
-@pytest.mark.parametrize("key", ["clear_way", "heading_time"])
-def test_lengths_and_times_of_nothing_are_named(key, says):
-    with says.raises(InputError):
-        load_settings("planner/dwa", **{key: 0.0})
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "say"),
-    [
-        ("v_samples", 1, "at least 2"),
-        ("omega_samples", 1, "at least 3"),
-        ("omega_samples", 20, "must be odd"),
-    ],
-)
-def test_too_few_or_lopsided_samples_are_refused(key, value, say):
-    with pytest.raises(InputError, match=rf"planner\.{key} is {value}: .*{say}"):
-        load_settings("planner/dwa", **{key: value})
 
 
 def test_a_robot_that_settles_late_slows_down_earlier():

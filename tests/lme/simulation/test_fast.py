@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.robots import Footprint, Lidar
 from lme.simulation.fast import FastSimulator
@@ -300,9 +299,3 @@ def test_touching_on_arrival_is_contact():
     simulator, _ = started(World(circles=np.array([[0.3, 0.0, 0.2]])), goal=(0.1, 0.0))
     assert simulator.state.contact
     assert not simulator.state.arrived
-
-
-@pytest.mark.parametrize("value", [0.0, -0.01, math.nan, math.inf])
-def test_bad_settings_are_named(value, says):
-    with says.raises(InputError):
-        load_settings("sim/fast", max_step=value)

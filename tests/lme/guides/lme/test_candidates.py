@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.guides.lme.candidates import sample
 from lme.guides.lme.escaper import LocalMinimumEscaper
 from lme.robots import Lidar
@@ -141,18 +140,3 @@ def test_the_target_may_be_left_out():
     config = load_settings("guide/lme", candidates={"number": 10, "target": False})
     seen = explained(LocalMinimumEscaper(stage(), PUBLISHED, config), observation(target=(3.0, 0.0)))
     assert len(seen.candidates) == 10
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"number": 0},
-        {"max_range": 0.0},
-        {"max_range": math.inf},
-        {"distribution": "disc"},
-    ],
-    ids=str,
-)
-def test_bad_settings_are_named(settings, says):
-    with says.raises(InputError):
-        load_settings("guide/lme", candidates=settings)

@@ -107,22 +107,6 @@ def test_parameters_must_be_all_there_and_no_more(says):
         escaper({name: value for name, value in PUBLISHED.items() if name != "d2"})
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"blocking": "ray"},
-        {"surmount": "all"},
-        {"history_length": 0},
-        {"history_min_distance": -0.1},
-        {"history_min_distance": math.nan},
-    ],
-    ids=str,
-)
-def test_bad_settings_are_named(settings, says):
-    with says.raises(InputError):
-        load_settings("guide/lme", **settings)
-
-
 def leftness(candidates, view):
     """A custom criterion."""
     return candidates[:, 1]
