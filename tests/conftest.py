@@ -39,6 +39,18 @@ def compiled(request, tmp_path_factory):
         compile_together(tmp_path_factory.getbasetemp().parent)
 
 
+@pytest.fixture(scope="module")
+def undrawn():
+    """Make pictures without drawing them, for tests of what else a command does; tests/runners/reports/ draws each."""
+
+    def write(figure, file, **given):
+        file.write(b"not drawn")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", write)
+        yield
+
+
 OPTIONS = {  # a new one changes no wording
     ", ".join(names): f"<conf/{folder.relative_to(ROOT / 'conf')}>"
     for folder in sorted((ROOT / "conf").rglob("*/"))
