@@ -11,8 +11,10 @@ from lme.errors import InputError
 from tests.places import ROOT
 
 # No test fails for being slow: the machine may be busy, and the first call compiles.
-settings.register_profile("no deadline", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("no deadline")
+_usual = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("usual", _usual, max_examples=30)
+settings.register_profile("thorough", _usual, max_examples=300)  # --hypothesis-profile=thorough
+settings.load_profile("usual")
 
 _MARKED_BY_FIXTURE = {"browser", "ros"}
 _CACHE_KEY = "lme/skipped"
@@ -35,6 +37,18 @@ def compiled(request, tmp_path_factory):
         from tests.compiling import compile_together
 
         compile_together(tmp_path_factory.getbasetemp().parent)
+
+
+@pytest.fixture(scope="module")
+def undrawn():
+    """Make pictures without drawing them, for tests of what else a command does; tests/runners/reports/ draws each."""
+
+    def write(figure, file, **given):
+        file.write(b"not drawn")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", write)
+        yield
 
 
 OPTIONS = {  # a new one changes no wording

@@ -1,6 +1,7 @@
 """The layout of code and tests, as CONTRIBUTING.md describes it."""
 
 import ast
+import functools
 import re
 from collections import defaultdict
 from graphlib import TopologicalSorter
@@ -12,11 +13,7 @@ import pytest
 from tests.places import ROOT
 
 PACKAGES = ("lme", "runners")
-SOURCES = {
-    path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8"))
-    for package in PACKAGES
-    for path in sorted((ROOT / package).rglob("*.py"))
-}
+SOURCES = [path.relative_to(ROOT) for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 TESTS = sorted(
     path.relative_to(ROOT / "tests")
     for package in PACKAGES
@@ -61,20 +58,27 @@ def run_time_imports(tree):
             yield from (name.name for name in node.names)
 
 
+@functools.cache
+def tree_of(path):
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
 def module_of(path):
     return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 
 MODULES = {module_of(path) for path in SOURCES}
-CLIENTS = defaultdict(list)  # of each module: the modules of lme that import it
-for _path, _tree in SOURCES.items():
-    if _path.parts[0] == "lme":
-        for _name in {*imported(_tree)}:
-            CLIENTS[_name].append(_path)
 
 
 def clients(kernel):
-    return CLIENTS[".".join(kernel.with_suffix("").parts)]
+    """The modules of lme that import a kernel."""
+    own = [path for path in SOURCES if path.parts[0] == "lme"]
+    return [path for path in own if module_of(kernel) in names_of(path)]
+
+
+@functools.cache
+def names_of(path):
+    return {*imported(tree_of(path))}
 
 
 def common_folder(paths):
@@ -112,8 +116,8 @@ def test_a_name_without_a_module_is_found():
 
 def test_a_public_class_name_stands_for_one_thing():
     places = defaultdict(list)
-    for path, tree in SOURCES.items():
-        for node in tree.body:
+    for path in SOURCES:
+        for node in tree_of(path).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(str(path))
     assert not {name: paths for name, paths in places.items() if len(paths) > 1}
@@ -121,7 +125,7 @@ def test_a_public_class_name_stands_for_one_thing():
 
 def test_no_module_imports_itself_by_way_of_others():
     """Nor within functions: what two modules need from each other belongs in a third."""
-    graph = {module_of(path): {*run_time_imports(tree)} & MODULES for path, tree in SOURCES.items()}
+    graph = {module_of(path): {*run_time_imports(tree_of(path))} & MODULES for path in SOURCES}
     TopologicalSorter(graph).prepare()  # raises for a circle, and names it
 
 

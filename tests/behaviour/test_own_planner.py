@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 
 import pandas as pd
@@ -14,21 +13,20 @@ from runners.cli.main import main
 README = (resource_dir("conf").parent / "README.md").read_text(encoding="utf-8")
 MODULE = re.search(r"```python\n(# my_module\.py.*?)```", README, re.DOTALL)[1]
 COMMANDS = re.search(r"```sh\n(lme eval planner\._target_.*?)```", README, re.DOTALL)[1].splitlines()
-SHORT = ["map.worlds=[0,6]", "runs=1", "tracking=none"]
+SHORT = ["map.worlds=[0,6]", "runs=1", "tracking=none", "executor=serial"]
 
-
-def lme(folder, *words):
-    """The command as it stands on the path of an installed package."""
-    program = "import sys; from runners.cli.main import main; sys.exit(main())"
-    return subprocess.run(
-        [sys.executable, "-c", program, *words], cwd=folder, capture_output=True, text=True, timeout=300
-    )
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, monkeypatch):
+    """The working folder of a user, from which the command also imports: tests/runners/workers/test_environment.py."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "my_module.py").write_text(MODULE, encoding="utf-8")
-    return tmp_path
+    yield tmp_path
+    for name in ("my_module", "bad"):
+        sys.modules.pop(name, None)
 
 
 def test_the_planner_of_the_readme_is_about_twenty_lines():
@@ -39,8 +37,7 @@ def test_the_planner_of_the_readme_is_about_twenty_lines():
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_readmes_commands(folder, command):
     words = command.partition("#")[0].split()[1:]
-    done = lme(folder, *words, *SHORT, "executor.workers=2")
-    assert done.returncode == 0, done.stderr
+    assert main([*words, *SHORT]) == 0
     (records,) = folder.glob("outputs/eval/*/episodes.parquet")
     frame = pd.read_parquet(records)
     assert set(frame["planner"]) == {"MyPlanner"}
@@ -53,18 +50,14 @@ def test_the_readmes_commands(folder, command):
 
 
 @pytest.fixture
-def mistake(folder, monkeypatch, capsys):
-    """What a command in this process says of a mistake."""
-    monkeypatch.chdir(folder)
-    monkeypatch.syspath_prepend(folder)
+def mistake(folder, capsys):
+    """What a command says of a mistake."""
 
     def told(*words, status=2):
-        assert main(["eval", *words, *SHORT, "executor=serial"]) == status
+        assert main(["eval", *words, *SHORT]) == status
         return capsys.readouterr().err
 
-    yield told
-    for name in ("my_module", "bad"):
-        sys.modules.pop(name, None)
+    return told
 
 
 def test_mistakes_in_a_custom_planner_are_reported(folder, mistake, says):

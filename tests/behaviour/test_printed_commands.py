@@ -12,6 +12,8 @@ from runners.cli.main import main
 from tests.places import ROOT
 from tests.runners.config.test_quoting import words_of
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RUN = Path("it's (50%), no. 1")
 SHORT = ("map=env1", "map.worlds=[0]", "runs=1", "tracking=none", "executor=serial")
 NO_HYDRA = str(RUN).replace("'", r"\'")

@@ -12,7 +12,6 @@ from runners.cli.main import main
 from runners.config import schema
 from runners.config.composer import Composer
 from runners.config.job import scale_from_words, scale_in_words
-from runners.evaluate import evaluate
 from runners.records.records import find_runs, read_episodes
 from runners.reports.analysis.summary import summarise
 from runners.reports.figures.driven_runs import read_runs
@@ -135,9 +134,3 @@ def test_the_sweep_has_its_report_and_table_rewrites_it(sweep, tmp_path, capsys)
     text = (sweep / "sensitivity.md").read_text(encoding="utf-8")
     assert text.startswith(f"**LME, ablation {COMBINED} · barn")
     assert not (sweep / "ablation.md").exists()
-
-
-def test_a_sweep_without_factors_has_no_report_and_no_picture(sweep, tmp_path):
-    one = read_episodes([sweep / "0"])
-    assert evaluate._studies(one, tmp_path) == ([], [])
-    assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,6 @@
 """Every YAML of `conf/`: it composes, its keys are those of the class it configures, and they are explained."""
 
 import dataclasses
-import functools
 import importlib
 import warnings
 from typing import get_type_hints
@@ -17,13 +16,13 @@ from lme.live.config import LiveConfig
 from lme.robots import Robot
 from lme.worlds.check import check_task
 from runners.cli.main import command_files
-from runners.config import build, catalogue, schema, systems
+from runners.config import build, catalogue, systems
 from runners.config.changes import flatten
-from runners.config.command_line import compose_job
-from runners.config.composer import Composer, without_hydra
+from runners.config.composer import without_hydra
 from runners.config.instantiate import configured, dataclass_of
 from runners.records import launch_record
 from runners.reports.analysis.published import TEXTS
+from tests.composing import composed, jobs_of
 
 CONF = resource_dir("conf")
 CATALOGUE = catalogue.shipped()
@@ -35,17 +34,9 @@ PARAMETERS = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h", "d1", "d2"}
 SIX = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h"}
 
 
-@pytest.fixture(scope="module")
-def composer():
-    schema.register()
-    with Composer("eval") as composer:
-        yield composer
-
-
-@pytest.fixture(scope="module")
-def chosen(composer):
-    """The config with an option, composed once."""
-    return functools.cache(lambda group, option: composer.compose([f"{group}={option}"]))
+def chosen(group, option):
+    """The config with an option."""
+    return composed("eval", f"{group}={option}")
 
 
 def _fields(config_class, prefix=""):
@@ -58,7 +49,7 @@ def _fields(config_class, prefix=""):
 
 
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
-def test_every_option_composes(chosen, group, option):
+def test_every_option_composes(group, option):
     config = without_hydra(chosen(group, option))
     assert not OmegaConf.missing_keys(config)
     with warnings.catch_warnings():
@@ -73,7 +64,7 @@ def test_every_option_composes(chosen, group, option):
 @pytest.mark.parametrize(
     ("group", "option"), [pair for pair in OPTIONS if "_target_" in CATALOGUE.values("/".join(pair))]
 )
-def test_keys_are_those_of_the_config_class(chosen, group, option):
+def test_keys_are_those_of_the_config_class(group, option):
     config = without_hydra(chosen(group, option))
     cls, _ = configured(config[group], group)
     written = {key.name for key in CATALOGUE.keys(f"{group}/{option}")}
@@ -119,7 +110,7 @@ def _class(target):
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("robot"))
-def test_robot_keys_are_those_of_the_robot(chosen, option):
+def test_robot_keys_are_those_of_the_robot(option):
     given = OmegaConf.to_container(chosen("robot", option).robot)
     assert set(given) == {field.name for field in dataclasses.fields(Robot)}
     written = {key.name.partition(".")[0] for key in CATALOGUE.keys(f"robot/{option}")}
@@ -153,8 +144,8 @@ def test_every_yaml_is_reached_by_a_command():
     assert set(CONF.rglob("*.yaml")) == {file for name in reached for file in CATALOGUE.option(name).files}
 
 
-def test_the_defaults_are_the_papers_main_experiment(composer):
-    config = composer.compose([])
+def test_the_defaults_are_the_papers_main_experiment():
+    config = composed("eval")
     choices = {group: config.hydra.runtime.choices.get(group) for group in GROUPS}
     assert choices | {"system": None, "experiment": None} == choices
     assert [choices[group] for group in ("robot", "map", "guide", "planner")] == [
@@ -176,20 +167,20 @@ def test_no_group_bears_the_name_of_a_plain_key():
 
 
 @pytest.mark.parametrize("name", sorted(SIX))
-def test_an_ablation_sets_one_weight_to_zero(chosen, name):
+def test_an_ablation_sets_one_weight_to_zero(name):
     config = chosen("ablation", f"no_{name}")
     assert OmegaConf.to_container(config.ablation) == {name: 0.0}
     intact = chosen("ablation", "none").guide.parameters
     assert dict(config.guide.parameters) == {**intact, name: 0.0}
 
 
-def test_no_maintenance_never_keeps_a_subgoal(chosen):
+def test_no_maintenance_never_keeps_a_subgoal():
     assert OmegaConf.to_container(chosen("ablation", "no_maintenance").ablation) == {"d1": float("inf")}
     assert OmegaConf.to_container(chosen("ablation", "none").ablation) == {}
 
 
-def test_ablations_add_up(composer):
-    config = composer.compose(["ablation=[no_c_o,no_c_t]"])
+def test_ablations_add_up():
+    config = composed("eval", "ablation=[no_c_o,no_c_t]")
     assert OmegaConf.to_container(config.ablation) == {"c_o": 0.0, "c_t": 0.0}
 
 
@@ -204,9 +195,9 @@ def test_there_are_the_papers_seven_ablations_and_those_of_lme_plus():
 
 
 @pytest.mark.parametrize("option", [*OF_PLUS, *OF_BOTH])
-def test_a_part_of_lme_plus_is_removed_by_one_value(composer, chosen, option):
+def test_a_part_of_lme_plus_is_removed_by_one_value(option):
     changed, complete = set(), chosen("system", "lme_plus")
-    ablated = composer.compose(["system=lme_plus", f"ablation={option}"])
+    ablated = composed("eval", "system=lme_plus", f"ablation={option}")
     for resolve in (False, True):  # a latency is 0 here, however it is written; weights are one reference
         whole, without = (_pair(config, resolve) for config in (complete, ablated))
         assert whole.keys() == without.keys()
@@ -220,7 +211,7 @@ def _pair(config, resolve):
     return dict(flatten(parts))
 
 
-def test_every_part_of_lme_plus_is_removed_in_its_experiment(chosen):
+def test_every_part_of_lme_plus_is_removed_in_its_experiment():
     """The complete method is the first. Nothing is delayed and nobody walks there, so two would change nothing."""
     config = chosen("experiment", "lme_plus_ablation")
     swept = [name.strip() for name in config.hydra.sweeper.params.ablation.split(",")]
@@ -229,13 +220,14 @@ def test_every_part_of_lme_plus_is_removed_in_its_experiment(chosen):
     assert config.hydra.runtime.choices["system"] == "lme_plus"
 
 
-def test_the_gait_table_drives_a_walking_go2_from_starts_of_its_own(composer, chosen):
+def test_the_gait_table_drives_a_walking_go2_from_starts_of_its_own():
     """Each of its maps has a way for the Go2. Other experiments use the numbers 0 to 99."""
     swept = chosen("experiment", "gait").hydra.sweeper.params.map.split(",")
     assert len(swept) == 8
     for name in swept:
         words = ["experiment=gait", "hydra.mode=RUN", f"map={name}", "system=lme"]
-        config = compose_job(composer, words).config
+        with jobs_of("eval", *words) as job:
+            config = job().config
         assert config.sim["natural_frequency_v"] > 0.0
         maps = build.map_set(config)
         assert len(maps.numbers) == 20
@@ -244,7 +236,7 @@ def test_the_gait_table_drives_a_walking_go2_from_starts_of_its_own(composer, ch
         check_task(maps.task(maps.numbers[0]), config.robot)
 
 
-def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for(chosen):
+def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for():
     for name, rates in (("move_base_gazebo", (10.0, 20.0)), (None, (None, None))):
         config = chosen("experiment", name) if name else chosen("system", "move_base")
         assert (config.guide.costmap.update_rate, config.planner.costmap.update_rate) == rates
@@ -261,8 +253,8 @@ def test_every_ablation_has_a_label_of_its_own(option):
 # Published values
 
 
-def test_the_published_weights(composer):
-    published = dict(composer.compose([]).guide.parameters)
+def test_the_published_weights():
+    published = dict(composed("eval").guide.parameters)
     assert published == {
         "a_close": 1.51, "a_dev": 1.56, "c_o": 999.8, "c_t": 205.84, "a_mount": 88.7, "c_h": 134.9,
         "d1": 0.51, "d2": 200.0,
@@ -271,7 +263,7 @@ def test_the_published_weights(composer):
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("system"))
-def test_a_system_is_the_pair_that_its_file_chooses(chosen, option):
+def test_a_system_is_the_pair_that_its_file_chooses(option):
     """Read as data, and chosen on the command line, it is the same pair."""
     config, system = chosen("system", option), systems.systems()[option]
     choices = config.hydra.runtime.choices

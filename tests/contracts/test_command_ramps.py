@@ -8,7 +8,13 @@ from lme.planners.safety.filter import SafetyFilter
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Twist
 from tests.builders import CLUTTER, observation, shipped, task, without_errors
-from tests.contracts.test_pairs import PLANNERS, TUNED_FOR, navigator_of, network  # noqa: F401 - a fixture
+from tests.contracts.test_pairs import (  # noqa: F401 - a fixture
+    PLANNERS,
+    TUNED_FOR,
+    is_usual,
+    navigator_of,
+    network,
+)
 from tests.tolerances import KERNEL
 
 STEPS = 25
@@ -30,8 +36,15 @@ def within_a_ramp(command, last, limits, dt):
     assert (changed <= most).all(), (command, last)
 
 
-@pytest.mark.parametrize("filtered", [False, True], ids=["", "filter"])
-@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize(
+    ("planner", "filtered"),
+    [
+        pytest.param(name, filtered, id=f"{name}-filter" if filtered else name)
+        for name in PLANNERS
+        for filtered in (False, True)
+        if not filtered or is_usual("target", name)
+    ],
+)
 def test_commands_ramp_from_the_last_one_whatever_is_measured(planner, filtered):
     machine, navigator = planned(planner)
     made = navigator.planner

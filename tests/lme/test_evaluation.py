@@ -13,6 +13,8 @@ import lme.evaluation
 from runners.cli import main
 from tests.places import ROOT
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 MEASURED = ["decision_us_p50", "decision_us_p99", "wall_s"]  # times that no two runs have in common
 WORLDS = "map.worlds=[200,201]"
 CALL = f"""

@@ -5,7 +5,7 @@ import pytest
 from tests.torture import fuzz
 from tests.torture.readers import READERS
 
-INPUTS = 20  # of each reader
+INPUTS = 10  # of each reader
 LIGHT = {
     "BARN worlds and paths", "pictures", "ROS maps", "shape files", "scenes", "weight files", "robots", "networks",
     "TensorFlow checkpoints", "Stable-Baselines3 archives", "recordings .bag", "recordings .db3", "recordings .mcap",

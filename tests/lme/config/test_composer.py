@@ -12,6 +12,8 @@ from lme.config.composer import SHIPPED, compose, find, resolved
 from lme.errors import InputError
 from lme.inputs.resources import overlaid
 from runners.config import schema
+from runners.config.composer import without_hydra
+from tests.composing import composed
 
 CONF = SHIPPED[0]
 WHOLE = ("ablation", "system")  # groups whose files set keys of the whole config
@@ -29,46 +31,50 @@ GUIDES = [space for space in SPACES if find(f"guide/{space}")]  # whose space is
 pytestmark = pytest.mark.filterwarnings("ignore:.*is missing `_self_`")  # of an option as the primary config
 
 
-@pytest.fixture(scope="module")
-def hydra():
-    """Compose with Hydra: the plain config, not resolved; each command line once."""
+@functools.cache
+def hydra(name, *words):
+    """Compose with Hydra: the plain config, not resolved."""
     schema.register()
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        yield functools.cache(lambda name, *words: OmegaConf.to_container(hydra_compose(name, list(words))))
+        return OmegaConf.to_container(hydra_compose(name, list(words)))
 
 
-def composed(group, option, **choices):
+def whole(*words):
+    return OmegaConf.to_container(without_hydra(composed("eval", *words)))
+
+
+def part(group, option, **choices):
     return compose(find(f"{group}/{option}"), group, choices=choices)
 
 
 @pytest.mark.parametrize(("group", "option"), PARTS)
-def test_a_part_is_what_hydra_makes_of_its_file(hydra, group, option):
-    ours = composed(group, option)
+def test_a_part_is_what_hydra_makes_of_its_file(group, option):
+    ours = part(group, option)
     assert ours.settings == hydra(f"{group}/{option}")
     assert ours.choices == {}
 
 
 @pytest.mark.parametrize(("group", "option"), [pair for pair in OPTIONS if pair not in PARTS])
-def test_a_file_of_the_whole_config_sets_what_it_sets_in_hydra(hydra, group, option):
-    ours = composed(group, option)
+def test_a_file_of_the_whole_config_sets_what_it_sets_in_hydra(group, option):
+    ours = part(group, option)
     chosen = [f"{other}={choice}" for other, choice in ours.choices.items()]
-    assert overlaid(hydra("eval", *chosen), ours.settings) == hydra("eval", f"{group}={option}")
+    assert overlaid(whole(*chosen), ours.settings) == whole(f"{group}={option}")
 
 
 @pytest.mark.parametrize("planner", ["simple", "dwa", "min_time"])
 @pytest.mark.parametrize("guide", GUIDES)
-def test_the_space_of_a_pair_is_what_hydra_makes_of_it(hydra, guide, planner):
-    ours = composed("space", guide, planner=planner)
+def test_the_space_of_a_pair_is_what_hydra_makes_of_it(guide, planner):
+    ours = part("space", guide, planner=planner)
     assert ours.values == hydra("train", f"guide={guide}", f"planner={planner}")["space"]
 
 
-def test_a_space_without_a_guide_of_its_name(hydra):
+def test_a_space_without_a_guide_of_its_name():
     (space,) = set(SPACES) - set(GUIDES)
-    assert composed("space", space).settings == hydra(f"space/{space}")
+    assert part("space", space).settings == hydra(f"space/{space}")
 
 
 def test_what_depends_on_a_choice_that_is_not_made_is_left_out():
-    assert composed("space", "target").values == {}
+    assert part("space", "target").values == {}
 
 
 def test_the_choices_of_a_command_are_those_of_its_defaults_list():

@@ -90,7 +90,6 @@ def test_contact_is_where_the_twin_meets_it(twist, point, box, margin):
         assert found == pytest.approx(late, abs=1e-5)
 
 
-@settings(max_examples=60)
 @given(st.lists(twists(), min_size=1, max_size=5), st.lists(POINTS, max_size=12), BOXES)
 def test_the_first_of_many_points_counts(some_twists, points, box):
     together = times(some_twists, points, box, 0.05)

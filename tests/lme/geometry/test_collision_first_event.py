@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.collision import first_event
@@ -20,7 +20,6 @@ def motion(rng):
     return poses, rng.uniform(-1, 1, 2), circles, rng.uniform(-2, 2, (2, 4))
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_the_first_of_contact_and_arrival_ends_a_motion(seed):
     rng = np.random.default_rng(seed)
@@ -36,7 +35,6 @@ def test_the_first_of_contact_and_arrival_ends_a_motion(seed):
     assert least == pytest.approx(clearance, abs=KERNEL)
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_the_clock_starts_with_the_first_pose_that_is_far_enough(seed):
     rng = np.random.default_rng(seed)

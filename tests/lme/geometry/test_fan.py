@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.fan import fan_blocked
@@ -39,7 +39,6 @@ def scan_scene(seed):
     return apex, ends, polar(wall, bearings), 0.26
 
 
-@settings(max_examples=60)
 @given(SEEDS, st.sampled_from([scene, scan_scene]))
 def test_equals_every_segment_against_every_point(seed, make):
     arguments = make(seed)

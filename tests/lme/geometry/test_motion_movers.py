@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.motion import movers_among
@@ -14,7 +14,6 @@ from tests.tolerances import KERNEL
 SKIN = 0.1  # as in lme/geometry/motion.py
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 10**6), st.integers(0, 3))
 def test_points_of_movers_agree_with_its_slow_twin(seed, count):
     rng = np.random.default_rng(seed)

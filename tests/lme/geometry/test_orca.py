@@ -69,7 +69,7 @@ def test_people_choose_as_in_rvo2(places, velocities, wanted, chosen):
     assert found == pytest.approx(np.array(chosen), abs=1e-4)  # float32, four digits
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(LINES, NEAR, NEAR)
 @example([(0.0, 0.0, 0.0), (-1.0, -4e-51, 2e-16)], 1.0, -1.0)  # one line but for rounding
 def test_no_permitted_velocity_is_nearer_to_the_wanted_one(given_lines, x, y):
@@ -88,7 +88,6 @@ def test_no_permitted_velocity_is_nearer_to_the_wanted_one(given_lines, x, y):
         assert np.hypot(*(found - (x, y))) <= nearest + 1e-6
 
 
-@settings(max_examples=100, deadline=None)
 @given(LINES, NEAR, NEAR, st.lists(st.floats(0.0, math.tau), min_size=1, max_size=3))
 def test_walls_are_never_left_for_people(given_lines, x, y, bearings):
     walls = np.empty((len(bearings), 4))

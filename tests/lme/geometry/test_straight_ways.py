@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.collision import sweep
@@ -47,7 +47,6 @@ def scene(seed, box, least):
     return places, points[np.array(away, dtype=bool)]
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**6), BOXES)
 def test_a_free_way_is_free_to_drive(seed, box):
     places, points = scene(seed, box, 0.0)
@@ -55,7 +54,6 @@ def test_a_free_way_is_free_to_drive(seed, box):
         assert swept(place, points, box, 0.0, 0.0)
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**6), BOXES, st.sampled_from([1, 12]))
 def test_tight_ways_count_half_where_no_other_is_free(seed, box, number):
     places, points = scene(seed, box, 0.0)
@@ -66,7 +64,6 @@ def test_tight_ways_count_half_where_no_other_is_free(seed, box, number):
     assert found.tolist() == expected.tolist()
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from(LONG))
 def test_a_way_that_keeps_the_margins_is_free(seed, box):
     places, points = scene(seed, box, MARGIN)

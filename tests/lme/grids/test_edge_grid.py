@@ -52,7 +52,7 @@ def drawn(seed):
     return rng, edges, edge_grid(edges), pose_in(rng)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(SEEDS)
 def test_a_scan_is_that_of_all_edges(seed):
     rng, edges, grid, pose = drawn(seed)
@@ -64,7 +64,7 @@ def test_a_scan_is_that_of_all_edges(seed):
     np.testing.assert_array_equal(cast_grid(pose, angles, range_max, grid), expected)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(SEEDS)
 def test_a_collision_check_is_that_of_all_edges(seed):
     rng, edges, grid, pose = drawn(seed)

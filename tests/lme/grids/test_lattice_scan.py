@@ -44,7 +44,7 @@ def place_in(rng, edges, origin):
     return (*place.tolist(), float(heading))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(SEEDS)
 @example(362)  # a beam runs along the line of an edge behind the lidar
 def test_a_scan_is_that_of_all_edges(seed):

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.grids.obstacle_grid import observe
@@ -122,7 +122,6 @@ def test_outside_the_grid_there_is_nothing_to_mark_or_free():
     assert cells(beams([1.0, 2.0, 9.0], pose=far)) == set()
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_a_beam_without_a_hit_frees_the_cells_that_its_segment_cuts(seed):
     rng = np.random.default_rng(seed)

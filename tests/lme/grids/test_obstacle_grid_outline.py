@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.grids.obstacle_grid import covered_cells, free_covered, outline_capacity, outline_cells, outline_cost
@@ -29,14 +29,12 @@ def listed(outline, pose, shape=SHAPE):
     return {divmod(int(cell), shape[1]) for cell in cells[:count]}
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_outline_cells_agree_with_their_slow_twin(seed):
     _, outline, pose = drawn(seed)
     assert listed(outline, pose) == oracles.outline_cells(outline, pose, GRID)
 
 
-@settings(max_examples=50)
 @given(SEEDS)
 def test_covered_cells_agree_with_the_slow_twin_and_hold_the_whole_outline(seed):
     rng, outline, pose = drawn(seed)
@@ -47,7 +45,6 @@ def test_covered_cells_agree_with_the_slow_twin_and_hold_the_whole_outline(seed)
         assert covered[oracles.cell_of(point, GRID)]
 
 
-@settings(max_examples=50)
 @given(SEEDS)
 def test_the_cost_is_the_highest_under_the_outline(seed):
     rng, outline, pose = drawn(seed)

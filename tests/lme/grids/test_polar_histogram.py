@@ -128,7 +128,6 @@ def test_only_sectors_between_the_limits_stay_free(blocked, yaw, right, left):
             assert masked[k] == (blocked[k] or not right <= bearing <= left)
 
 
-@settings(max_examples=100)
 @given(FLAGS, st.floats(0, 72), st.floats(1, 30))
 def test_candidates_are_those_of_every_valley(blocked, target, wide):
     n = len(blocked)

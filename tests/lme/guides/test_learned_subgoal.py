@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.guides.learned_subgoal import LearnedSubgoal
 from lme.guides.learned_subgoal.guide import REACH, SubgoalInterface, nearest_by_sector
 from lme.guides.learned_subgoal.network import (
@@ -195,19 +194,6 @@ def test_a_robot_that_the_network_was_not_trained_for_is_warned_of(tmp_path, say
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         guide(subgoal_file(path))
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"period": 0.0},
-        {"margin": -1.0},
-    ],
-    ids=str,
-)
-def test_a_wrong_setting_is_one_line(settings, says):
-    with says.raises(InputError):
-        load_settings("guide/learned_subgoal", **settings)
 
 
 def test_a_scan_without_returns_leaves_all_in_view_free():

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
@@ -48,7 +48,6 @@ def bare(**changes):
 # Inflation
 
 
-@settings(max_examples=30)
 @given(SEEDS)
 def test_costs_are_those_of_the_distance_to_the_nearest_obstacle(seed):
     rng = np.random.default_rng(seed)
@@ -118,7 +117,6 @@ def test_a_disc_smaller_than_a_cell_occupies_one():
     assert occupied(grid) == pytest.approx(np.array([[1.0, 0.5]]))
 
 
-@settings(max_examples=50, deadline=None)
 @given(SEEDS, st.booleans())
 def test_a_polygon_occupies_the_cells_whose_centres_lie_in_it(seed, on_centres):
     rng = np.random.default_rng(seed)
@@ -135,7 +133,6 @@ def test_a_polygon_occupies_the_cells_whose_centres_lie_in_it(seed, on_centres):
     np.testing.assert_array_equal(hits != 0, inside)
 
 
-@settings(max_examples=30)
 @given(st.floats(0.1, math.pi - 0.1), st.floats(-1, 1))
 def test_a_wall_lets_nothing_through(bearing, offset):
     away = 30.0 * np.array([math.cos(bearing), math.sin(bearing)])
@@ -196,7 +193,6 @@ def test_a_map_is_cleared_where_the_robot_was_when_it_was_rebuilt():
 # The grid
 
 
-@settings(max_examples=30)
 @given(SEEDS, st.floats(-6, 6), st.floats(-6, 6))
 def test_a_mirrored_scene_gives_the_mirrored_grid(seed, x, y):
     rng = np.random.default_rng(seed)

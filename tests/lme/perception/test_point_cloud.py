@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
@@ -43,7 +43,6 @@ def message(points, order="<", letter="f", offsets=(0, 4, 8), point_step=16, pad
     )
 
 
-@settings(max_examples=50)
 @given(
     SEEDS,
     st.sampled_from("<>"),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
@@ -178,7 +178,6 @@ def slow_twin(scan, mount, lidar):
     return out
 
 
-@settings(max_examples=60)
 @given(st.data())
 def test_resampling_is_its_slow_twin(data):
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))

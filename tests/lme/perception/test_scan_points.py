@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.fan import diamond
@@ -15,7 +15,6 @@ SEEDS = st.integers(0, 2**32 - 1)
 AT_BASE = (0.0, 0.0, 0.0)
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_equals_moving_and_sorting_with_numpy(seed):
     rng = np.random.default_rng(seed)

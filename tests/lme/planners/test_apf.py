@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.planners.apf import Apf, repulsion
 from lme.types import Outcome, Pose
 from lme.worlds.world import World
@@ -152,9 +151,3 @@ def test_apf_wavers_in_a_narrow_passage():
 
     assert swings(0.7) >= 10
     assert swings(2.5) <= 3
-
-
-@pytest.mark.parametrize(("key", "value"), [("attraction", 0.0), ("repulsion", -1.0), ("spread", 4.0)])
-def test_a_wrong_setting_is_named(key, value):
-    with pytest.raises(InputError, match=rf"planner\.{key}"):
-        load_settings("planner/apf", **{key: value})

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import run_episode
@@ -176,29 +175,6 @@ def test_noise_does_not_grind_a_long_robot_into_the_walls(start, side, least):
     done = drive(task(room(side), start=start, goal=(5.0, 0.0), time_limit=60.0), robot)
     assert done.outcome == Outcome.TIMEOUT
     assert done.min_clearance > least
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("horizon", 0.0),
-        ("spacing", -1.0),
-        ("max_radius", math.nan),
-        ("min_radius", 1.5),
-        ("overlap", 1.1),
-        ("external_gain", -0.1),
-        ("iterations", 0),
-        ("recursion", -1),
-        ("v_max", 0.0),
-        ("v_min", -0.1),
-        ("v_min", 0.8),
-        ("rotation_threshold", math.inf),
-        ("margin", -0.01),
-    ],
-)
-def test_bad_settings_are_named(key, value):
-    with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}"):
-        load_settings("planner/eband", **{key: value})
 
 
 def test_the_band_lives_in_the_odometry_frame():

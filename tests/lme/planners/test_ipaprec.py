@@ -127,19 +127,6 @@ def test_an_imported_checkpoint_has_the_policy_s_weights(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"sectors": 0}, "sectors is 0: must be at least 1"),
-        ({"fov": 7.0}, "fov is 7: must be at most 6.28"),
-        ({"v_min": 0.1}, "v_min is 0.1: must be at most 0"),
-    ],
-)
-def test_a_wrong_value_is_named(settings, says):
-    with pytest.raises(InputError, match=says):
-        load_settings("planner/maer_nav", **settings)
-
-
 def test_missing_weights_and_those_of_another_network_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"weights is null: .*lme weights import maer_nav PATH"):
         IpapRec(load_settings("planner/maer_nav", weights=None), ROBOT)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.guides.lme.weight_files import find_network
 from lme.inputs.onnx_graph import read_weights
 from lme.navigation.episode import run_episode
@@ -77,11 +76,6 @@ def test_the_entry_drives_to_the_goal():
     assert episodes[0].outcome is Outcome.SUCCESS
     assert episodes[0].trajectory[:, 4].max() <= 1.5 + KERNEL
     np.testing.assert_array_equal(*(episode.trajectory for episode in episodes))
-
-
-def test_a_wrong_value_is_named(says):
-    with says.raises(InputError, match="los.*0"):
-        load_settings("planner/lics", los=0.0)
 
 
 def test_a_jackal_s_scan_is_the_sweep_itself_clipped():

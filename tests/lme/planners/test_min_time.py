@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot
 from lme.geometry.motion import drive as moved_by
@@ -314,19 +313,6 @@ def test_min_time_at_rest_moves_out_of_a_persons_way_and_comes_back(side):
     assert not touched
     assert max(away) > 0.5 > 0.1 > away[-1]
     assert stand(Untracked, side)[1]
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("margin", -1),
-        ("brake", -1),
-        ("latency", -0.1),
-    ],
-)
-def test_mistakes_are_named(key, value):
-    with pytest.raises(InputError, match=f"planner.{key} is {value}"):
-        load_settings("planner/min_time", **{key: value})
 
 
 WALL_AHEAD = np.column_stack((np.full(41, 1.0), np.linspace(-1.0, 1.0, 41)))

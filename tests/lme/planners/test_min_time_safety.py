@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -22,7 +22,6 @@ def turns_at_once():
         yield
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 10**9))
 def test_from_a_state_in_which_the_robot_can_stop_the_command_leads_to_another_one(seed):
     assert random_steps(made, np.random.default_rng(seed), 100).broken == 0

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
 from lme.perception.raycast import cast_shapes
@@ -84,7 +83,7 @@ def test_motion_tubes_drive_straight_in_the_open_and_rest_at_the_goal(name):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_motion_tubes_reach_goals_on_all_sides_without_circling_them(name, goal):
     robot = shipped(name)
-    poses, _, _ = drive(robot, task(goal=goal, goal_tolerance=1e-9), round(40 / robot.dt))
+    poses, _, _ = drive(robot, task(goal=goal, goal_tolerance=1e-9), round(20 / robot.dt))
     away = np.hypot(*(poses[:, :2] - goal).T)
     assert away[-1] < 0.06
     near = np.flatnonzero(away < 0.2)[0]
@@ -207,27 +206,6 @@ def test_motion_tubes_remember_obstacles_out_of_sight():
         JACKAL, task(post, goal=(-4.0, 1.0)), 300, ByPath([(0.0, 0.0), (1.9, 0.0), (-4.0, 1.0)])
     )
     assert not end.state.contact
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("long_length", 0.0),
-        ("near_length", 1.0),
-        ("short_length", 2.1),
-        ("heading_max", 2.0),
-        ("heading_step", 0.0),
-        ("goal_bins", -1),
-        ("free_high", 0.1),
-        ("side_margin", -0.1),
-        ("turn_margin", -0.1),
-        ("back_speed", 0.0),
-        ("acceleration", math.nan),
-    ],
-)
-def test_bad_settings_are_named(key, value):
-    with pytest.raises(InputError, match=rf"planner\.{key} is"):
-        load_settings("planner/motion_tubes", **{key: value})
 
 
 def test_a_disc_turns_where_a_rectangle_would_not():

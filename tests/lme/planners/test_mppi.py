@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.grids.obstacle_grid import TOUCHING
 from lme.planners.mppi import planner as module
 from lme.planners.mppi.planner import Mppi
@@ -109,18 +108,3 @@ def test_near_the_target_it_stops():
     made = planner()
     view = observation(target=(0.12, 0.0), twist=Twist(0.3, 0.1), odometry=Pose(1.0, 2.0, 0.3), robot=JACKAL)
     assert plan(made, view) == Twist(0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"time_steps": 5},
-        {"batch_size": 0},
-        {"temperature": 0.0},
-        {"vx_min": 0.2},
-    ],
-    ids=str,
-)
-def test_a_wrong_value_is_named(changes, says):
-    with says.raises(InputError):
-        load_settings("planner/mppi", **changes)

@@ -180,25 +180,6 @@ def test_a_mistake_is_named(file, settings, says):
         OnnxPolicy(load_settings("planner/onnx", **{"path": file, **settings}), ROBOT)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"inputs": ["scam"]},
-        {"inputs": []},
-        {"inputs": ["scan", "scan"]},
-        {"scan": {"clip": 0.0}},
-        {"scan": {"scaled": [1.0]}},
-        {"target": {"form": "round"}},
-        {"twist": {"v": -1.0}},
-        {"action": {"v": [1.0, 1.0]}},
-    ],
-    ids=str,
-)
-def test_a_wrong_value_is_named(settings, says):
-    with says.raises(InputError):
-        load_settings("planner/onnx", **settings)
-
-
 def refused(tmp_path, inputs, given, **network):
     path = onnx_file(tmp_path / "policy.onnx", given, **network)
     with pytest.raises(InputError) as caught:

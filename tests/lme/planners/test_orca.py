@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.planners.orca import Orca, permitted
 from lme.types import Outcome, Twist
 from lme.worlds.movers import Mover
@@ -83,11 +82,3 @@ def test_it_stops_before_a_wall():
     episode = drive(stage(), wall, goal=(4.0, 0.0), time_limit=20.0)
     assert episode.outcome is Outcome.TIMEOUT
     assert episode.min_clearance > 0.0
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("horizon", 0.0), ("share", 0.0), ("share", 1.1), ("clearance", -0.1)]
-)
-def test_wrong_settings_are_named(key, value):
-    with pytest.raises(InputError, match=f"planner.{key}"):
-        load_settings("planner/orca", **{key: value})

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.planners.polyline import exit_point, project, stretch
@@ -13,7 +13,6 @@ from tests.tolerances import KERNEL
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_places_on_a_line_equal_dense_sampling(seed):
     rng = np.random.default_rng(seed)

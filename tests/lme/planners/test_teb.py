@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.planners.teb.planner import Teb
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
@@ -90,20 +89,3 @@ def test_near_the_target_it_stops():
     made = planner()
     view = observation(target=(0.05, 0.05), twist=Twist(0.3, 0.1), odometry=Pose(1.0, 2.0, 0.3), robot=JACKAL)
     assert plan(made, view) == Twist(0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"dt_ref": 0.0},
-        {"min_samples": 1},
-        {"max_samples": 2},
-        {"no_inner_iterations": 0},
-        {"weight_obstacle": -1.0},
-        {"divergence_detection_max_chi_squared": 0.0},
-    ],
-    ids=str,
-)
-def test_a_wrong_value_is_named(changes, says):
-    with says.raises(InputError):
-        load_settings("planner/teb", **changes)

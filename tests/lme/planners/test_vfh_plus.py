@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.planners.vfh_plus import VfhPlus
 from lme.types import Outcome, Twist
 from lme.worlds.world import World
@@ -111,12 +110,3 @@ def test_vfh_plus_does_not_get_out_of_a_u():
     u = World(segments=np.array([[3.0, -1.0, 3.0, 1.0], [1.0, 1.0, 3.0, 1.0], [1.0, -1.0, 3.0, -1.0]]))
     episode = drive(stage(), u, goal=(6.0, 0.0), time_limit=90.0)
     assert episode.outcome == Outcome.TIMEOUT
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("window", 0.0), ("cell_size", 1e-5), ("peak", 0.5), ("density_low", 7.0), ("sector_angle", 2.0)],
-)
-def test_a_wrong_setting_is_named(key, value):
-    with pytest.raises(InputError, match=rf"planner\.{key}"):
-        load_settings("planner/vfh_plus", **{key: value})

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -94,7 +94,6 @@ def test_the_first_and_the_last_direction_of_a_full_turn_are_seen():
         assert len(seen(person)) == 1
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_the_discs_in_sight_are_those_found_by_looking_at_every_beam(seed):
     rng = np.random.default_rng(seed)

@@ -249,22 +249,6 @@ def test_commands_that_come_too_seldom_are_refused(says):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("friction", "ice"),
-        ("yaw_noise", -1.0),
-        ("scan_rate", 0.0),
-        ("check_time", 0.0),
-        ("latency", -1.0),
-    ],
-    ids=str,
-)
-def test_bad_settings_are_named(key, value, says):
-    with says.raises(InputError):
-        load_settings("sim/skid", **{key: value})
-
-
-@pytest.mark.parametrize(
     "change",
     [
         {"mass": 0.0},

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -137,7 +137,6 @@ def test_a_corner_that_swings_into_someone_closes_the_gap():
 NUMBER = st.floats(-3.0, 3.0)
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.lists(st.tuples(NUMBER, NUMBER, st.floats(0.1, 0.6)), min_size=1, max_size=4),
     st.tuples(NUMBER, NUMBER, NUMBER),

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -80,7 +80,6 @@ def test_a_mover_with_one_waypoint_stands():
         assert after(walker([(1.0, 2.0)], repeat=repeat), 3.0) == pytest.approx([1.0, 2.0, 0.0], abs=0.0)
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(REPEATS), st.floats(0.0, 30.0))
 def test_a_crowd_is_where_the_slow_twin_says(seed, repeat, seconds):
     rng = np.random.default_rng(seed)

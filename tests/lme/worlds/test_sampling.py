@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
@@ -56,7 +56,6 @@ def rng(seed=0):
     return np.random.default_rng(seed)
 
 
-@settings(max_examples=30)
 @given(drawings)
 def test_the_field_is_the_clearance_of_each_point(drawing):
     place = floor_plan("test", drawing)

@@ -33,6 +33,10 @@ def sweep(tmp_path_factory):
     return folder / "out", uri
 
 
+def test_without_factors_or_ablations_there_are_no_reports_of_them(sweep):
+    assert not [path for kind in ("sensitivity", "ablation") for path in sweep[0].glob(f"{kind}.*")]
+
+
 def test_rows_in_the_order_of_the_config(sweep):
     lines = (sweep[0] / "table.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in lines] == ["label", "LME (ours)", "Simple (ours)"]

@@ -143,11 +143,9 @@ def test_round_zero_collects_what_the_expert_does(learned):
 
 def killed_and_resumed(words, ready, run_dir="killed", before=None):
     """The curves of a run that was killed as soon as `ready()`, and then resumed. before: takes those at the kill."""
-    command = [sys.executable, "-m", "runners.cli.main", "learn"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
-        [*command, *words, f"hydra.run.dir={run_dir}"],
-        env=environment, stderr=subprocess.DEVNULL, start_new_session=True,
+        [sys.executable, "-m", "runners.cli.main", "learn", *words, f"hydra.run.dir={run_dir}"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, stderr=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
     deadline = time.monotonic() + 240
     while time.monotonic() < deadline and process.poll() is None and not ready():
@@ -157,10 +155,7 @@ def killed_and_resumed(words, ready, run_dir="killed", before=None):
     assert not Path(run_dir, "card.yaml").exists()
     if before is not None:
         before += curves(Path(run_dir))
-    done = subprocess.run(
-        [*command, f"resume={run_dir}"], env=environment, capture_output=True, text=True, timeout=400
-    )
-    assert done.returncode == 0, done.stderr
+    assert main(["learn", f"resume={run_dir}"]) == 0
     return curves(Path(run_dir))
 
 

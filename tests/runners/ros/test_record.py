@@ -29,6 +29,8 @@ from tests.composing import jobs_of
 from tests.live_loop import drive_live
 from tests.made_bags import drive
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 WORLD = 210
 PAIRS = {
     "lme": ("robot=jackal",),

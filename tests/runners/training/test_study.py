@@ -98,7 +98,7 @@ def test_the_reward_of_a_trial_is_the_mean_of_its_configurations(whole):
         assert all(SPACE[key].low <= value <= SPACE[key].high for key, value in values.items())
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings.default.max_examples // 3)  # each takes long
 @given(share=st.floats(0, 1))
 def test_killed_at_any_byte_it_ends_as_the_uninterrupted_one(whole, share):
     trials, journal = whole("tpe")

@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,9 +24,12 @@ from lme.guides.lme.guide import LocalMinimumEscaper
 from runners.cli.main import main
 from runners.records.launch_record import read_launch
 from runners.training.search import JOURNAL
-from tests.builders import PUBLISHED, stage
+from tests.builders import PUBLISHED, assert_same, escaper, explained, observation, stage
 from tests.composing import last_of_each
 from tests.places import ROOT
+from tests.runners.training.test_report import links
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 SMALL = (
     "map=env1",
@@ -73,13 +77,10 @@ def trained(tmp_path_factory):
 def test_a_run_leaves_its_study_weights_pictures_and_evaluation(trained):
     run_dir, said = trained
     names = {path.name for path in run_dir.iterdir()}
-    assert names >= {
-        "study.journal",
-        "weights.yaml",
-        "trials.csv",
-        "convergence.png",
-    }
+    assert names >= {"study.journal", "weights.yaml", "trials.csv", "convergence.png"}
     assert names >= {"env1", "table.md", "launch.json"}
+    assert "There was no race" in (run_dir / "report.html").read_text()
+    assert all(path.is_file() for path in links(run_dir / "report.html"))
     for what in ("the start", "the result"):
         assert f"Now {what}: 2 worlds of env1 that training never saw, 1 runs each" in said
     assert "Best of 7 trials" in said
@@ -133,25 +134,16 @@ def test_the_weights_are_found_by_path_run_and_name(trained, monkeypatch):
     weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
     for name in ("run", "run/weights.yaml", weights["name"], f"outputs/weights/{weights['name']}.yaml"):
         assert parameters(name, {}) == weights["parameters"]
-    escaper = LocalMinimumEscaper.from_file(run_dir / "weights.yaml", stage(), load_settings("guide/lme"))
-    assert escaper._parameters.d2 == weights["parameters"]["d2"]
+    made = LocalMinimumEscaper.from_file(run_dir / "weights.yaml", stage(), load_settings("guide/lme"))
+    made.reset(np.random.default_rng(0))
+    expected = explained(escaper(weights["parameters"]), observation())
+    assert_same(explained(made, observation()), expected)
 
 
 def test_weights_of_one_map_come_with_the_command_that_tries_them_elsewhere(trained):
     run_dir, said = trained
     name = yaml.safe_load((run_dir / "weights.yaml").read_text())["name"]
     assert f"lme eval -m robot=stage map=indoor weights=published,{name}" in said
-
-
-def test_elsewhere_the_values_found_drive_and_not_those_before_the_training(capsys):
-    weights = (
-        train("system=lme_plus", "guide.margin=0.1", "trials=3", "start_from_config=false") / "weights.yaml"
-    )
-    content = yaml.safe_load(weights.read_text())
-    assert content["settings"]["guide.margin"] != 0.1
-    found = " ".join(f"{key}={value!r}" for key, value in content["settings"].items())
-    chosen = f"robot=stage system=lme_plus map=indoor weights={content['name']}"
-    assert f"worse elsewhere: lme eval -m {chosen} {found}\n" in capsys.readouterr().out
 
 
 def test_where_no_trial_beats_the_start_it_says_so_and_drives_it_once(capsys):
@@ -173,7 +165,7 @@ def test_where_no_trial_beats_the_start_it_says_so_and_drives_it_once(capsys):
 
 
 def test_training_on_one_map_needs_no_families(capsys):
-    run_dir = train("training.env1=null", "training.fresh=null", "training.indoor=null")
+    run_dir = train("training.env1=null", "training.fresh=null", "training.indoor=null", "trials=1")
     assert (run_dir / "report.html").is_file()
     assert "worse elsewhere" not in capsys.readouterr().out
 
@@ -335,7 +327,7 @@ def test_another_robot_map_or_space_cannot_be_resumed(trained, monkeypatch, caps
 
 
 def test_a_corrupt_journal_is_one_line(trained, capsys, says):
-    run_dir = train("trials=2")
+    run_dir = Path(shutil.copytree(trained[0], "run"))
     journal = run_dir / JOURNAL
     lines = journal.read_text().splitlines()
     journal.write_text("\n".join([*lines[:3], "not json", *lines[3:]]) + "\n")
@@ -361,11 +353,6 @@ def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys, says):
         fcntl.flock(file, fcntl.LOCK_EX)
         assert main(["train", "resume=run"]) == 2
     says(capsys.readouterr().err)
-
-
-def test_go2_trains_where_it_fits():
-    run_dir = train("+robot=go2", "trials=1")
-    assert yaml.safe_load((run_dir / "weights.yaml").read_text())["robot"] == "go2"
 
 
 RACE = (
@@ -419,8 +406,10 @@ def test_a_race_on_any_number_of_workers_or_killed_and_resumed_ends_the_same(rac
 
 
 def test_a_robot_that_is_too_large_for_a_family_is_told_so(capsys):
-    assert main(["train", "+robot=go2", *last_of_each(*RACE, "trials=1", "executor=serial")]) == 0
+    words = last_of_each(*RACE, "trials=1", "executor=serial")
+    assert main(["train", "+robot=go2", *words, "hydra.run.dir=run"]) == 0
     assert "Not on fresh: too narrow for go2" in capsys.readouterr().out
+    assert yaml.safe_load(Path("run/weights.yaml").read_text())["robot"] == "go2"
 
 
 # Weight files
@@ -476,10 +465,16 @@ def test_a_further_criterion_has_a_weight_too():
 
 
 def test_the_advice_drives_the_system_that_was_trained(capsys):
+    """With the values found, also elsewhere, and not with those before the training."""
     words = ["system=lme_plus", "robot=turtlebot2", "guide.reach=6"]
-    weights = train(*words, "trials=3", "start_from_config=false") / "weights.yaml"
-    content = yaml.safe_load(weights.read_text())
-    found = [f"{key}={value!r}" for key, value in content.get("settings", {}).items()]
-    command = " ".join(["lme eval", *words, f"weights={content['name']}", *found])
-    assert f"use with: {command}\n" in weights.read_text()
-    assert f"{command}\n" in capsys.readouterr().out
+    run_dir = train(*words, "guide.margin=0.1", "trials=3", "start_from_config=false")
+    text, said = (run_dir / "weights.yaml").read_text(), capsys.readouterr().out
+    content = yaml.safe_load(text)
+    assert content["settings"]["guide.margin"] != 0.1
+    weights = f"weights={content['name']}"
+    found = " ".join(f"{key}={value!r}" for key, value in content["settings"].items())
+    command = " ".join(["lme eval", *words, weights, found])
+    assert f"use with: {command}\n" in text
+    assert f"{command}\n" in said
+    elsewhere = "robot=turtlebot2 system=lme_plus guide.reach=6 map=indoor"
+    assert f"worse elsewhere: lme eval -m {elsewhere} {weights} {found}\n" in said

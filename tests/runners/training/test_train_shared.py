@@ -17,6 +17,8 @@ from runners.training.storage import open_storage
 from tests import mariadb, postgres, redis_server
 from tests.places import ROOT
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SMALL = (
     "map=env1",
     "race=null",

@@ -37,6 +37,8 @@ import dask
 from distributed import KilledWorker, LocalCluster
 from distributed.comm.core import CommClosedError
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 WORDS = ["map=traps", "robot=stage", "map.time_limit=2", "runs=5", "tracking=none"]
 LABELS = RunLabels(**dict.fromkeys(RunLabels.__slots__, ""))
 TIMINGS = {"wall_s": 0.0, "decision_us_p50": 0.0, "decision_us_p99": 0.0}  # no two runs have the same

@@ -19,6 +19,8 @@ from runners.cli import main
 from runners.records.episode_record import COLUMNS
 from tests.places import ROOT
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SOCIAL = list(SocialMeasures.__dataclass_fields__)
 MEASURED = ["decision_us_p50", "decision_us_p99", "wall_s"]  # times that no two runs have in common
 DOORWAY = ["map=social", "map.kind=doorway", "map.worlds=[0,1,2]"]

@@ -33,6 +33,8 @@ from tests.tolerances import KERNEL
 
 pytest.importorskip("rosbags")
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 WORLD, RUN, SEED = 3, 1, 7
 SMALL = ("map=traps", f"map.worlds=[{WORLD}]", f"seed={SEED}", "record=mcap")
 MOUNTED = ("robot.lidar.x=0.1", "robot.lidar.y=-0.05", "robot.lidar.yaw=0.3", "robot.lidar.noise_std=0.01")

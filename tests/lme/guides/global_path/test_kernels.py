@@ -51,7 +51,6 @@ def cheapest(costs, table, start):
     return dijkstra(graph, indices=np.ravel_multi_index(start, costs.shape)).reshape(costs.shape)
 
 
-@settings(max_examples=40)
 @given(SEEDS, st.floats(0, 1))
 def test_dijkstra_and_a_star_both_find_the_costs_of_scipy(seed, weight):
     costs, table, start, goal = scene(seed)
@@ -63,7 +62,6 @@ def test_dijkstra_and_a_star_both_find_the_costs_of_scipy(seed, weight):
         assert g[nearer] == pytest.approx(wanted[nearer], rel=KERNEL)
 
 
-@settings(max_examples=100)
 @given(SEEDS, st.sampled_from([0.0, 1.0]))
 def test_the_path_is_made_of_allowed_moves_and_costs_what_was_found(seed, weight):
     costs, table, start, goal = scene(seed)
@@ -77,7 +75,6 @@ def test_the_path_is_made_of_allowed_moves_and_costs_what_was_found(seed, weight
     assert sum(allowed[move] for move in pairwise(path)) == pytest.approx(g[goal], rel=KERNEL)
 
 
-@settings(max_examples=100)
 @given(SEEDS, st.sampled_from([0.0, 1.0]))
 def test_a_mirrored_grid_gives_the_mirrored_path(seed, weight):
     costs, table, start, goal = scene(seed)
@@ -127,7 +124,6 @@ def test_from_a_cell_to_itself():
     assert found(costs, EVEN, (1, 1), (1, 1)).tolist() == [[1, 1]]
 
 
-@settings(max_examples=50)
 @given(st.tuples(*[st.integers(0, 40)] * 4))
 def test_free_ground_is_crossed_in_a_straight_line(ends):
     start, goal = ends[:2], ends[2:]
@@ -135,7 +131,6 @@ def test_free_ground_is_crossed_in_a_straight_line(ends):
     assert path.tolist() == ([list(start), list(goal)] if start != goal else [list(start)])
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_straight_pieces_join_cells_of_the_path_and_cost_no_more(seed):
     costs, table, start, goal = scene(seed, walls=0.1)

@@ -53,7 +53,6 @@ def test_equals_every_pair_of_points(seed, shape, full_circle):
     assert_equals_oracle(polar(shape(rng, bearings), bearings), rng.uniform(0.02, 1.2), full_circle)
 
 
-@settings(max_examples=100)
 @given(SEEDS, st.booleans())
 def test_pairs_across_plus_minus_pi(seed, full_circle):
     rng = np.random.default_rng(seed)

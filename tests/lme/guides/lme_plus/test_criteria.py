@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -29,7 +29,6 @@ def test_a_dev_counts_the_turn_to_a_place_and_the_turn_at_it():
     assert target_itself == -math.pi
 
 
-@settings(max_examples=30)
 @given(st.integers(0, 10**6))
 def test_one_call_ranks_the_candidates_by_all_criteria(seed):
     rng, robot = np.random.default_rng(seed), stage()

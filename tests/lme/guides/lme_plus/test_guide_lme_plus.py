@@ -7,7 +7,6 @@ import pytest
 
 import lme.guides.lme_plus.guide
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.guides.lme.explanation import reason, reasons
 from lme.guides.lme.maintenance import Choice
 from lme.guides.lme_plus.criteria import CRITERIA
@@ -192,9 +191,3 @@ def test_there_is_nothing_to_explain_before_the_first_decision():
     )  # the target and places on the fastest way are candidates, too
     made.reset(np.random.default_rng(0))
     assert made.explanation() is None
-
-
-@pytest.mark.parametrize(("key", "value"), [("reach", 0), ("margin", -1)])
-def test_mistakes_are_named(key, value):
-    with pytest.raises(InputError, match=f"guide.{key} is {value}"):
-        load_settings("guide/lme_plus", **{key: value})

@@ -4,7 +4,7 @@ import math
 from unittest.mock import patch
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -37,7 +37,6 @@ def straight(target):
     return -oracles.least_times(nothing, GRID, target, 0.0, V_MAX)
 
 
-@settings(max_examples=30)
 @given(st.integers(0, 10**6))
 def test_a_cell_of_the_disc_has_the_greatest_of_all_least_times_that_exceed_the_straight_way(seed):
     rng, learned, slow = np.random.default_rng(seed), LearnedTimes(), np.zeros((SIZE + 2, SIZE + 2))
@@ -76,7 +75,6 @@ def test_times_stay_with_their_places_wherever_the_robot_goes():
     np.testing.assert_array_equal(shifted[:-1, 2:], before[1:, :-2])
 
 
-@settings(max_examples=30)
 @given(st.integers(0, 10**6))
 def test_no_learned_time_is_longer_than_a_search_of_all_ways_finds(seed):
     rng, robot, learned = np.random.default_rng(seed), stage(), LearnedTimes()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_robot, to_world
@@ -38,7 +38,6 @@ def kept(
     return remember(taken, memory, points, ranges, beams, mount, pose, square, reach, SLACK, range_max)[0]
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 10**6), st.booleans(), st.booleans())
 def test_carried_points_agree_with_the_slow_twin(seed, full_circle, clockwise):
     rng = np.random.default_rng(seed)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
-from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.lme_plus.travel import BEYOND, Travel
 from lme.guides.lme_plus.travel_grid import cost_to_go_at
@@ -127,9 +126,3 @@ def test_the_way_through_a_place_where_the_robot_was_stuck_takes_longer_and_at_l
         times.append(found.robot_time)
     assert times[0] + 3.0 < times[1] < times[2] < times[0] + 60.0
     assert np.abs(ways[0][:, 1]).max() < 0.75 < 3.0 < ways[2][:, 1].max()
-
-
-@pytest.mark.parametrize(("key", "value"), [("comfort", 0), ("slowdown", -1)])
-def test_mistakes_are_named(key, value):
-    with pytest.raises(InputError, match=f"guide.travel.{key} is {value}"):
-        load_settings("guide/lme_plus", travel={key: value})

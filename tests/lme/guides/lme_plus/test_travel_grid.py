@@ -1,7 +1,7 @@
 """Distances to the nearest points: every cell against every point, and nothing left behind."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.guides.lme_plus.travel_grid import draw, erase, pad
@@ -13,7 +13,6 @@ def nothing_in(size):
     return np.full((size, size), -1, np.int32)
 
 
-@settings(max_examples=100)
 @given(
     st.integers(0, 10**6),
     st.sampled_from([0.2, 0.5, 0.52, 1.7]),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_world
@@ -67,7 +67,6 @@ def scene(seed, count=6):
     return points[np.hypot(*(points - target).T) > 0.6], target, robot
 
 
-@settings(max_examples=25)
 @given(SEEDS, st.booleans())
 def test_times_are_those_of_shortest_ways(seed, leave):
     points, target, robot = scene(seed)
@@ -78,7 +77,6 @@ def test_times_are_those_of_shortest_ways(seed, leave):
     assert (np.abs(inside(field)[found] - slow[found]) <= near(slow[found])).all()
 
 
-@settings(max_examples=25)
 @given(SEEDS, st.booleans(), st.sampled_from([0.0, 0.5, ALL]), st.sampled_from([0.2, 0.25]))
 def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed, leave, beyond, tight):
     grid, pace = Grid(-1.5, -1.5, CELL, 30), PACE._replace(room=0.4, tight=tight)
@@ -144,7 +142,6 @@ def waits(people, robot, grid, pace):
     return grid.cell * costs
 
 
-@settings(max_examples=25)
 @given(SEEDS, st.sampled_from([0.0, 0.3, 1.0]))
 def test_cells_that_are_not_searched_are_on_no_good_way(seed, beyond):
     points, target, robot = scene(seed)
@@ -257,7 +254,6 @@ def test_in_a_narrow_passage_the_way_is_narrow_from_the_start_but_not_slow():
     assert descend(field, narrow, (0.0, 0.0, 0.0), GRID, 5.0, 3)[1] == 0.0
 
 
-@settings(max_examples=50)
 @given(st.floats(0.0, 1.5), st.floats(0.215, 0.25), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_a_door_is_open_however_the_cells_lie(angle, half, x, y):
     """A straight wall with a door that leaves 2.5 cm on each side: from everywhere the robot has a way through it.
@@ -286,7 +282,6 @@ TURNS = {
 }
 
 
-@settings(max_examples=25)
 @given(SEEDS, st.sampled_from(sorted(TURNS)))
 def test_a_turned_scene_has_the_turned_field(seed, name):
     points, target, robot = scene(seed)
@@ -300,7 +295,6 @@ def test_a_turned_scene_has_the_turned_field(seed, name):
     assert abs(other_time - robot_time) <= near(robot_time) or other_time == robot_time == math.inf
 
 
-@settings(max_examples=25)
 @given(SEEDS)
 def test_one_more_obstacle_never_shortens_a_time(seed):
     points, target, robot = scene(seed)
@@ -343,7 +337,6 @@ def fall(field, cell, axis):
     return 2.0 * (before - here) if math.isinf(after) else before - after
 
 
-@settings(max_examples=25)
 @given(SEEDS)
 def test_turns_at_places_are_those_to_the_steepest_descent(seed):
     points, target, robot = scene(seed)
@@ -376,7 +369,6 @@ def test_along_a_wall_there_is_no_turn():
     assert (turns_at(field, places, (-2.0, 0.0, 0.0), GRID, np.array([2.2, 0.0])) < 0.3).all()
 
 
-@settings(max_examples=25)
 @given(SEEDS)
 def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
     points, target, robot = scene(seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.guides.tangent_bug import kernels as tangents
@@ -43,7 +43,6 @@ def slow_way(scan, radii, unit):
     return best, miss
 
 
-@settings(max_examples=80)
 @given(points, shares)
 def test_free_ways_are_those_of_every_disc_in_turn(scan, share):
     scan = away(scan)
@@ -68,7 +67,6 @@ def test_a_point_thinner_than_a_step_is_not_overlooked(bearing):
     assert ways.min() == pytest.approx(9.0, abs=0.05)
 
 
-@settings(max_examples=80)
 @given(points, shares, st.tuples(coordinate, coordinate))
 def test_first_on_way_is_what_walking_the_way_meets_first(scan, share, end):
     scan, end = away(scan), np.array(end)
@@ -84,7 +82,6 @@ def test_first_on_way_is_what_walking_the_way_meets_first(scan, share, end):
         assert entered <= walked + KERNEL or miss <= KERNEL  # discs narrower than a step are stepped over
 
 
-@settings(max_examples=80)
 @given(points, st.floats(0.1, 3.0), st.floats(0.0, 0.2))
 def test_breaks_are_counted_pair_by_pair(scan, gap, slope):
     scan = by_bearing(scan)
@@ -97,7 +94,6 @@ def test_breaks_are_counted_pair_by_pair(scan, gap, slope):
             assert count[i + 1] - count[i] == (math.dist(here, after) > limit)
 
 
-@settings(max_examples=80)
 @given(points.filter(len), st.data())
 def test_points_are_joined_where_the_shorter_way_round_has_no_break(scan, data):
     scan = by_bearing(scan)
@@ -115,7 +111,6 @@ def test_points_are_joined_where_the_shorter_way_round_has_no_break(scan, data):
     assert not tangents.joined(-1, i, count)
 
 
-@settings(max_examples=60)
 @given(points, shares, st.integers(0, 71), st.floats(0.0, 0.1))
 def test_a_mirrored_scan_is_swept_mirrored(scan, share, start, slope):
     scan = by_bearing(away(scan))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.perception.scan_points import beam_directions
@@ -77,7 +77,6 @@ def test_an_empty_scan_is_blind():
     )
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_equals_looking_at_every_sector(seed):
     rng = np.random.default_rng(seed)

@@ -133,18 +133,6 @@ def test_weights_that_do_not_exist(tmp_path, says):
         Dclp(load_settings("planner/dclp", weights=str(tmp_path / "none.onnx")), stage())
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"lookahead": 0.0}, "planner.lookahead is 0"),
-        ({"reported_limits": {"front": -1.0}}, "planner.reported_limits.front is -1"),
-    ],
-)
-def test_settings_that_cannot_be(settings, said):
-    with pytest.raises(InputError, match=said):
-        load_settings("planner/dclp", **settings)
-
-
 def test_a_robot_outside_of_the_training_is_named(tmp_path, says):
     file = str(network_file(tmp_path / "narrow.onnx", trained={"alpha_v": (0.5, 5.0)}))
     with says.warns():

@@ -172,21 +172,6 @@ def test_sample_and_running_norms_differ(tmp_path):
     assert answers[0] != pytest.approx(answers[1], abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"fov": 7.0},
-        {"no_return": 40.0},
-        {"lookahead": 0.0},
-        {"v_free": -1.0},
-    ],
-    ids=str,
-)
-def test_settings_that_cannot_be(settings, says):
-    with says.raises(InputError):
-        load_settings("planner/drl_vo", **settings)
-
-
 def test_missing_weights_and_those_of_another_network_are_refused(tmp_path, says):
     with says.raises(InputError, match="weights.*null"):
         DrlVo(load_settings("planner/drl_vo"), ROBOT)

@@ -102,7 +102,6 @@ def scene(seed):
     return centres, points, xs, ys
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_radii_equal_the_distance_to_the_nearest_point(seed):
     centres, points, xs, ys = scene(seed)
@@ -110,7 +109,6 @@ def test_radii_equal_the_distance_to_the_nearest_point(seed):
     assert bubble_radii(centres, xs, ys, *SHAPE[:2]) == pytest.approx(expected, abs=KERNEL)
 
 
-@settings(max_examples=100)
 @given(SEEDS, st.integers(1, 3), st.integers(0, 4))
 def test_relaxing_equals_the_forces_of_the_paper(seed, iterations, recursion):
     centres, points, xs, ys = scene(seed)
@@ -123,7 +121,6 @@ def test_relaxing_equals_the_forces_of_the_paper(seed, iterations, recursion):
     assert radii == pytest.approx(expected[1], abs=1e3 * KERNEL)
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_mending_equals_its_recursive_twin(seed):
     centres, points, xs, ys = scene(seed)
@@ -134,7 +131,6 @@ def test_mending_equals_its_recursive_twin(seed):
     assert mended[2] == chain
 
 
-@settings(max_examples=100)
 @given(SEEDS)
 def test_the_disc_can_move_along_the_joined_part_of_a_band(seed):
     centres, points, xs, ys = scene(seed)

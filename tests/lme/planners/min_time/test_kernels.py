@@ -93,7 +93,6 @@ def test_whom_it_cannot_stand_before_costs_by_the_speed_that_is_left():
     assert more((1.0, 0.0), ahead) == pytest.approx(MEETING * (1.0 - 0.5 / FORESEEN))  # after .1 + .17 m
 
 
-@settings(max_examples=50)
 @given(st.integers(0, 10**6), st.sampled_from([JACKAL, DISC]), st.integers(0, 2))
 def test_the_best_of_all_pairs_is_the_best_of_each_alone(seed, box, people):
     rng = np.random.default_rng(seed)

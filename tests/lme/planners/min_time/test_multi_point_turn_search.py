@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_robot
@@ -128,7 +128,6 @@ def test_a_point_inside_the_footprint_does_not_come_further_in():
     assert (steps == [-1, 0]).all()
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
 def test_no_point_comes_nearer_than_the_margin_or_than_it_is(seed):
     rng = np.random.default_rng(seed)
@@ -141,7 +140,6 @@ def test_no_point_comes_nearer_than_the_margin_or_than_it_is(seed):
         assert np.hypot(*(points - last[:2]).T).min() >= ROOM - KERNEL
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_stroke_is_free_as_far_as_small_steps_on_it_are(seed):
     rng = np.random.default_rng(seed)

@@ -58,7 +58,6 @@ def slow_ranges(curvature, length, steps, outline, front, lidar, increment, num_
     return needs
 
 
-@settings(max_examples=25)
 @given(
     st.floats(-1.7, 1.7).filter(lambda heading: heading == 0.0 or abs(heading) > 1e-6),
     st.floats(0.2, 1.0),

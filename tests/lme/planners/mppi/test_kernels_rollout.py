@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
@@ -27,7 +27,6 @@ def drawn(seed, samples=40, steps=30):
     return rng, sequence, draw(rng, samples, steps), twist, pose
 
 
-@settings(max_examples=30, deadline=None)
 @given(SEEDS)
 def test_trajectories_are_the_slow_twin(seed):
     _, sequence, noise, twist, pose = drawn(seed)
@@ -55,7 +54,6 @@ def test_the_same_generator_draws_the_same_noise_and_another_does_not():
     assert one.dtype == np.float32
 
 
-@settings(max_examples=30, deadline=None)
 @given(SEEDS, st.floats(0.05, 3.0))
 def test_the_mean_is_the_slow_twin(seed, temperature):
     rng, *_ = drawn(seed)
@@ -74,7 +72,6 @@ def test_departures_cost_what_they_depart():
     assert costs == pytest.approx(expected, abs=KERNEL)
 
 
-@settings(max_examples=50, deadline=None)
 @given(SEEDS)
 def test_a_constrained_sequence_keeps_the_limits(seed):
     sequence = np.random.default_rng(seed).uniform(-3.0, 3.0, (40, 2))

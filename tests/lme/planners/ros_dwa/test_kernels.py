@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.planners.ros_dwa.kernels import HITS, LOST, distances, score, way_cells
@@ -25,7 +25,6 @@ def drawn(seed, share=0.3):
     return rng, costs.astype(np.uint8)
 
 
-@settings(max_examples=50)
 @given(SEEDS)
 def test_distances_are_the_slow_twin(seed):
     rng, costs = drawn(seed)
@@ -35,7 +34,6 @@ def test_distances_are_the_slow_twin(seed):
     np.testing.assert_array_equal(np.maximum(found, -1), expected)
 
 
-@settings(max_examples=50)
 @given(SEEDS)
 def test_distances_in_the_window_are_those_without_one(seed):
     rng, costs = drawn(seed, 0.1)
@@ -71,19 +69,17 @@ def scene(seed):
     return wanted, (pose, twist, ALPHAS, SIMULATION, OUTLINE, costs, GRID, to_path, to_goal, SCALES)
 
 
-@settings(max_examples=30, deadline=None)
 @given(SEEDS)
 def test_scores_are_the_slow_twin(seed):
     wanted, view = scene(seed)
     scores, ends = score(wanted, *view, np.inf, False)
-    for n, twist in enumerate(wanted):
+    for n, twist in enumerate(wanted[:6]):
         expected, end = oracles.trajectory_score(twist, *view)
         assert scores[n] == pytest.approx(expected, abs=KERNEL)
         if expected >= 0.0:
             assert ends[n] == pytest.approx(end, abs=KERNEL)
 
 
-@settings(max_examples=30, deadline=None)
 @given(SEEDS, st.floats(0.0, 150.0))
 def test_twists_that_are_not_scored_are_worse(seed, least):
     wanted, view = scene(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
@@ -66,7 +66,6 @@ def test_the_nearest_command_is_one_that_the_robot_can_follow(v_min):
     assert v_min is None or command.v >= 0.0
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**9))
 def test_the_nearest_command_stops_and_is_no_farther_than_zero_if_zero_stops(seed):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
@@ -66,7 +66,6 @@ def test_nothing_seen_is_nothing_touched():
     assert found(NONE, (0.5, 1.0), (0.5, 1.0), stage(), enough=0.3) == 0.3
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**9), st.integers(0, 3), st.sampled_from([0.0, 0.02]), st.sampled_from([0.0, 0.2]))
 def test_clearances_equal_their_slow_twin(seed, periods, late, lag):
     rng = np.random.default_rng(seed)
@@ -81,7 +80,6 @@ def test_clearances_equal_their_slow_twin(seed, periods, late, lag):
         assert fast == pytest.approx(min(slow, enough), abs=KERNEL)
 
 
-@settings(max_examples=30)
 @given(st.integers(0, 10**9), st.sampled_from([(0.0, 0.0), (0.1, 0.0), (0.05, 0.0), (0.1, 0.2)]))
 def test_the_motion_is_that_of_the_simulator(seed, delays):
     """A robot that gets two commands and then brakes has the clearance that the kernel foresees from its start."""
@@ -109,7 +107,6 @@ def test_the_motion_is_that_of_the_simulator(seed, delays):
     assert early > 0.0 or driven < 0.02
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 10**9))
 def test_after_a_period_of_braking_the_same_motion_is_left(seed):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.planners.teb.kernels import BANDS, normal_equations
@@ -41,7 +41,6 @@ def differences(poses, times, *others):
     return np.array(columns).T
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS)
 def test_the_equations_are_those_of_the_slow_twin(seed):
     band = drawn(seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.collision import sweep
@@ -24,7 +24,6 @@ def drawn(seed):
     return rng, poses, rng.uniform(0.01, 1.5, count - 1)
 
 
-@settings(max_examples=60, deadline=None)
 @given(SEEDS)
 def test_samples_are_added_and_removed_as_by_the_slow_twin(seed):
     _, poses, times = drawn(seed)
@@ -65,7 +64,6 @@ def test_a_path_of_one_point_gives_three_poses():
     assert (times > 0.0).all()
 
 
-@settings(max_examples=40, deadline=None)
 @given(SEEDS, st.sampled_from([JACKAL, DISC]))
 def test_the_obstacles_that_count_are_those_of_the_slow_twin(seed, box):
     rng, poses, _ = drawn(seed)
@@ -74,7 +72,6 @@ def test_the_obstacles_that_count_are_those_of_the_slow_twin(seed, box):
     assert sorted(map(tuple, found)) == oracles.teb_near(poses, points, box, 0.2, 0.65)
 
 
-@settings(max_examples=60, deadline=None)
 @given(SEEDS, st.sampled_from([JACKAL, DISC]))
 def test_the_clearance_and_its_gradient(seed, box):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.fan import direction
@@ -24,7 +24,6 @@ def scattered(rng):
     return Pose(*rng.uniform(-0.2, 0.2, 2), rng.uniform(-4, 4)), circles, edges
 
 
-@settings(max_examples=60, deadline=None)
 @given(SEEDS)
 def test_the_scan_is_that_of_the_whole_cloud(seed):
     rng = np.random.default_rng(seed)

@@ -45,7 +45,7 @@ def drive(commands, axes="wheel", state=None, chassis=JACKAL, period=0.1, kernel
 # --- against the twin -------------------------------------------------------------------------------------
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_equals_one_contact_at_a_time(seed):
     rng = np.random.default_rng(seed)

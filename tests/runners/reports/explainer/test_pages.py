@@ -27,6 +27,8 @@ from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.trace import rerun, rerun_recorded
 from tests.made_runs import write_run
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 # In eight seconds world 230 is driven and world 207 is not.
 FEW, SHORT = "map.worlds=[207,230]", "map.time_limit=8"
 WORDS = ["eval", "runs=1", "executor=serial", "tracking=none"]
