@@ -133,11 +133,12 @@ def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:
 def _refuse_sweep(parsed: Sequence[Override], composer: Composer) -> None:
     for override in parsed:
         if override.is_sweep_override():
-            key, _, value = text_of(override).partition("=")
+            text = text_of(override).lstrip("+")
+            key, _, value = text.partition("=")
             takes_list = key in SEVERAL_OPTIONS or key not in composer.slots
             is_list = takes_list and override.value_type is ValueType.SIMPLE_CHOICE_SWEEP
             better = f", or write {key}=[{value}] for a list" if is_list else _suggest_range(key, override)
-            raise InputError(f"{text_of(override)}: several values; add -m to run each of them{better}")
+            raise InputError(f"{text}: several values; add -m to run each of them{better}")
 
 
 def _suggest_range(key: str, override: Override) -> str:

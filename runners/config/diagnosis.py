@@ -49,12 +49,23 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     try:
         config = composer.compose(groups)
     except COMPOSING:
-        return InputError(f"{' '.join(job)}: {one_line(str(error))}")
+        return _not_a_mapping(groups, composer) or InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _find_mistake(override, config, composer)
         if mistake:
             return mistake
     return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
+
+
+def _not_a_mapping(groups: Sequence[str], composer: Composer) -> InputError | None:
+    """Return the error of a chosen option whose file holds a list or a single value; None if there is none."""
+    for override in composer.parse(groups):
+        name = f"{override.key_or_group}/{override.value()}"
+        if composer.catalogue.has(name):
+            file = composer.catalogue.file(name)
+            if not isinstance(yaml.safe_load(file.read_text(encoding="utf-8")) or {}, dict):
+                return InputError(f"{file}: must be a mapping of keys to values")
+    return None
 
 
 def _broken_yaml(error: yaml.YAMLError) -> InputError:

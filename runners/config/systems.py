@@ -98,7 +98,7 @@ def _system(name: str, folders: tuple[Path, ...]) -> System:
         raise InputError(f"{file}: must hold a mapping `system` with a label")
     for key in node:
         if key != "label":
-            raise InputError(f"{unknown_key(f'system.{key}', ['label'])} (in {file})")
+            raise InputError(f"{file}: {unknown_key(f'system.{key}', ['label'])}")
     if not isinstance(node.get("label"), str):
         raise InputError(f"{file}: system.label is {node.get('label')!r}: must be the name in tables")
     guide, planner = (option.choices.get(group) for group in PAIR)

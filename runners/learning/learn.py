@@ -41,7 +41,7 @@ def validate(job: Job[LearnConfig]) -> None:
     config = job.config
     check_learnable(config, job.choices)
     if find_spec("torch") is None:
-        raise InputError(f"lme learn needs torch: {install('torch')}")
+        raise InputError(f"needs torch: {install('torch')}")
     from runners.learning.run import device_of
 
     device_of(config.device)
