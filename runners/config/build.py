@@ -38,19 +38,29 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
     if not isinstance(config.map, Mapping):
         raise InputError(f"map is {config.map!r}: must be a map set")
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
-    maps = build(with_robot(node, config.robot), "map")
+    maps = _checked("map", build(with_robot(node, config.robot), "map"), "numbers", "task")
     return cast(MapSet, build(config.crowd, "crowd", maps) if config.crowd else maps)
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
     """Build guide and planner of a config, with its filter, for its robot unless another is given."""
     robot = robot or config.robot
-    planner = build(with_network(config.planner), "planner", robot)
+    planner = _checked("planner", build(with_network(config.planner), "planner", robot), "reset", "plan")
     if config.filter:
         planner = build(config.filter, "filter", planner, robot)
     people = people_source(people_of(config), robot)
-    guide = build(with_network(config.guide, "guide"), "guide", robot)
+    guide = _checked("guide", build(with_network(config.guide, "guide"), "guide", robot), "reset", "guide")
     return Navigator(guide, planner, people=people, feedback=config.feedback, dt=robot.dt)
+
+
+def _checked(key: str, part: Any, *members: str) -> Any:
+    """Return what the config made. Raises InputError if it lacks a member, as a user's own class may."""
+    missing = [name for name in members if not hasattr(part, name)]
+    if missing:
+        raise InputError(
+            f"{key}._target_: {type(part).__name__} has no {missing[0]}; it must have {' and '.join(members)} (docs/adding.md)"
+        )
+    return part
 
 
 def people_of(config: SystemConfig) -> People:

@@ -75,3 +75,15 @@ def test_an_error_of_the_planner_is_shown_where_it_happened_and_ends_its_job_alo
     assert len(re.findall(r"lme eval: bad\.py:\d+: ZeroDivisionError: division by zero \(", said)) == 2
     assert "Traceback" not in said
     assert "HYDRA_FULL_ERROR" not in said
+
+
+@pytest.mark.parametrize("group", ["guide", "planner", "map"])
+def test_a_class_without_its_methods_is_refused_before_it_runs(folder, capsys, says, group):
+    part = "from dataclasses import dataclass\n@dataclass\nclass Config:\n    pass\n"
+    part += "class Bare:\n    Config = Config\n    def __init__(self, config, robot=None):\n        pass\n"
+    (folder / "bad.py").write_text(part)
+    own = folder / "mine" / group
+    own.mkdir(parents=True)
+    (own / "bare.yaml").write_text("_target_: bad.Bare\n")
+    assert main(["eval", "--config-dir", "mine", f"{group}=bare", "tracking=none", "executor=serial"]) == 2
+    says(capsys.readouterr().err)
