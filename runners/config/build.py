@@ -58,7 +58,8 @@ def _checked(key: str, part: Any, *members: str) -> Any:
     missing = [name for name in members if not hasattr(part, name)]
     if missing:
         raise InputError(
-            f"{key}._target_: {type(part).__name__} has no {missing[0]}; it must have {' and '.join(members)} (docs/adding.md)"
+            f"{key}._target_: {type(part).__name__} has no {missing[0]}; it must have {' and '.join(members)} "
+            "(docs/adding.md)"
         )
     return part
 
