@@ -20,7 +20,7 @@ from pathlib import Path
 import lme
 from lme.live.step import LiveState, LiveStep
 from runners.config import build
-from runners.ros.record import LiveRecorder
+from runners.ros.mcap_drives import LiveRecorder
 from tests.composing import jobs_of
 from tests.live_loop import drive_live
 

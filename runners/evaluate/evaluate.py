@@ -114,9 +114,9 @@ def check_report(job: Job[ReportConfig]) -> None:
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
-        from runners.workers import recorder
+        from runners.workers import mcap_episodes
 
-        recorder.check_installed()
+        mcap_episodes.check_installed()
     instantiate.configured(config.tracking, "tracking")
 
 
@@ -183,9 +183,9 @@ def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
     """Return the directory and the config for recordings; None to write none."""
     if not isinstance(config, ReportConfig) or config.record is Record.none:
         return None
-    from runners.workers import recorder
+    from runners.workers import mcap_episodes
 
-    return Recordings(run_dir / recorder.FOLDER, launch_record.identity(config))
+    return Recordings(run_dir / mcap_episodes.FOLDER, launch_record.identity(config))
 
 
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:

@@ -74,7 +74,7 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
 
 def _of_recording(path: Path) -> Session:
     from runners.recordings.bags import Bag
-    from runners.recordings.recorded import episode_of
+    from runners.recordings.own_recordings import episode_of
 
     with Bag(path) as bag:
         episode = episode_of(bag)
@@ -162,7 +162,7 @@ def is_log(path: Path) -> bool:
     """Return whether a path is the log of a drive, not a run or an episode of `lme eval`. Raises InputError."""
     from runners.recordings.bags import Bag
     from runners.recordings.carmen import is_carmen
-    from runners.recordings.recorded import episode_of
+    from runners.recordings.own_recordings import episode_of
 
     if path.suffix == ".mcap":
         with Bag(path) as bag:

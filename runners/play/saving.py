@@ -197,7 +197,7 @@ def _save_gif(session: Session, destination: _Destination, step: int) -> Saved:
 
 def _save_mcap(session: Session, destination: _Destination, step: int) -> Saved:
     """Save the messages of the first lane; in a changed world, they do not claim that lme eval can repeat them."""
-    from runners.workers.recorder import Recorder
+    from runners.workers.mcap_episodes import Recorder
 
     lane, setup, path = session.lanes[0], session.script.setup, destination.free(".mcap")
     # Only an untouched world can be named, and so be driven again.

@@ -21,7 +21,7 @@ from runners.config import build, instantiate
 from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import ReplayConfig
-from runners.recordings import figures, recorded, report
+from runners.recordings import figures, own_recordings, report
 from runners.recordings.bags import Bag
 from runners.recordings.driver import Driver, goal_source, topic_of
 from runners.recordings.recording import CLOCKS, Recording, inspect, open_recording
@@ -70,7 +70,7 @@ def replay(job: Job[ReplayConfig]) -> None:
         raise InputError(f"{run_dir}: already holds a replay: choose another directory")
     with ExitStack() as stack:
         bag = stack.enter_context(open_recording(_path(job.config)))
-        episode = recorded.episode_of(bag) if job.config.as_recorded else None
+        episode = own_recordings.episode_of(bag) if job.config.as_recorded else None
         config = _as_recorded(job, episode)
         tracking = instantiate.build(config.tracking, "tracking")
         tags = {"command": "replay", "bag": bag.path.name}
@@ -89,7 +89,7 @@ def _path(config: ReplayConfig) -> Path:
 def _replay(
     bag: Bag,
     config: ReplayConfig,
-    episode: recorded.RecordedEpisode | None,
+    episode: own_recordings.RecordedEpisode | None,
     run_dir: Path,
     stack: ExitStack,
 ) -> tuple[dict[str, float], list[Path]]:
@@ -141,9 +141,9 @@ def _replay(
 
 
 def _recording(
-    bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
+    bag: Bag, config: ReplayConfig, episode: own_recordings.RecordedEpisode | None
 ) -> tuple[Recording, _Section]:
-    requested = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
+    requested = own_recordings.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
     names = fill_dataclass(BagTopicsConfig, config.topics, "topics")
     if episode is not None and names.command is None:
         names.command = episode.command
@@ -169,7 +169,7 @@ def _warm_up(driver: Driver, recording: Recording, section: _Section) -> None:
             return
 
 
-def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | None) -> ReplayConfig:
+def _as_recorded(job: Job[ReplayConfig], episode: own_recordings.RecordedEpisode | None) -> ReplayConfig:
     """Return the config with the recorded system and seed, if lme made the recording."""
     if episode is None:
         return job.config
@@ -177,7 +177,7 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
     requested = sorted(
         key
         for key in changed_keys
-        if key.partition(".")[0] in (*recorded.GROUPS, "weights", "ablation", "system")
+        if key.partition(".")[0] in (*own_recordings.GROUPS, "weights", "ablation", "system")
     )
     if requested:
         raise InputError(
@@ -185,7 +185,7 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
             "add as_recorded=false to choose others"
         )
     # Take over the system. Where people truly were is not known here: then this config says where they come from.
-    groups = {group: getattr(episode.config, group) for group in recorded.GROUPS}
+    groups = {group: getattr(episode.config, group) for group in own_recordings.GROUPS}
     recorded_people = episode.config.people
     people = job.config.people if recorded_people is People.truth else recorded_people
     return replace(job.config, **groups, people=people, seed=episode.seed)
@@ -194,7 +194,7 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
 def _print_results(
     recording: Recording,
     scan_source: ScanSource,
-    episode: recorded.RecordedEpisode | None,
+    episode: own_recordings.RecordedEpisode | None,
     results: Mapping[str, float],
     run_dir: Path,
 ) -> None:

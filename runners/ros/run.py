@@ -25,13 +25,13 @@ from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import LiveCommandConfig, Record
 from runners.ros import ros1, ros2
+from runners.ros.mcap_drives import LiveRecorder
 from runners.ros.node import Node, NodeConfig
-from runners.ros.record import LiveRecorder
 from runners.ros.simulator import Outcomes, SimulatedRobot
 from runners.ros.topics import LiveTopicsConfig
 from runners.ros.transport import Transport
 from runners.workers.episodes import episode_rng
-from runners.workers.recorder import check_installed as check_mcap
+from runners.workers.mcap_episodes import check_installed as check_mcap
 
 SIMULATOR = "simulator"
 _INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}

@@ -118,7 +118,7 @@ def _recorder(
     """Return the recorder of the episode; a null context if no recordings are written."""
     if recordings is None:
         return nullcontext()
-    from runners.workers.recorder import Recorder, recording_path
+    from runners.workers.mcap_episodes import Recorder, recording_path
 
     metadata = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
     return Recorder(recording_path(recordings.folder, key), metadata, robot)

@@ -243,7 +243,7 @@ def _look_at_bag(folder: Path) -> None:
     """The part of a replay that reads: topics, frames, clock and every message."""
     from lme.live.frames import FramesConfig
     from runners.recordings.bags import Bag
-    from runners.recordings.recorded import episode_of
+    from runners.recordings.own_recordings import episode_of
     from runners.recordings.recording import inspect
     from runners.recordings.topics import BagTopicsConfig, choose, table
 

@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
 def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool) -> None:
     """Explain a recording by `lme eval` or `lme live`, on the terminal or as a page."""
     from lme.errors import InputError
-    from runners.recordings.recorded import retrace
+    from runners.recordings.own_recordings import retrace
     from runners.records.atomic_write import output_path
     from runners.reports.explainer.encode import episode_title
     from runners.reports.explainer.pages import make_folder

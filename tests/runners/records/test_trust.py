@@ -11,7 +11,7 @@ import pytest
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.play.opening import open_episode
-from runners.recordings.recorded import episode_of
+from runners.recordings.own_recordings import episode_of
 from runners.records import trust
 from runners.records.launch_record import LAUNCH, read_launch
 from runners.records.trust import UntrustedError

@@ -25,7 +25,7 @@ from runners.evaluate import evaluate
 from runners.records import launch_record, run_directories
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.workers.episodes import EpisodePayload, Recordings, episode_rng, initialise
-from runners.workers.recorder import TOPICS, Recorder, half_angle, recording_path
+from runners.workers.mcap_episodes import TOPICS, Recorder, half_angle, recording_path
 from tests.builders import CLUTTER, navigator, stage, task
 from tests.composing import jobs_of
 from tests.places import ROOT

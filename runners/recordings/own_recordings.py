@@ -29,7 +29,7 @@ from runners.recordings.bags import EPISODE, Bag, Message
 from runners.records.launch_record import read_launch, recorded_config
 from runners.records.trust import UntrustedError
 from runners.workers.episodes import episode_rng
-from runners.workers.recorder import STATE, TAKEN, WANTED
+from runners.workers.mcap_episodes import STATE, TAKEN, WANTED
 from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd, rerun
 
 GOAL, ODOM, SCAN, SENT = "/goal", "/odom", "/scan", "/cmd_vel"

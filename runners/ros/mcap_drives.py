@@ -12,7 +12,7 @@ from lme.live.driver import LiveDriver
 from lme.live.step import LiveState, LiveStep
 from runners.config.schema import DriveConfig
 from runners.records.launch_record import identity
-from runners.workers.recorder import LATCHED, STATE, TAKEN, TOPICS, WANTED, WHY, DecisionWriter, McapFile
+from runners.workers.mcap_episodes import LATCHED, STATE, TAKEN, TOPICS, WANTED, WHY, DecisionWriter, McapFile
 
 LIVE_TOPICS = {
     **TOPICS,

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from lme.errors import InputError
-from runners.recordings.recorded import episode_of
+from runners.recordings.own_recordings import episode_of
 
 
 @pytest.mark.parametrize("text", ["", "nothing", "[]", "{}", "[" * 900 + "]" * 900, '{"a":' * 100_000])

@@ -22,8 +22,8 @@ from runners.config import build
 from runners.recordings import figures
 from runners.recordings.bags import Bag
 from runners.recordings.map_build import BuildConfig, build_map
-from runners.recordings.recorded import retrace
-from runners.ros.record import LIVE_TOPICS, LiveRecorder
+from runners.recordings.own_recordings import retrace
+from runners.ros.mcap_drives import LIVE_TOPICS, LiveRecorder
 from runners.workers.episodes import episode_rng
 from tests.composing import jobs_of
 from tests.live_loop import drive_live
