@@ -49,7 +49,8 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     try:
         config = composer.compose(groups)
     except COMPOSING:
-        return _not_a_mapping(groups, composer) or InputError(f"{' '.join(job)}: {one_line(str(error))}")
+        mistake = _not_a_mapping(groups, composer) if "Invalid loaded object" in str(error) else None
+        return mistake or InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _find_mistake(override, config, composer)
         if mistake:
