@@ -10,7 +10,6 @@ machine went down. This module has such a kernel compiled and stored anew.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import os
 import shutil
 import sys
@@ -19,11 +18,11 @@ import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+from lme.after_import import after_import
 
 _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
@@ -40,7 +39,8 @@ def choose(package: Path = _PACKAGE) -> None:
     The folder lies in the one that the variable names, else in `package`, else in the user's cache. Numba reads the
     variable when it is imported, so call this first. Worker processes inherit it.
     """
-    _survive_damage()
+    # A damaged file of the cache is compiled anew, and one that cannot be written is done without.
+    after_import(_NUMBA_CACHING, lambda module: _mend(module.IndexDataCacheFile))
     for base in _candidates(package):
         folder = base / f"{_PREFIX}{_version(package)}"
         with suppress(OSError):
@@ -119,34 +119,6 @@ def _remove_old(base: Path) -> None:
     folders = sorted(base.glob(f"{_PREFIX}*"), key=lambda path: path.stat().st_mtime)
     for old in folders[:-_MAX_VERSIONS]:
         shutil.rmtree(old, ignore_errors=True)
-
-
-def _survive_damage() -> None:
-    """Make Numba recompile a kernel whose cache file is damaged, and carry on if a file cannot be written."""
-    if _NUMBA_CACHING in sys.modules:
-        _mend(sys.modules[_NUMBA_CACHING].IndexDataCacheFile)
-    elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _Finder())
-
-
-class _Finder(MetaPathFinder):
-    """Import finder that patches Numba's caching module once it is imported; importing it now would take a second."""
-
-    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """Return the spec of Numba's caching module, whose loader also patches it; None for any other module."""
-        if name != _NUMBA_CACHING:
-            return None
-        sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(name)
-        if spec is not None and spec.loader is not None:
-            execute = spec.loader.exec_module
-
-            def execute_and_mend(module: Any) -> None:
-                execute(module)
-                _mend(module.IndexDataCacheFile)
-
-            spec.loader.exec_module = execute_and_mend  # type: ignore[method-assign]
-        return spec
 
 
 def _mend(files: Any) -> None:

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from importlib.machinery import ModuleSpec
-from types import ModuleType
-from typing import Any
-
+from lme.after_import import after_import
 from lme.inputs.resources import resource_dir
 
 NAMESPACE = "lme"
-_GYMNASIUM = "gymnasium"
 
 # Robot that drives in a map set unless another is chosen, where that is not a Jackal.
 _ROBOTS = {
@@ -36,29 +30,7 @@ def register_with_gymnasium() -> None:
 
     `gym.make("lme:lme/Barn-v0")` imports `lme`, but does not run it again if it has been imported before.
     """
-    if sys.modules.get(_GYMNASIUM):
-        _register()
-    else:
-        sys.meta_path.insert(0, _Watcher())
-
-
-class _Watcher:
-    """Import hook that waits for Gymnasium and leaves the loading itself to the usual loader."""
-
-    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        if name != _GYMNASIUM:
-            return None
-        sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(name)
-        if spec is not None and spec.loader is not None:
-            load = spec.loader.exec_module
-
-            def load_and_register(module: ModuleType) -> None:
-                load(module)
-                _register()
-
-            spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
-        return spec
+    after_import("gymnasium", lambda _: _register())
 
 
 def _register() -> None:
