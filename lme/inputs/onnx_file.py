@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ Shape = tuple[int, ...]
 NETWORK_BYTES = 2**28  # greatest size of a file; the largest published network has 11 MB
 # Metadata of lme's own files: which network, and what it was trained for.
 KIND, TRAINED = "network", "trained"
+_ROUNDING = 1e-4  # of a bound, which a file holds as float32
 _SILENT = 4  # log level of onnxruntime, whose errors contain what it logs
 _FLOAT = "tensor(float)"
 # Messages of onnxruntime about files that it cannot load, and what to do about them.
@@ -173,6 +175,17 @@ def onnx_content(path: Path, source: str) -> bytes:
             f"{source}: its weights are in another file: export all into one, with external_data=False"
         )
     return content
+
+
+def warn_if_untrained(said: Sequence[str], values: Floats, trained: Floats, network: str) -> None:
+    """Warn of each value for which a network was not trained.
+
+    said: what to call each value, such as "robot has v_max". values: (K,). trained: (K, 2), lowest and highest values.
+    """
+    for name, value, (low, high) in zip(said, values, trained, strict=True):
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
+            span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
+            warnings.warn(f"{name} {value:g}: this {network} network was trained for {span}", stacklevel=4)
 
 
 def _trained(network: OnnxNetwork, shape: Shape | None) -> Floats:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +22,7 @@ from lme.guides.learned_subgoal.network import (
     draw,
 )
 from lme.guides.lme.maintenance import carried
-from lme.inputs.onnx_file import SignedNetwork
+from lme.inputs.onnx_file import SignedNetwork, warn_if_untrained
 from lme.inputs.resources import resource_dir
 from lme.perception.dead_reckoning import DeadReckoning
 from lme.perception.scan_points import obstacle_points
@@ -35,7 +34,6 @@ REACH = 5.0  # [m] farther returns count as this far
 _TARGET = 10.0  # [m] farther targets count as this far
 _LIMITS = (2.0, 4.0, 20.0, 25.0)  # limits of a robot that are 1 for the network: Jackal's
 _EDGE = 1e-6  # [rad] a bearing on the edge of the field of view is in it, whatever the rounding
-_ROUNDING = 1e-4  # of a bound, which a file holds as float32
 
 
 @dataclass(slots=True)
@@ -67,7 +65,8 @@ class LearnedSubgoal:
         self._network = SignedNetwork(shipped if config.weights is None else Path(config.weights), SIGNATURE)
         self._interface = SubgoalInterface(config, robot)
         self._left = 0
-        warn_if_untrained(robot, self._network.trained)
+        said = [f"robot has {key}" for key in REPORTED]
+        warn_if_untrained(said, reported_values(robot), self._network.trained, "subgoal")
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` draws the candidates."""
@@ -182,16 +181,3 @@ def reported_values(robot: Robot) -> Floats:
     """Values of `REPORTED` for a robot: (6,)."""
     half_length, half_width, rounding = robot.footprint.box
     return np.array([*robot.limits.bounds, 2 * (half_length + rounding), 2 * (half_width + rounding)])
-
-
-def warn_if_untrained(robot: Robot, trained: Floats) -> None:
-    """Warn if the network was not trained for such a robot.
-
-    trained: (6, 2), lowest and highest values of `REPORTED`.
-    """
-    for key, value, (low, high) in zip(REPORTED, reported_values(robot), trained, strict=True):
-        if not low - _ROUNDING <= value <= high + _ROUNDING:
-            span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
-            warnings.warn(
-                f"robot has {key} {value:g}: this subgoal network was trained for {span}", stacklevel=4
-            )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import config_key, require
-from lme.inputs.onnx_file import SignedNetwork
+from lme.inputs.onnx_file import SignedNetwork, warn_if_untrained
 from lme.inputs.resources import resource_dir
 from lme.planners.commands import limited
 from lme.planners.dclp.observation import nearest_by_direction
@@ -19,7 +18,6 @@ from lme.planners.dclp.weights import COMPONENTS, DIRECTION_INPUTS, DIRECTIONS, 
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
-_ROUNDING = 1e-4  # of a bound, which a file holds as float32
 SHIPPED = "dclp_jackal.onnx"  # in conf/network/; lme learn made it
 
 
@@ -153,20 +151,6 @@ def reported_values(reported: ReportedLimits) -> Floats:
     return np.array([_number(getattr(reported, key)) for key in REPORTED])
 
 
-def warn_if_untrained(reported: ReportedLimits, trained: Floats) -> None:
-    """Warn if the network was not trained for a robot as described to it.
-
-    trained: (7, 2), lowest and highest values of `REPORTED`.
-    """
-    for key, value, (low, high) in zip(REPORTED, reported_values(reported), trained, strict=True):
-        if not low - _ROUNDING <= value <= high + _ROUNDING:
-            span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
-            warnings.warn(
-                f"{config_key(f'reported_limits.{key}')} is {value:g}: this DCLP network was trained for {span}",
-                stacklevel=4,
-            )
-
-
 class Mixture(NamedTuple):
     """Gaussian components of the action. logits: (4,); means: (4, 2) in (−1, 1), of v and ω."""
 
@@ -201,7 +185,9 @@ class Dclp:
         self._network = SignedNetwork(shipped if config.weights is None else Path(config.weights), SIGNATURE)
         self.interface = DclpInterface(config, robot)
         self.seen: DclpFeatures | None = None  # inputs of the network at the last step
-        warn_if_untrained(self.interface.reported_limits, self._network.trained)
+        said = [f"{config_key(f'reported_limits.{key}')} is" for key in REPORTED]
+        reported = reported_values(self.interface.reported_limits)
+        warn_if_untrained(said, reported, self._network.trained, "DCLP")
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode with the generator that draws the mixture's components."""
