@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import argument_error, require
+from lme.geometry.polyline import evenly_spaced
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.rules import PacedRules, check_chosen
@@ -131,7 +132,7 @@ def crossing(rng: np.random.Generator, bends: int) -> Floats:
         along = end - start
         curve = start + part * along + offset[:, None] * np.array([-along[1], along[0]])
         if np.abs(curve).max() <= _FURTHEST:
-            return _evenly(curve)
+            return evenly_spaced(curve, _STEP_M)
 
 
 def _border_place(rng: np.random.Generator) -> Floats:
@@ -144,13 +145,6 @@ def _there_and_back(rng: np.random.Generator, curve: Floats) -> Floats:
     """Draw a round trip on a curve (P, 2), which begins at a random waypoint."""
     ring = np.vstack([curve, curve[-2:0:-1]])
     return np.roll(ring, int(rng.integers(len(ring))), axis=0)
-
-
-def _evenly(curve: Floats) -> Floats:
-    """(P, 2) points at equal distances along a polyline (K, 2), at most _STEP_M apart."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
-    samples = np.linspace(0.0, along[-1], math.ceil(along[-1] / _STEP_M) + 1)
-    return np.column_stack([np.interp(samples, along, curve[:, axis]) for axis in (0, 1)])
 
 
 def _walls() -> tuple[Floats, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from lme.errors import argument_error, require
 from lme.geometry.fan import fan_blocked
 from lme.geometry.frames import to_robot, to_world
+from lme.geometry.polyline import evenly_spaced
 from lme.grids.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING
 from lme.guides.global_path.kernels import departs, nearest_passable, search, straighten, trace
 from lme.mapping.costmap import Costmap, CostmapConfig, ends_of, stamp
@@ -152,7 +153,7 @@ class GlobalPath:
         target = to_world(observation.target, observation.odometry)
         corners = self._corners(costmap, robot, target)
         line = np.vstack([robot, target]) if corners is None else corners
-        points = _spaced(line)
+        points = evenly_spaced(line, _SPACING_M)
         return _Route(points, corners is not None, costmap.forbidden(points))
 
     def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
@@ -247,10 +248,3 @@ class GlobalPlanner(GlobalPath):
             self._stamps[radius] = stamp(inflated, self._r_min)
         costmap.stamp = self._stamps[radius]
         return costmap
-
-
-def _spaced(corners: Floats) -> Floats:
-    """Evenly spaced points (K, 2), K ≥ 2, at most `_SPACING_M` apart along a polyline (C, 2), ends included."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    samples = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SPACING_M) + 1))
-    return np.column_stack([np.interp(samples, along, corners[:, k]) for k in (0, 1)])

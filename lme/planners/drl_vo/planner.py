@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import argument_error, config_key, require
+from lme.geometry.polyline import exit_point
 from lme.inputs.onnx_file import SignedNetwork
 from lme.planners.commands import limited
 from lme.planners.drl_vo.observation import Sweeps, free_ahead, image_of
 from lme.planners.drl_vo.weights import REPORTED, SIGNATURE
-from lme.planners.polyline import exit_point
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -10,10 +10,10 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.collision import sweep
 from lme.geometry.frames import to_robot, to_world
+from lme.geometry.polyline import exit_point, project, stretch
 from lme.perception.scan_points import obstacle_points
 from lme.planners.commands import approach, limited, until_rest
 from lme.planners.eband.kernels import bubble_radii, covered, hidden, mend, relax
-from lme.planners.polyline import exit_point, project, stretch
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import to_world
+from lme.geometry.polyline import stretch
 from lme.grids.obstacle_grid import HIGHEST
 from lme.mapping.costmap import LocalCostmap, LocalCostmapConfig
 from lme.planners.commands import limited
@@ -22,7 +23,6 @@ from lme.planners.mppi.kernels import (
     rollout,
     smooth,
 )
-from lme.planners.polyline import stretch
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 

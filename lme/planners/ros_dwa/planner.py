@@ -10,9 +10,9 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import to_world, wrap_angle
+from lme.geometry.polyline import stretch
 from lme.mapping.costmap import LocalCostmap
 from lme.planners.commands import limited
-from lme.planners.polyline import stretch
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig, TrajectorySearch
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose, Twist

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from lme.geometry.frames import to_world
+from lme.geometry.polyline import stretch
 from lme.grids.obstacle_grid import TOUCHING
 from lme.mapping.costmap import LocalCostmap
 from lme.planners.commands import limited
-from lme.planners.polyline import stretch
 from lme.planners.teb.band import LocalPath, TebConfig, TimedBand
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose, Twist

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.geometry.frames import to_robot, to_world
+from lme.geometry.polyline import project, stretch
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
 from lme.planners.eband.planner import EBand, _thinned
-from lme.planners.polyline import project, stretch
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Observation, Outcome, Pose, Twist
 from lme.worlds.world import World

@@ -80,3 +80,10 @@ def exit_point(line: Floats, radius: float) -> tuple[float, float, float]:
             part = (root - half) / square
             x, y, has_left = line[i, 0] + part * ex, line[i, 1] + part * ey, True
     return x, y, length
+
+
+def evenly_spaced(line: Floats, spacing: float) -> Floats:
+    """Points (P, 2), P ≥ 2, at equal distances of at most `spacing` [m] along the polyline (K, 2), ends included."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    samples = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing) + 1))
+    return np.column_stack([np.interp(samples, along, line[:, axis]) for axis in (0, 1)])

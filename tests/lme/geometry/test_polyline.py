@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.planners.polyline import exit_point, project, stretch
+from lme.geometry.polyline import evenly_spaced, exit_point, project, stretch
 from tests.tolerances import KERNEL
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -49,3 +49,18 @@ def _grazes(places, centre, radius):
     """The line only just leaves the disc, or comes back into it, between two samples."""
     gaps = np.hypot(*(places - centre).T) - radius
     return bool((np.abs(gaps) < 1e-2).any())
+
+
+@given(SEEDS)
+def test_evenly_spaced_points_keep_the_ends_and_the_spacing(seed):
+    rng = np.random.default_rng(seed)
+    line = rng.uniform(-2, 2, (int(rng.integers(2, 6)), 2))
+    points = evenly_spaced(line, 0.1)
+    np.testing.assert_allclose(points[[0, -1]], line[[0, -1]], rtol=0, atol=KERNEL)
+    assert np.hypot(*np.diff(points, axis=0).T).max() <= 0.1 + KERNEL
+    assert len(points) == math.ceil(np.hypot(*np.diff(line, axis=0).T).sum() / 0.1 - KERNEL) + 1
+    assert np.abs([project(line, x, y)[1] for x, y in points]).max() <= KERNEL
+
+
+def test_a_line_without_length_has_both_ends():
+    np.testing.assert_array_equal(evenly_spaced(np.ones((2, 2)), 0.1), np.ones((2, 2)))
