@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 from runners.play.message_handler import MessageHandler, Reply
-from runners.reports.explainer.write import asset
+from runners.reports.explainer.write import SCRIPTS, asset
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -41,21 +41,9 @@ _HEADERS = {
     "Cache-Control": "no-store",
 }
 ASSETS = Path(__file__).parent / "assets"
-SHARED = (  # of the explainer page, in this order: each may use those before it
-    "data.js",
-    "score.js",
-    "colours.js",
-    "theme.js",
-    "format.js",
-    "meanings.js",
-    "camera.js",
-    "marks.js",
-    "ground.js",
-    "scene.js",
-    "bars.js",
-    "legend.js",
-    "words.js",
-)
+# The scripts of the explainer page, in its order, but those for a whole episode that is over
+_OF_EPISODES = ("pointer.js", "timeline.js", "parameters.js", "playback.js", "keyboard.js", "main.js")
+SHARED = tuple(script for script in SCRIPTS if script not in _OF_EPISODES)
 OWN = (
     "live.js",
     "connection.js",
