@@ -43,14 +43,14 @@ CHANGES = (
     "sim.even_ramp=true",
     "sim.max_step=0.0125",
     "robot.alpha_v=5 robot.alpha_omega=20",
-    "robot=jackal_slow",
+    "robot.alpha_v=3 robot.alpha_omega=15",
     "planner.alpha_v=3",
     "planner.alpha_v=5",
     "planner.alpha_v=5 planner.alpha_omega=20",
     "robot.lidar.range_max=10",
     "robot.lidar.noise_std=0",
     "robot.collision_radius=0.3",
-    "robot=jackal_wheels",
+    "robot.footprint.length=0.458 robot.footprint.width=0.416",
 )
 SEEDS = (0, 1, 2)
 BASELINES = {  # the file whose values are changed, and the overrides of its run

@@ -79,7 +79,7 @@ def _last_that_stops(trace: Trace) -> tuple[TracedStep, StoppingState, StoppingC
     """The last step from whose state the robot could stop, that state, and a check with its commands under way."""
     robot, sim = trace.robot, trace.config.sim
     delays = sim.get("latency", 0.0), sim.get("lag", 0.0)
-    decision, check = None, StoppingCheck(robot.collision_footprint, robot.dt, *delays)
+    decision, check = None, StoppingCheck(robot.footprint, robot.dt, *delays)
     blind = BlindArc(robot.lidar.mount, _REACH)
     for step in trace.steps:
         points = step.guidance.points
@@ -97,7 +97,7 @@ def _last_that_stops(trace: Trace) -> tuple[TracedStep, StoppingState, StoppingC
 def _touched(trace: Trace) -> Floats:
     """The place (2,) of an obstacle that is deepest in the outline at the end, in the world [m]."""
     points = _surfaces(trace, trace.end.pose)
-    half_length, half_width, rounding = map(float, trace.robot.collision_footprint.box)
+    half_length, half_width, rounding = map(float, trace.robot.footprint.box)
     at_robot = to_robot(points, trace.end.pose)
     nearest: Floats = points[clearances(at_robot, (half_length, half_width, rounding)).argmin()]
     return nearest

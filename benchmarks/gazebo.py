@@ -3,7 +3,7 @@
     python -m benchmarks.gazebo [--shared ../shared] [--log FILE[:BLOCK] …] [--runs 2] [--record] [WORD …]
 
 Drives the organisers' stack, `system=move_base`, through the worlds of `official50`, and compares it with its two
-public logs. The words go to `lme eval`: `sim=skid robot=jackal_gazebo` chooses another simulator, and
+public logs. The words go to `lme eval`: `sim=skid cap.v_max=1 cap.omega_max=1.57` chooses another simulator, and
 `system=… map.subset=…` with `--log` another system and its log. Needs the logs' folder, which does not ship.
 """
 

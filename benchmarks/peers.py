@@ -41,7 +41,7 @@ TASK = Barn(load_settings("map/barn", worlds=[200])).task(200)
 CIRCLES = TASK.world.circles
 ROBOT = load_robot("stage")
 BEAMS, RANGE_MAX, DT = ROBOT.lidar.num_beams, ROBOT.lidar.range_max, ROBOT.dt
-RADIUS = ROBOT.collision_footprint.circumscribed_radius
+RADIUS = ROBOT.footprint.circumscribed_radius
 COMMAND = Twist(0.1, 0.5)  # a circle of 0.2 m, without contact
 FOV = 2 * math.pi * (BEAMS - 1) / BEAMS  # from the first beam to the last
 STAGE_S = (100, 1100)  # [s] simulated; the difference is without start and end

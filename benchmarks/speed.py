@@ -29,7 +29,7 @@ from lme.guides.lme.guide import Lme
 from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple
-from lme.robots import Robot
+from lme.robots import Cap, Robot
 from lme.simulation.fast import FastSimulator
 from lme.simulation.simulator import Simulator
 from lme.simulation.skid.simulator import SkidSimulator
@@ -101,9 +101,9 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
 
 def skid_row() -> str:
     """The row of closed-loop steps per second with wheels that slide."""
-    robot = load_robot("jackal_gazebo")
+    robot = load_robot("jackal").capped(Cap(1.0, 1.57))
     simulator = SkidSimulator(load_settings("sim/skid"), robot)
-    return rate_row("`jackal_gazebo`, `sim=skid`", Barn(load_settings("map/barn")), lme_on(robot), simulator)
+    return rate_row("`jackal`, `sim=skid`", Barn(load_settings("map/barn")), lme_on(robot), simulator)
 
 
 def rate_row(name: str, maps: MapSet, navigator: Navigator, simulator: Simulator) -> str:

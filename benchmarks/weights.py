@@ -31,11 +31,18 @@ MAPS = {  # name: robot and map; the number of worlds follows
     "fresh": ("robot=jackal", "map=barn", "map.subset=fresh", "map.fresh_seed=1", "map.count="),
     "fresh_hard": ("robot=jackal", "map=barn", "map.subset=fresh_hard", "map.fresh_seed=1", "map.count="),
     "indoor": ("robot=stage", "map=indoor", "map.building_seed=1", "map.time_limit=240", "map.count="),
-    "lab100": ("robot=jackal_gazebo", "map=barn"),
+    "lab100": ("robot=jackal", "map=barn"),
     "env1_go2": ("+robot=go2", "map=env1", "map.configurations="),
     "indoor_go2": ("+robot=go2", "map=indoor", "map.building_seed=1", "map.time_limit=240", "map.count="),
 }
-DRIVEN_WITH = ("system", "guide", "planner", "sim")  # keys of the words that are for training and evaluation
+DRIVEN_WITH = (
+    "system",
+    "guide",
+    "planner",
+    "sim",
+    "cap.v_max",
+    "cap.omega_max",
+)  # keys of the words that are for training and evaluation
 
 
 def main() -> None:

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from lme.types import Twist as Twist
     from lme.worlds.barn import Barn as Barn
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _MODULES = {
     "Barn": "lme.worlds.barn",

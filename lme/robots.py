@@ -18,69 +18,6 @@ _MOST_BEAMS = 100_000  # of a lidar
 
 
 @dataclass(slots=True)
-class Controller:
-    """The wheels' velocity controller. Wheel speeds follow v and ω, which ramp to the command."""
-
-    v_max: float  # [m/s]
-    omega_max: float  # [rad/s]
-    alpha_v: float  # [m/s²]
-    alpha_omega: float  # [rad/s²]
-    separation_multiplier: float = 1.0  # [-] the track that the controller assumes / the real one
-    timeout: float = 0.25  # [s] without a command, after which the wheels stop
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            require(field.name, getattr(self, field.name), above=0.0)
-        check_fields(self)
-
-
-@dataclass(slots=True)
-class Drivetrain:
-    """Four wheels on a floor, or two on one axle, and the body that they carry."""
-
-    mass: float  # [kg] of the whole robot
-    inertia: float  # [kg m²] of the whole robot, about the vertical through its centre of mass
-    track: float  # [m] between the middles of left and right wheels
-    wheel_radius: float  # [m]
-    friction: float  # [-] coefficient between wheel and floor
-    controller: Controller
-    wheel_base: float = 0.0  # [m] between the axles; 0: two wheels, and casters that bear no load
-    wheel_width: float = 0.0  # [m]
-    com_x: float = 0.0  # [m] centre of mass ahead of the middle of the wheels
-    com_height: float = 0.0  # [m] over the floor
-
-    def __post_init__(self) -> None:
-        for key in ("mass", "inertia", "track", "wheel_radius", "friction"):
-            require(key, getattr(self, key), above=0.0)
-        for key in ("wheel_base", "wheel_width", "com_height"):
-            require(key, getattr(self, key), at_least=0.0)
-        if not abs(self.com_x) <= self.wheel_base / 2:
-            raise argument_error(
-                f"com_x is {self.com_x:g} m: must lie between the axles, within ±{self.wheel_base / 2:g}"
-            )
-        check_fields(self)
-
-
-@dataclass(slots=True)
-class Response:
-    """Ground velocity of a real robot: after a delay it ramps to a share of the command."""
-
-    gain_v: float  # [-] v over ground per v of the command
-    gain_omega: float  # [-]
-    delay_v: float  # [s]
-    delay_omega: float  # [s]
-    alpha_v: float  # [m/s²] over ground
-    alpha_omega: float  # [rad/s²]
-
-    def __post_init__(self) -> None:
-        for key in ("gain_v", "gain_omega", "alpha_v", "alpha_omega"):
-            require(key, getattr(self, key), above=0.0)
-        for key in ("delay_v", "delay_omega"):
-            require(key, getattr(self, key), at_least=0.0)
-        check_fields(self)
-
-
-@dataclass(slots=True)
 class Footprint:
     """The robot's outline from above, centred on the base frame: a disc or a rectangle."""
 
@@ -133,6 +70,92 @@ class Footprint:
 
 
 @dataclass(slots=True)
+class Controller:
+    """The wheels' velocity controller. Wheel speeds follow v and ω, which ramp to the command."""
+
+    v_max: float  # [m/s]
+    omega_max: float  # [rad/s]
+    alpha_v: float  # [m/s²]
+    alpha_omega: float  # [rad/s²]
+    separation_multiplier: float = 1.0  # [-] the track that the controller assumes / the real one
+    timeout: float = 0.25  # [s] without a command, after which the wheels stop
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            require(field.name, getattr(self, field.name), above=0.0)
+        check_fields(self)
+
+
+@dataclass(slots=True)
+class Drivetrain:
+    """Four wheels on a floor, or two on one axle, and the body that they carry.
+
+    contact: outline that collides, if it is not the footprint that the robot is given, for instance since the wheels
+    stand out; None: the footprint.
+    """
+
+    mass: float  # [kg] of the whole robot
+    inertia: float  # [kg m²] of the whole robot, about the vertical through its centre of mass
+    track: float  # [m] between the middles of left and right wheels
+    wheel_radius: float  # [m]
+    friction: float  # [-] coefficient between wheel and floor
+    controller: Controller
+    wheel_base: float = 0.0  # [m] between the axles; 0: two wheels, and casters that bear no load
+    wheel_width: float = 0.0  # [m]
+    com_x: float = 0.0  # [m] centre of mass ahead of the middle of the wheels
+    com_height: float = 0.0  # [m] over the floor
+    contact: Footprint | None = None
+
+    def __post_init__(self) -> None:
+        for key in ("mass", "inertia", "track", "wheel_radius", "friction"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("wheel_base", "wheel_width", "com_height"):
+            require(key, getattr(self, key), at_least=0.0)
+        if not abs(self.com_x) <= self.wheel_base / 2:
+            raise argument_error(
+                f"com_x is {self.com_x:g} m: must lie between the axles, within ±{self.wheel_base / 2:g}"
+            )
+        check_fields(self)
+
+
+@dataclass(slots=True)
+class Response:
+    """Ground velocity of a real robot: after a delay it ramps to a share of the command."""
+
+    gain_v: float  # [-] v over ground per v of the command
+    gain_omega: float  # [-]
+    delay_v: float  # [s]
+    delay_omega: float  # [s]
+    alpha_v: float  # [m/s²] over ground
+    alpha_omega: float  # [rad/s²]
+
+    def __post_init__(self) -> None:
+        for key in ("gain_v", "gain_omega", "alpha_v", "alpha_omega"):
+            require(key, getattr(self, key), above=0.0)
+        for key in ("delay_v", "delay_omega"):
+            require(key, getattr(self, key), at_least=0.0)
+        check_fields(self)
+
+
+@dataclass(slots=True)
+class Cap:
+    """Highest speeds that a system commands, where the robot's limits are higher; None: the robot's limits."""
+
+    v_max: float | None = None  # [m/s]
+    omega_max: float | None = None  # [rad/s]
+
+    def __post_init__(self) -> None:
+        for key in ("v_max", "omega_max"):
+            if getattr(self, key) is not None:
+                require(key, getattr(self, key), above=0.0)
+
+    def of(self, limits: Limits) -> Limits:
+        """Return the limits, lowered to this cap."""
+        v_max, omega_max = (math.inf if value is None else value for value in (self.v_max, self.omega_max))
+        return limits._replace(v_max=min(limits.v_max, v_max), omega_max=min(limits.omega_max, omega_max))
+
+
+@dataclass(slots=True)
 class Cloud:
     """A level 3D lidar, in simulation a Livox Mid-360. The scan consists of the points within a range of heights.
 
@@ -150,11 +173,6 @@ class Cloud:
         require("max_height", self.max_height, above=self.min_height)
         require("duration", self.duration, above=0.0)
         check_fields(self)
-
-
-@dataclass(slots=True)
-class Contact(Footprint):
-    """The outline that collides, if it is not the footprint that the robot plans with."""
 
 
 @dataclass(slots=True)
@@ -238,7 +256,6 @@ class Robot:
     control_rate: float  # [Hz]
     lidar: Lidar
     collision_radius: float | None = None  # [m], LME's r; None: the circumscribed radius of the footprint
-    contact: Contact | None = None  # what collides; None: the footprint
     drivetrain: Drivetrain | None = None  # for sim=skid
     response: Response | None = None  # for sim=skid, in place of a drivetrain
     v_min: float | None = None  # [m/s], at most 0: it backs up no faster; None: −v_max
@@ -263,19 +280,18 @@ class Robot:
         if self.drivetrain is not None and self.response is not None:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
-        outlines = (self.footprint, self.contact)  # a config is typed only once it is built
-        reach = max(outline.circumscribed_radius for outline in outlines if isinstance(outline, Footprint))
-        check_mount("lidar", self.lidar.x, self.lidar.y, reach)
-
-    @property
-    def collision_footprint(self) -> Footprint:
-        """The outline that collides."""
-        return self.footprint if self.contact is None else self.contact
+        if isinstance(self.footprint, Footprint):  # a config is typed only once it is built
+            check_mount("lidar", self.lidar.x, self.lidar.y, self.footprint.circumscribed_radius)
 
     @property
     def limits(self) -> Limits:
         v_min = -math.inf if self.v_min is None else self.v_min
         return Limits(self.v_max, self.omega_max, self.alpha_v, self.alpha_omega, v_min)
+
+    def capped(self, cap: Cap) -> Robot:
+        """Return the robot as a system with this cap on its commands sees it."""
+        limits = cap.of(self.limits)
+        return replace(self, v_max=limits.v_max, omega_max=limits.omega_max)
 
     @property
     def dt(self) -> float:

@@ -12,7 +12,7 @@ from lme.guides.lme.guide import PAPER_CRITERIA, Lme, LocalMinimumEscaper
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple
-from lme.robots import Footprint, Lidar, Robot
+from lme.robots import Cap, Footprint, Lidar, Robot
 from lme.simulation.fast import FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
@@ -61,9 +61,8 @@ def shipped(name):
 
 
 ROBOTS = tuple(catalogue.shipped().options("robot"))
-SHIPPED = tuple(
-    name for name in ROBOTS if shipped(name).contact is None
-)  # those that know what of them collides
+CAP = Cap(v_max=1.0, omega_max=1.57)  # of sim=gazebo [m/s, rad/s]
+WHEELS = Footprint(length=0.458, width=0.416)  # the outline of Jackal that collides in sim=skid
 
 
 def without_errors(robot):

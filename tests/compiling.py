@@ -49,7 +49,7 @@ def compile_together(folder: Path) -> None:
 
 
 def _drive(name: str, parts: dict[str, str]) -> None:
-    robot = shipped("jackal_gazebo" if name == "skid" else "jackal")
+    robot = shipped("jackal")
     simulator_class, config = load_simulator("skid" if name == "skid" else "fast")
     simulator = simulator_class(config, robot)
     navigator = lme.load_system("simple", robot, **parts)

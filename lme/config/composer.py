@@ -147,6 +147,9 @@ def register_resolvers() -> None:
 
     OmegaConf.register_new_resolver("parameters", _parameters, replace=True)
     OmegaConf.register_new_resolver("given", _given, replace=True)
+    OmegaConf.register_new_resolver("when", _when, replace=True)
+    OmegaConf.register_new_resolver("start_on", _start_on, replace=True)
+    OmegaConf.register_new_resolver("usual_sim", _usual_sim, replace=True)
 
 
 def _parameters(*, _root_: Any, _parent_: Any) -> dict[str, float]:
@@ -164,6 +167,26 @@ def _given(key: str, default: Any, *, _root_: Any) -> Any:
 
     value = OmegaConf.select(_root_, key)
     return default if value is None else value
+
+
+def _when(key: str, value: Any, *, _root_: Any) -> Any:
+    """Resolve to the value if a key of the whole config is true, else to null."""
+    from omegaconf import OmegaConf
+
+    return value if OmegaConf.select(_root_, key) else None
+
+
+def _start_on(subset: str, default: Any, *, _root_: Any) -> Any:
+    """Resolve to the start that the simulator has for a subset of BARN; to the default if it has none."""
+    from omegaconf import OmegaConf
+
+    start = OmegaConf.select(_root_, f"sim.{subset}_start")
+    return default if start is None else start
+
+
+def _usual_sim(map_set: str, robot: str) -> str:
+    """Return the simulator of `lme eval` if none is named: BARN's own for BARN's robot, else the fast one."""
+    return "gazebo" if (map_set, robot) == ("barn", "jackal") else "fast"
 
 
 def _composed(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,11 @@ from lme.guides.lme.weight_files import PUBLISHED, with_network
 from lme.inputs.resources import overlaid
 from lme.navigation.navigator import Navigator
 from lme.perception.people.source import people_source
-from lme.robots import Robot
+from lme.robots import Cap, Robot
 from lme.types import Guide, Planner
 
 _PARTS = ("guide", "planner", "filter")
+_CAPS = [each.name for each in fields(Cap)]
 _GROUPS = (*_PARTS, "ablation")
 
 
@@ -29,6 +30,7 @@ def load_system(
     goal_tolerance: float = 0.0,
     people: str = "truth",
     feedback: str = "OPEN_LOOP",
+    cap: Mapping[str, float] | None = None,
     **changes: Any,
 ) -> Navigator:
     """The navigator that `lme eval system=NAME` drives with::
@@ -39,7 +41,8 @@ def load_system(
     name: in `conf/system/`. robot: it drives this one. weights: as on the command line; None: the system's own.
     goal_tolerance: the robot stops within this distance of the target [m]. people: "truth": those in the
     observations; "tracked": those found in the scans; "none". feedback: commands ramp from the last command
-    (OPEN_LOOP) or from the measured twist (CLOSED_LOOP). changes: words of the command line, as keywords: `guide`,
+    (OPEN_LOOP) or from the measured twist (CLOSED_LOOP). cap: highest speeds of its commands, as `{"v_max": 1.0}` [m/s,
+    rad/s]; None: the system's own, if it has any. changes: words of the command line, as keywords: `guide`,
     `planner` and `filter` by name or by the path of a YAML, `ablation` by name or several in a list, and any key of
     these parts, such as "planner.latency".
 
@@ -63,6 +66,13 @@ def load_system(
         raise InputError(f"weights is {str(weights)!r}: this guide has no parameters; omit it")
 
     # Build the planner within its filter, then the guide.
+    speeds = config.get("cap", {}) if cap is None else cap
+    for key in speeds:
+        if key not in _CAPS:
+            raise InputError(f"cap.{key} is unknown: must be {' or '.join(_CAPS)}")
+    with building("cap"):
+        own_cap = Cap(**speeds)
+    robot = robot.capped(own_cap)
     guide, place = parts["guide"]
     guide_class, guide_config = configured(with_network(guide, "guide"), place, "guide")
     planner, place = parts["planner"]
@@ -83,6 +93,7 @@ def load_system(
         people_source(people, robot),
         feedback,
         robot.dt,
+        own_cap,
     )
 
 
@@ -92,7 +103,7 @@ def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in changes.items():
         part, *rest = key.split(".")
         if part not in _PARTS or not rest:
-            known = [*_GROUPS, "weights", "goal_tolerance", "people", "feedback"]
+            known = [*_GROUPS, "weights", "goal_tolerance", "people", "feedback", "cap"]
             raise InputError(
                 f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}, or a key of guide, "
                 "planner or filter, such as 'planner.latency'"

@@ -139,7 +139,7 @@ class Fleet:
         """Put robot i at the start of its next episode."""
         task, robot = self._episodes.draw(self._rngs[i], world)
         self._copy_world(i, task)
-        hull, bodies, states = robot.collision_footprint, self._bodies, self._states
+        hull, bodies, states = robot.footprint, self._bodies, self._states
         bodies.limits[i], bodies.boxes[i] = robot.limits.bounds, hull.box
         bodies.reaches[i] = hull.circumscribed_radius
         self._slowest[i] = robot.limits.v_min

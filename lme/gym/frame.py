@@ -43,9 +43,9 @@ def frame(
     canvas.line(np.array(trail)[:, :2], TRAIL)
     for x, y in _hits(robot, scan, trail[-1]).tolist():
         canvas.disc(x, y, 0.03, SEEN)
-    canvas.polygon(to_world(robot.collision_footprint.outline(), trail[-1]), ROBOT)
+    canvas.polygon(to_world(robot.footprint.outline(), trail[-1]), ROBOT)
     canvas.line(
-        to_world(np.array([[0.0, 0.0], [robot.collision_footprint.circumscribed_radius, 0.0]]), trail[-1]),
+        to_world(np.array([[0.0, 0.0], [robot.footprint.circumscribed_radius, 0.0]]), trail[-1]),
         HEADING,
     )
     return np.array(canvas.image)

@@ -29,7 +29,7 @@ _AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
 def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
     """Pose and twist of the robot after following a command for `time` [s]."""
     poses, moving = drive(
-        pose, twist, command, robot.limits.bounds, time, _STEP, robot.collision_footprint.circumscribed_radius
+        pose, twist, command, robot.limits.bounds, time, _STEP, robot.footprint.circumscribed_radius
     )
     return Pose(*poses[-1].tolist()), Twist(*moving)
 
@@ -40,7 +40,7 @@ def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Rob
     points: (M, 2) in the frame in which `pose` is given [m]. twist: present twist of the robot.
     """
     state = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
-    return not StoppingCheck(robot.collision_footprint, robot.dt).stops(command, state)
+    return not StoppingCheck(robot.footprint, robot.dt).stops(command, state)
 
 
 class Pilot:

@@ -14,7 +14,7 @@ from lme.guides.lme.explanation import Decision, Explanation
 from lme.inputs.returned import ReturnedError, checked_command, checked_guidance, checked_people
 from lme.perception.dead_reckoning import DeadReckoning, Move
 from lme.perception.people.source import PeopleSource
-from lme.robots import reachable
+from lme.robots import Cap, reachable
 from lme.types import Feedback, Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
@@ -64,7 +64,7 @@ class Navigator:
     people: source of the people in observations; None: observations keep their own. feedback: from where commands
     ramp. dt: control period [s], in which commands, also those of a user's own planner, change no faster than the
     limits of acceleration allow; None: only the limits of velocity are enforced here, and acceleration is left to the
-    planner.
+    planner. cap: lowers the limits that guide and planner see; build them for `robot.capped(cap)`.
     """
 
     def __init__(
@@ -75,6 +75,7 @@ class Navigator:
         people: PeopleSource | None = None,
         feedback: Feedback | str = Feedback.OPEN_LOOP,
         dt: float | None = None,
+        cap: Cap | None = None,
     ) -> None:
         require("goal_tolerance", goal_tolerance, at_least=0.0)
         self._feedback = CommandFeedback(feedback, dt)
@@ -82,6 +83,7 @@ class Navigator:
         self.planner = planner
         self.goal_tolerance = goal_tolerance
         self.people = people
+        self.cap = cap or Cap()
         # Of the last step, with the people whom guide and planner saw.
         self.observation: Observation | None = None
         self.guidance: Guidance | None = None
@@ -122,6 +124,7 @@ class Navigator:
     def _act(self, observation: Observation, time: float | None) -> Twist:
         if self.people is not None:
             observation = checked_people(self.people.seen(observation, time), self.people)
+        observation = observation._replace(limits=self.cap.of(observation.limits))
         observation = self._feedback.completed(observation)
         self.observation = observation
         if math.hypot(*observation.target.tolist()) < self.goal_tolerance:

@@ -49,8 +49,8 @@ class FastSimulator:
         check_height(config.tilt, robot)
         self._robot = robot
         self._box, self._reach, self._dt = (
-            robot.collision_footprint.box,
-            robot.collision_footprint.circumscribed_radius,
+            robot.footprint.box,
+            robot.footprint.circumscribed_radius,
             robot.dt,
         )
         self._config = config
@@ -71,7 +71,7 @@ class FastSimulator:
         self._sensors = Sensors(self._robot, self._config, task, rng)
         self._start = Pose(*map(float, task.start))
         self._rng = rng
-        crowd = Crowd(task.world.movers, task.world, self._robot.collision_footprint.circumscribed_radius)
+        crowd = Crowd(task.world.movers, task.world, self._robot.footprint.circumscribed_radius)
         self._substepper = self._make_substepper(task, crowd, _MasslessBody(self._start))
         if self._substepper:
             self.state = self._substepper.start()
@@ -100,7 +100,7 @@ class FastSimulator:
         """See `lme.simulation.simulator.Changeable`."""
         self._enter(task)
         self._sensors.change(task)
-        crowd = Crowd(task.world.movers, task.world, self._robot.collision_footprint.circumscribed_radius)
+        crowd = Crowd(task.world.movers, task.world, self._robot.footprint.circumscribed_radius)
         if self._substepper is None:
             state = self.state
             body = _MasslessBody(state.pose, state.twist)
@@ -135,7 +135,7 @@ class FastSimulator:
         robot, config = self._robot, self._config
         v_max = (1.0 + config.overshoot_v) * robot.v_max
         omega_max = (1.0 + config.overshoot_omega) * robot.omega_max
-        fastest = v_max + robot.collision_footprint.circumscribed_radius * omega_max + crowd.top_speed
+        fastest = v_max + robot.footprint.circumscribed_radius * omega_max + crowd.top_speed
         return math.ceil(max(fastest * robot.dt / self._config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:

@@ -68,7 +68,7 @@ class PhysicsSimulator:
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
-        crowd = Crowd(task.world.movers, task.world, self._robot.collision_footprint.circumscribed_radius)
+        crowd = Crowd(task.world.movers, task.world, self._robot.footprint.circumscribed_radius)
         self._sensors = Sensors(self._robot, self._config, task, rng)
         start = Pose(*map(float, task.start))
         self._body = body = RigidBody(task.world, start, self._robot, crowd, self._config.grip)
@@ -85,7 +85,7 @@ class PhysicsSimulator:
 
     def change(self, task: Task) -> Observation:
         """See `lme.simulation.simulator.Changeable`."""
-        crowd = Crowd(task.world.movers, task.world, self._robot.collision_footprint.circumscribed_radius)
+        crowd = Crowd(task.world.movers, task.world, self._robot.footprint.circumscribed_radius)
         crowd.go_on(self._substepper.crowd)
         self._sensors.change(task)
         body = RigidBody(task.world, self._body.pose, self._robot, crowd, self._config.grip)
@@ -121,7 +121,7 @@ class RigidBody:
             self._add_mover(mover, pose)
             for mover, pose in zip(world.movers, crowd.poses.tolist(), strict=True)
         ]
-        self._robot = self._add_robot(robot.collision_footprint, start)
+        self._robot = self._add_robot(robot.footprint, start)
         self.pose, self.twist = start, Twist(0.0, 0.0)
         self._space.step(1e-9)  # so that a start in contact is reported at once
 

@@ -46,7 +46,7 @@ class Company:
     """Measures one episode of a simulator: an observer for `lme.navigation.episode.run_episode`."""
 
     def __init__(self, robot: Robot, simulator: Simulator) -> None:
-        self._box = robot.collision_footprint.box
+        self._box = robot.footprint.box
         self._simulator = simulator
         self._state: State | None = None
         self._closest = math.inf

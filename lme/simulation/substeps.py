@@ -150,7 +150,7 @@ class Substepper:
 
     def _check(self) -> tuple[float, bool, bool]:
         """Return clearance [m], contact and arrival. Contact on arrival counts as contact only."""
-        pose, box = self._body.pose, self._robot.collision_footprint.box
+        pose, box = self._body.pose, self._robot.footprint.box
         poses = np.array([pose])
         circles, edges = self._static
         clearance, _ = sweep(poses, box, circles, nearby(self._world, poses, box, edges))

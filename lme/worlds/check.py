@@ -24,7 +24,7 @@ def check_task(task: Task, robot: Robot) -> None:
             f"{subject}: the map set draws a robot for every world, and the robot is {robot.name}: "
             "must be driven with lme eval, or be another map"
         )
-    if footprint_clearance(task.world, robot.collision_footprint, task.start) <= 0.0:
+    if footprint_clearance(task.world, robot.footprint, task.start) <= 0.0:
         raise InputError(
             f"{subject}: robot {robot.name} is in collision at the start {_coordinates(task.start)}: "
             "must be free (move the start, or choose another world)"
@@ -35,10 +35,10 @@ def check_task(task: Task, robot: Robot) -> None:
             f"{subject}: the goal {_coordinates(task.goal)} lies inside an obstacle: "
             "must be free (move the goal, or choose another world)"
         )
-    if clearance < robot.collision_footprint.inscribed_radius:
+    if clearance < robot.footprint.inscribed_radius:
         raise InputError(
             f"{subject}: the goal {_coordinates(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
-            f"{robot.collision_footprint.inscribed_radius:.3g} m, the inner radius of robot {robot.name}"
+            f"{robot.footprint.inscribed_radius:.3g} m, the inner radius of robot {robot.name}"
         )
 
 

@@ -146,7 +146,7 @@ def fair_limit(fastest: float, factor: float = TIME_FACTOR, min_limit: float = L
 
 def with_robot(values: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
     """Return the values of a map set's keys, with those of the robot for a `radius` and a `v_max` of null."""
-    defaults = {"radius": robot.collision_footprint.circumscribed_radius, "v_max": robot.v_max}
+    defaults = {"radius": robot.footprint.circumscribed_radius, "v_max": robot.v_max}
     return {**values, **{key: defaults[key] for key in defaults if key in values and values[key] is None}}
 
 

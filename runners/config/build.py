@@ -44,13 +44,13 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
     """Build guide and planner of a config, with its filter, for its robot unless another is given."""
-    robot = robot or config.robot
+    robot = (robot or config.robot).capped(config.cap)
     planner = _checked("planner", build(with_network(config.planner), "planner", robot), "reset", "plan")
     if config.filter:
         planner = build(config.filter, "filter", planner, robot)
     people = people_source(people_of(config), robot)
     guide = _checked("guide", build(with_network(config.guide, "guide"), "guide", robot), "reset", "guide")
-    return Navigator(guide, planner, people=people, feedback=config.feedback, dt=robot.dt)
+    return Navigator(guide, planner, people=people, feedback=config.feedback, dt=robot.dt, cap=config.cap)
 
 
 def _checked(key: str, part: Any, *members: str) -> Any:

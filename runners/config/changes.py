@@ -14,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from lme.config.composer import SHIPPED
 from lme.errors import InputError
+from lme.inputs.resources import overlaid
 from lme.robots import Robot
 from runners.config import systems
 from runners.config.catalogue import Catalogue
@@ -43,18 +44,20 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     """Return the dotted keys and values of a composed config that differ from the files of its `choices`.
 
     A value that a file interpolates, such as the guide's parameters, counts as changed only if the interpolation is
-    replaced: its source is recorded anyway. A key that an ablation's file sets does not count as changed, whichever
-    group it belongs to. The key of a held-out map is "held_out.NAME.KEY", that of a family "training.NAME.KEY".
+    replaced: its source is recorded anyway. A key that the file of a system or an ablation sets does not count as
+    changed, whichever group it belongs to. The key of a held-out map is "held_out.NAME.KEY", that of a family
+    "training.NAME.KEY".
     """
     changes = {}
-    ablated = systems.ablation_settings(choices.get(systems.ABLATION, ""), catalogue)
+    beside = systems.system_settings(choices.get("system", ""), catalogue)
+    beside = overlaid(beside, systems.ablation_settings(choices.get(systems.ABLATION, ""), catalogue))
     for node, names in _chosen(config, choices):
         given: Any = OmegaConf.select(config, node)
         if not isinstance(given, DictConfig):
             raise InputError(f"{node} is {given!r}: must be a mapping, such as a file in conf/ has")
         if not given:  # such as crowd=none
             continue
-        written = _written(names, {**_of_family(node, config, catalogue), **ablated.get(node, {})}, catalogue)
+        written = _written(names, {**_of_family(node, config, catalogue), **beside.get(node, {})}, catalogue)
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):
             dotted = f"{node}.{key}"
@@ -62,10 +65,19 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
             is_shown = dotted in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
             if not is_shown and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    # Keys outside of these nodes: whom the system sees, from where commands ramp, and the range of a guide's costmap.
+    # Keys outside of these nodes: whom the system sees, from where commands ramp, their cap, and the clocks and range of
+    # costmaps.
     schema: Any = OmegaConf.get_type(config)
     defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
-    changes |= {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
+    usual = {key: str(beside.get(key, default)) for key, default in defaults.items()}
+    changes |= {key: str(config[key]) for key, value in usual.items() if config[key] != value}
+    sim = f"sim/{choices.get('sim', '')}"
+    profile = catalogue.values(sim) if catalogue.has(sim) else {}
+    caps = {**profile.get("cap", {}), **beside.get("cap", {})}
+    changes |= {f"cap.{key}": value for key, value in config.cap.items() if value != caps.get(key)}
+    clocks = profile.get("costmap_clocks", False)
+    if OmegaConf.select(config, "costmap_clocks", default=clocks) != clocks:
+        changes["costmap_clocks"] = config.costmap_clocks
     if OmegaConf.select(config, "costmap_range") is not None and "costmap" in config.guide:
         costmap = config.guide.costmap
         changes |= {f"guide.costmap.{key}": costmap[key] for key in ("obstacle_range", "raytrace_range")}
@@ -148,20 +160,32 @@ def dotted_keys(config: Mapping[str, Any], prefix: str = "") -> set[str]:
     return keys
 
 
-def robots_like(robot: Mapping[str, Any], folders: tuple[Path, ...]) -> list[str]:
-    """Return the robots of the config folders with these values, except for limits that may be higher."""
-    ours = _values(robot)
-    return [name for name, other in _robots(folders).items() if not any(_differing(ours, other, limits=True))]
+def robots_like(
+    robot: Mapping[str, Any], folders: tuple[Path, ...], settings: Mapping[str, Any] | None = None
+) -> list[str]:
+    """Return the robots of the config folders with these values, except for limits that may be higher.
+
+    settings: keys of the robot that its system sets, which do not make it another robot.
+    """
+    ours, set_keys = _values(robot), dict(flatten(settings or {}))
+    return [
+        name
+        for name, other in _robots(folders).items()
+        if not any(_differing(ours, {**other, **set_keys}, limits=True))
+    ]
 
 
-def robot_difference(robot: Mapping[str, Any]) -> str:
+def robot_difference(robot: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> str:
     """Return the first difference of a robot from the shipped one of its name; empty if there is none.
 
-    An example is "robot.v_max is 1, and 0.5 in the shipped stage".
+    settings: keys of the robot that its system sets, which do not count. An example is "robot.v_max is 1, and 0.5 in
+    the shipped stage".
     """
     ours = _values(robot)
     name = ours.get("name")
     shipped = next((one for one in _robots(SHIPPED).values() if one["name"] == name), None)
+    if shipped is not None:
+        shipped = {**shipped, **dict(flatten(settings or {}))}
     key = None if shipped is None else next(_differing(ours, shipped, limits=False), None)
     if shipped is None or key is None:
         return ""

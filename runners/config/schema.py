@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from lme.config.composer import register_resolvers
 from lme.perception.people.source import People
-from lme.robots import Robot
+from lme.robots import Cap, Robot
 from lme.types import Feedback
 
 
@@ -35,7 +35,8 @@ class Explain(StrEnum):
 class SystemConfig:
     """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config.
 
-    filter: filter of the planner's commands; empty for none. feedback: velocity from which commands ramp.
+    filter: filter of the planner's commands; empty for none. feedback: velocity from which commands ramp. cap: highest
+    speeds of the commands.
     """
 
     seed: int
@@ -45,6 +46,7 @@ class SystemConfig:
     planner: dict[str, Any]
     filter: dict[str, Any] = field(default_factory=dict)
     feedback: Feedback = Feedback.OPEN_LOOP
+    cap: Cap = field(default_factory=Cap)
     ablation: dict[str, float] = field(default_factory=dict)
     system: dict[str, Any] = field(default_factory=dict)
 
@@ -95,10 +97,12 @@ class EvalConfig(ReportConfig):
     """Config of `lme eval`. people: source of the people that the system sees. scale: factors on parameters by name.
 
     costmap_range: range [m] to which a guide's costmap marks and clears obstacles; None: the guide's own ranges.
+    costmap_clocks: whether costmaps are rebuilt at rates of their own.
     """
 
     people: People = People.truth
     costmap_range: float | None = None
+    costmap_clocks: bool = False
     scale: dict[str, float] = field(default_factory=dict)
 
 

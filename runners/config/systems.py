@@ -109,6 +109,12 @@ def _system(name: str, folders: tuple[Path, ...]) -> System:
     return System(node["label"], guide, planner, on_map, published)
 
 
+def system_settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
+    """Return what a system sets in the whole config besides its pair. A name without a file sets nothing."""
+    name = f"system/{choice}"
+    return catalogue.option(name).settings if catalogue.has(name) else {}
+
+
 def ablation_settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
     """Return what an ablation, or several joined by +, sets in the whole config. Names without a file set nothing."""
     merged: dict[str, Any] = {}

@@ -117,8 +117,7 @@ def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
         config.crowd,
     ) and former.task.number == number
     return same_map and (
-        config.map.get("radius") is not None
-        or former_config.robot.collision_footprint == config.robot.collision_footprint
+        config.map.get("radius") is not None or former_config.robot.footprint == config.robot.footprint
     )
 
 

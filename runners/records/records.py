@@ -16,8 +16,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from runners.config.catalogue import Catalogue
 from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
 from runners.config.job import scale_in_words
+from runners.config.systems import system_settings
 from runners.records.atomic_write import what_is_full
 from runners.records.episode_record import (
     APPEND_LOG,
@@ -338,8 +340,9 @@ def _likeness(launch: Launch) -> dict[str, str]:
     """
     config, choices = launch.configs[0], launch.choices[0]
     robot, map_set = (node if isinstance(node, dict) else {} for node in map(config.get, ("robot", "map")))
+    settings = system_settings(choices.get("system", ""), Catalogue(launch.folders)).get("robot")
     return {
-        "robot_like": " ".join(robots_like(robot, launch.folders)),
-        "robot_difference": robot_difference(robot),
+        "robot_like": " ".join(robots_like(robot, launch.folders, settings)),
+        "robot_difference": robot_difference(robot, settings),
         "map_like": map_like(map_set, choices.get("map", ""), str(map_set.get("name") or "barn")),
     }

@@ -46,7 +46,7 @@ def too_narrow(config: TrainConfig) -> list[str]:
     return [
         name
         for name, radius in config.training_radius.items()
-        if config.robot.collision_footprint.circumscribed_radius > radius
+        if config.robot.footprint.circumscribed_radius > radius
     ]
 
 
@@ -54,8 +54,7 @@ def _driver(config: TrainConfig, name: str) -> Robot:
     family_robot = config.training_robots.get(name, config.robot)
     return (
         family_robot
-        if family_robot.collision_footprint.circumscribed_radius
-        > config.robot.collision_footprint.circumscribed_radius
+        if family_robot.footprint.circumscribed_radius > config.robot.footprint.circumscribed_radius
         else config.robot
     )
 

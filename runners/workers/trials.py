@@ -170,7 +170,8 @@ def robot_with(robot: Robot, values: Mapping[str, float]) -> Robot:
     if len(limits) == len(values):
         return replace(robot, **limits)  # type: ignore[arg-type]
     footprint = Footprint(length=values["length"], width=values["width"])
-    return replace(robot, **limits, footprint=footprint, contact=None, collision_radius=None)  # type: ignore[arg-type]
+    drivetrain = robot.drivetrain and replace(robot.drivetrain, contact=None)
+    return replace(robot, **limits, footprint=footprint, drivetrain=drivetrain, collision_radius=None)  # type: ignore[arg-type]
 
 
 def ranged_keys(ranges: RobotRanges) -> list[str]:

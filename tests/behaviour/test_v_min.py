@@ -25,7 +25,7 @@ def test_commands_stay_above_it(v_min, expected):
 
 @pytest.mark.parametrize("sim", ["fast", "physics", "skid"])
 def test_simulators_do_not_back_up(sim):
-    robot = replace(lme.load_robot("jackal_gazebo"), v_min=0.0)
+    robot = replace(lme.load_robot("jackal"), v_min=0.0)
     cls, config = load_simulator(sim)
     simulator = cls(config, robot)
     simulator.reset(task(), np.random.default_rng(0))

@@ -18,7 +18,7 @@ from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue, systems
 from runners.config.composer import CUSTOM
-from tests.builders import CLUTTER, SHIPPED, observation, room, shipped, task, without_errors
+from tests.builders import CLUTTER, ROBOTS, observation, room, shipped, task, without_errors
 from tests.networks import drl_vo_file, ipaprec_file, lics_file, network_file, onnx_file, subgoal_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
@@ -44,7 +44,7 @@ NETWORKS = {
 ONNX, RANDOM = "onnx.onnx", "random_"
 TUNED_FOR = {
     "tuned": "jackal",
-    "skid": "jackal_gazebo",
+    "skid": "jackal",
     "barn": "jackal",
     "global": "jackal",
 }  # by the last word
@@ -68,15 +68,15 @@ def cases():
     """Every robot with every guide and planner. The robots take turns."""
     for (i, guide), (j, planner) in itertools.product(enumerate(GUIDES), enumerate(PLANNERS)):
         tuned_for = TUNED_FOR.get(planner.rpartition("_")[2])
-        turn = tuned_for or SHIPPED[(i + j) % len(SHIPPED)]
-        for robot in (tuned_for,) if tuned_for else SHIPPED:
+        turn = tuned_for or ROBOTS[(i + j) % len(ROBOTS)]
+        for robot in (tuned_for,) if tuned_for else ROBOTS:
             slow = robot != turn or not is_usual(guide, planner)
             yield pytest.param(robot, guide, planner, marks=pytest.mark.slow if slow else ())
 
 
 BLIND = ("target", "simple")  # sees no obstacle: Algorithm 3 leaves them to the guide
 # LME+ gives a subgoal even where there is no way, and the simple planner drives to it.
-HEEDLESS = {(robot, "lme_plus", "simple") for robot in ("jackal", "jackal_wheels")}
+HEEDLESS = {(robot, "lme_plus", "simple") for robot in ("jackal", "jackal_real")}
 OFF_LINE_M = dict.fromkeys(
     LME, 1.0
 )  # its subgoals are random, and the best of them lies that far off the line
@@ -145,7 +145,6 @@ def navigator_of(robot, guide, planner):
 def made(robot, guide, planner, margin=0.0):
     """The robot, with a lidar that does not err and its footprint as its hull, and its navigator."""
     machine = without_errors(shipped(robot))
-    machine.contact = None  # planners are judged by the footprint that they believe in
     if margin:
         machine.collision_radius = machine.footprint.circumscribed_radius + margin
     return machine, navigator_of(machine, guide, planner)

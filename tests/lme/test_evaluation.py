@@ -36,10 +36,10 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("into", [None, "kept"])
 def test_the_frame_is_that_of_the_command(folder, into):
-    words = [WORLDS, "sim=skid", "robot=jackal_gazebo"]
+    words = [WORLDS, "sim=skid"]
     assert main.main(["eval", *words, "runs=2", "tracking=none", "hydra.run.dir=command"]) == 0
     there = pd.read_parquet("command/episodes.parquet")
-    keys = {"sim": "skid", "robot": "jackal_gazebo", "runs": 2, "workers": 2}
+    keys = {"sim": "skid", "runs": 2, "workers": 2}
     here = lme.evaluate(WORLDS, **keys, into=into, progress=False)
     pd.testing.assert_frame_equal(here.drop(columns=MEASURED), there.drop(columns=MEASURED), check_exact=True)
     assert list(here.columns) == list(there.columns)

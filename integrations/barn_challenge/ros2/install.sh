@@ -16,7 +16,7 @@ cp "$here/lme_node" "$LME_PREFIX/bin/"
 export NUMBA_CACHE_DIR="$LME_PREFIX/numba" ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
 mkdir -p "$NUMBA_CACHE_DIR"
 cd "$(mktemp -d)"
-challenge=(robot=jackal_challenge topics=jackal_ros2 topics.scan=front/scan)
+challenge=(robot=jackal robot.control_rate=20 robot.footprint.length=0.458 robot.footprint.width=0.416 topics=jackal_ros2 topics.scan=front/scan)
 "$LME_PREFIX/bin/lme" live ros2 "${challenge[@]}" live.use_sim_time=true system=lme_plus people=none &
 trap "kill $!" EXIT
 "$LME_PREFIX/bin/lme" live simulator --ros2 "${challenge[@]}" map=barn map.worlds=[0] map.time_limit=1200 live.goal=action |

@@ -46,7 +46,7 @@ class SafetyFilter:
         self.planner = planner
         self._margin = max(config.margin, TOUCHING)
         self._dt = robot.dt
-        self._check = StoppingCheck(robot.collision_footprint, robot.dt, config.latency, config.lag)
+        self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
         self._mount = robot.lidar.mount
         self._blind = BlindArc(self._mount, _REACH, _CELL)
 

@@ -1,5 +1,5 @@
-"""Simulator of a robot that slips: its wheels slide on the floor, and its odometry drifts."""
+"""Simulators of a robot that slips: its wheels slide on the floor, and its odometry drifts."""
 
-from lme.simulation.skid.simulator import SkidSimulator
+from lme.simulation.skid.simulator import GazeboSimulator, SkidSimulator
 
-__all__ = ["SkidSimulator"]
+__all__ = ["GazeboSimulator", "SkidSimulator"]

@@ -1,17 +1,17 @@
-"""Simulator of a robot that slips: its wheels slide on the floor, and its odometry drifts."""
+"""Simulators of a robot that slips: its wheels slide on the floor, and its odometry drifts."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from lme.errors import InputError, argument_error, require
 from lme.geometry.frames import compose, relative
 from lme.inputs.plausibility import check_fields
-from lme.robots import Drivetrain, Footprint, Response, Robot
+from lme.robots import Cap, Drivetrain, Footprint, Response, Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
 from lme.simulation.gait import GaitResponse, check_height, response_of
@@ -48,13 +48,15 @@ class SkidConfig(Disturbances):
 class SkidSimulator:
     """Base that slips among static and moving obstacles; any contact of the collision footprint ends the episode."""
 
-    Config = SkidConfig
+    Config: ClassVar[type[SkidConfig]] = SkidConfig
 
     def __init__(self, config: SkidConfig, robot: Robot) -> None:
         _check(robot)
         check_height(config.tilt, robot)
         self._robot = robot
         self._config = config
+        contact = robot.drivetrain and robot.drivetrain.contact
+        self._outline = contact or robot.footprint  # what collides
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
@@ -111,9 +113,7 @@ class SkidSimulator:
         """Take over the obstacles, movers and goal of a task."""
         self._task = task
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
-        self._crowd = Crowd(
-            task.world.movers, task.world, self._robot.collision_footprint.circumscribed_radius
-        )
+        self._crowd = Crowd(task.world.movers, task.world, self._outline.circumscribed_radius)
         self._pieces = 1
         if len(self._crowd) or self._config.latency or self._config.has_gait:
             self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
@@ -131,7 +131,7 @@ class SkidSimulator:
 
     def _state(self, poses: Floats, time: float, duration: float) -> State:
         """The state at contact, at arrival or after the last of the poses, which took `duration` [s] from `time`."""
-        box = self._robot.collision_footprint.box
+        box = self._outline.box
         travel, clearance, contact, arrived = until_event(poses, self._task, box, *self.obstacles)
         end = time + duration * len(travel) / len(poses)
         return State(Pose(*travel[-1].tolist()), self._base.twist, end, travel, clearance, contact, arrived)
@@ -162,13 +162,33 @@ class SkidSimulator:
         return Pose(*travel[max(len(travel) - 1 - num_back, 0)].tolist())
 
 
+@dataclass(slots=True)
+class GazeboConfig(SkidConfig):
+    """The skidding Jackal of the BARN Challenge, and what runs beside it in Gazebo.
+
+    costmap_clocks: whether the systems' costmaps are rebuilt at rates of their own. cap: of systems that have none of
+    their own. lab100_start: x, y [m] and yaw [rad] on this subset of BARN. The simulator does not use these three; the configs of
+    systems and maps do.
+    """
+
+    costmap_clocks: bool
+    cap: Cap
+    lab100_start: list[float]
+
+
+class GazeboSimulator(SkidSimulator):
+    """The BARN Challenge's Gazebo; see `conf/sim/gazebo.yaml`."""
+
+    Config = GazeboConfig
+
+
 def _check(robot: Robot) -> None:
     """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
     drivetrain = robot.drivetrain
     if drivetrain is None and robot.response is None:
         raise InputError(
             f"robot.drivetrain is null in robot {robot.name}: sim=skid needs mass, inertia, track, wheel_radius, "
-            "friction and controller there, as conf/robot/jackal_gazebo.yaml has them, or a robot.response"
+            "friction and controller there, as conf/robot/jackal.yaml has them, or a robot.response"
         )
     if drivetrain is not None and robot.dt > drivetrain.controller.timeout:
         timeout = drivetrain.controller.timeout
@@ -209,7 +229,7 @@ class SlidingBase:
         """lag: time constant of the wheels' controller [s]. gait: response that the controller follows."""
         self._gait = gait
         parameters = asdict(drivetrain)
-        controller = parameters.pop("controller")
+        controller, _ = parameters.pop("controller"), parameters.pop("contact")
         multiplier, _ = controller.pop("separation_multiplier"), controller.pop("timeout")
         self._chassis = Chassis(**parameters, separation_multiplier=multiplier, lag=lag)
         self._limits = tuple(controller.values())

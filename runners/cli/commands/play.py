@@ -13,7 +13,7 @@ EXAMPLES = (
     "lme play system=lme,lme_plus map=barn map.worlds=[282]",
     "lme play outputs/eval/RUN 282/1",
     "lme play drive.bag robot=turtlebot2",
-    "lme play robot=jackal_gazebo sim=skid sim.latency=0.1 map=dynabarn",
+    "lme play sim=gazebo sim.latency=0.1 map=dynabarn",
 )
 _STEP = "--step"
 

@@ -13,7 +13,8 @@ from tests.places import ROOT
 RECIPE = ROOT / "integrations" / "barn_challenge" / "ros2"
 INTERFACE = yaml.safe_load((RECIPE / "interface.yaml").read_text())
 JACKAL = (  # the challenge's robot.yaml: a lidar at the front, as clearpath_sensors_description has it
-    "robot=jackal_challenge",
+    "robot=jackal",
+    "robot.control_rate=20",
     "robot.lidar.x=0.12",
     "robot.lidar.num_beams=1080",
     "robot.lidar.range_min=0.06",

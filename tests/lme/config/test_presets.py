@@ -129,7 +129,7 @@ def test_a_map_set_is_what_hydra_makes_of_its_file(path):
         given = OmegaConf.to_container(compose(f"map/{path.stem}").map)
     robot = load_robot("stage")
     if "radius" in given:
-        given["radius"] = robot.collision_footprint.circumscribed_radius
+        given["radius"] = robot.footprint.circumscribed_radius
     expected, made = build(given, "map"), load_map_set(path.stem, None, robot)
     assert type(made) is type(expected)
     assert made.numbers == expected.numbers

@@ -30,7 +30,7 @@ def driven(navigator):
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_system_drives_as_on_the_command_line(name, job_of):
-    expected = driven(build.navigator(job_of(f"system={name}").config))
+    expected = driven(build.navigator(job_of(f"system={name}", "sim=fast").config, ROBOT))
     found = driven(lme.load_system(name, ROBOT))
     np.testing.assert_array_equal(found.trajectory, expected.trajectory)
     assert (found.outcome, found.path_length, found.switches, found.min_clearance) == (
@@ -46,6 +46,7 @@ def test_a_system_drives_as_on_the_command_line(name, job_of):
     [
         (["system=lme", "planner=dwa_tuned"], {"planner": "dwa_tuned"}),
         (["system=lme", "ablation=[no_c_o,no_c_h]"], {"ablation": ["no_c_o", "no_c_h"]}),
+        (["system=lme", "cap.v_max=1", "cap.omega_max=1.5"], {"cap": {"v_max": 1.0, "omega_max": 1.5}}),
         (["system=lme", "weights=skid"], {"weights": "skid"}),
         (
             ["system=lme", "filter=stopping", "filter.margin=0.1"],
@@ -58,7 +59,7 @@ def test_a_system_drives_as_on_the_command_line(name, job_of):
     ],
 )
 def test_changes_are_those_of_the_command_line(words, keywords, job_of):
-    expected = driven(build.navigator(job_of(*words).config))
+    expected = driven(build.navigator(job_of("sim=fast", *words).config))
     np.testing.assert_array_equal(
         driven(lme.load_system("lme", ROBOT, **keywords)).trajectory, expected.trajectory
     )
@@ -77,6 +78,8 @@ def test_changes_are_those_of_the_command_line(words, keywords, job_of):
         ("dwa", {"weights": "published"}),
         ("lme", {"ablation": "no_c_x"}),
         ("lme", {"goal_tolerance": -1.0}),
+        ("lme", {"cap": {"v_max": 0.0}}),
+        ("lme", {"cap": {"v": 1.0}}),
     ],
     ids=str,
 )  # fmt: skip

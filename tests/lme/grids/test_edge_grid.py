@@ -127,7 +127,7 @@ def hall(moving):
         ("stage", FastSimulator, load_settings("sim/fast")),
         ("stage", FastSimulator, load_settings("sim/fast", latency=0.1, slip=0.05)),
         ("go2", FastSimulator, load_settings("sim/fast")),
-        ("jackal_gazebo", SkidSimulator, load_settings("sim/skid")),
+        ("jackal", SkidSimulator, load_settings("sim/skid")),
     ],
 )
 def test_an_episode_is_that_without_a_grid(robot, simulator, config, moving):

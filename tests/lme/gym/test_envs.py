@@ -33,7 +33,7 @@ def drive(env, action=AHEAD, **reset):
     ("env_id", "keywords"),
     [
         ("Barn", {}),
-        ("Barn", {"robot": "jackal_gazebo", "sim": "skid"}),
+        ("Barn", {"sim": "skid"}),
         ("Barn", {"sim_config": {"latency": 0.1, "slip": 0.1, "scan_dropout": 0.1, "goal_noise": 0.1}}),
         ("Env1", {}),
         ("Env2", {"sim": "physics"}),

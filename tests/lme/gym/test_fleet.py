@@ -48,7 +48,7 @@ class Alone:
         numbers = self.map_set.numbers
         self.task = self.map_set.task(numbers[self.rng.integers(len(numbers))])
         robot = self.robot(self.rng) if callable(self.robot) else self.robot
-        self.box = robot.collision_footprint.box
+        self.box = robot.footprint.box
         self.simulator = FastSimulator(self.config, robot)
         seen = self.simulator.reset(self.task, self.rng)
         self.progress, self.steps = Progress(self.task, self.simulator.state), 0
@@ -86,7 +86,7 @@ def assert_sees(views, i, seen, box):
         (HARD, any_robot, load_settings("sim/fast", max_step=0.1)),
         (ROOM, load_robot("stage"), load_settings("sim/fast")),
         (ROOM, any_robot, load_settings("sim/fast", even_ramp=True)),
-        (TRAPS, load_robot("jackal_slow"), load_settings("sim/fast")),
+        (TRAPS, load_robot("turtlebot2"), load_settings("sim/fast")),
         (NEAR, any_robot, load_settings("sim/fast")),
     ],
 )

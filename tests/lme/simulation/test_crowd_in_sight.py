@@ -17,7 +17,7 @@ from lme.types import Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
 from tests import oracles
-from tests.builders import observation, shipped, stage, task
+from tests.builders import CAP, observation, shipped, stage, task
 from tests.tolerances import KERNEL
 
 STAY = Twist(0.0, 0.0)
@@ -49,7 +49,10 @@ def test_without_movers_there_are_no_pedestrians():
     [
         (FastSimulator(load_settings("sim/fast"), stage()), stage()),
         (PhysicsSimulator(load_settings("sim/physics"), stage()), stage()),
-        (SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")), shipped("jackal_gazebo")),
+        (
+            SkidSimulator(load_settings("sim/skid"), shipped("jackal").capped(CAP)),
+            shipped("jackal").capped(CAP),
+        ),
     ],
     ids=["fast", "physics", "skid"],
 )

@@ -14,14 +14,14 @@ from lme.simulation.gait import STANDING, GaitResponse, damping_ratio, floor_ran
 from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Twist
-from tests.builders import CLUTTER, room, shipped, stage, task
+from tests.builders import CAP, CLUTTER, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
 QUICK = {"alpha_v": 50.0, "alpha_omega": 100.0, "v_max": 2.0, "omega_max": 3.0}
 KINDS = {
     "fast": (FastSimulator, partial(load_settings, "sim/fast"), stage(**QUICK)),
     "physics": (PhysicsSimulator, partial(load_settings, "sim/physics"), stage(**QUICK)),
-    "skid, wheels": (SkidSimulator, partial(load_settings, "sim/skid"), shipped("jackal_gazebo")),
+    "skid, wheels": (SkidSimulator, partial(load_settings, "sim/skid"), shipped("jackal").capped(CAP)),
     "skid, response": (SkidSimulator, partial(load_settings, "sim/skid"), shipped("jackal_real")),
 }
 ALL = pytest.mark.parametrize("kind", list(KINDS))

@@ -12,7 +12,7 @@ from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
-from tests.builders import room, shipped, task
+from tests.builders import CAP, room, shipped, task
 
 FORWARD = Twist(0.5, 0.1)
 WALL = World(segments=np.vstack([room().segments, [[2.0, -5.0, 2.0, 5.0]]]))
@@ -23,7 +23,7 @@ def simulators():
     yield "fast", FastSimulator(load_settings("sim/fast"), shipped("turtlebot2"))
     yield "delayed", FastSimulator(load_settings("sim/fast", latency=0.2), shipped("turtlebot2"))
     yield "physics", PhysicsSimulator(load_settings("sim/physics"), shipped("turtlebot2"))
-    yield "skid", SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo"))
+    yield "skid", SkidSimulator(load_settings("sim/skid"), shipped("jackal").capped(CAP))
 
 
 CASES = [pytest.param(simulator, id=name) for name, simulator in simulators()]

@@ -21,7 +21,7 @@ from lme.simulation.social import Company, closing_speeds, distances, without_pe
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
-from tests.builders import shipped, stage, task
+from tests.builders import CAP, shipped, stage, task
 from tests.tolerances import KERNEL
 
 DOOR = Mover(path=np.array([[9.0, 9.0, 0.0]]), outline=np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 0.1]]))
@@ -39,7 +39,7 @@ class Stands:
 
 FAST = FastSimulator, load_settings("sim/fast"), stage()
 PHYSICS = PhysicsSimulator, load_settings("sim/physics"), stage()
-SKID = SkidSimulator, load_settings("sim/skid"), shipped("jackal_gazebo")
+SKID = SkidSimulator, load_settings("sim/skid"), shipped("jackal").capped(CAP)
 
 
 def someone(*path, **rules):
@@ -64,10 +64,10 @@ def test_someone_who_stands_aside_is_passed_at_a_distance():
     episode, found = drive(someone((2.0, 1.5)))
     assert episode.outcome is Outcome.SUCCESS
     assert found.minimum_distance_to_people_m == pytest.approx(
-        1.5 - 0.25 - robot.collision_footprint.circumscribed_radius, abs=2e-3
+        1.5 - 0.25 - robot.footprint.circumscribed_radius, abs=2e-3
     )
     # Within 1.2 m while |x − 2| < √((1.2 + .25 + r)² − 1.5²).
-    reach = math.sqrt((1.45 + robot.collision_footprint.circumscribed_radius) ** 2 - 1.5**2)
+    reach = math.sqrt((1.45 + robot.footprint.circumscribed_radius) ** 2 - 1.5**2)
     share = 2 * reach / robot.v_max / episode.time
     assert found.personal_space_intrusions == pytest.approx(share, abs=0.05)
     assert found.intimate_space_intrusions == 0.0

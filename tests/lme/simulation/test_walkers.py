@@ -14,7 +14,7 @@ from lme.simulation.skid.simulator import SkidSimulator
 from lme.types import Pose, Twist
 from lme.worlds.movers import ORCA, SOCIAL_FORCE, Mover
 from lme.worlds.world import World
-from tests.builders import shipped, stage, task
+from tests.builders import CAP, shipped, stage, task
 
 FAR = Pose(1e3, 0.0, 0.0)
 BOTH = pytest.mark.parametrize("motion", [ORCA, SOCIAL_FORCE])
@@ -124,7 +124,10 @@ def test_a_scene_turned_by_a_right_angle_goes_the_same_way():
     [
         (FastSimulator(load_settings("sim/fast"), stage()), stage()),
         (PhysicsSimulator(load_settings("sim/physics"), stage()), stage()),
-        (SkidSimulator(load_settings("sim/skid"), shipped("jackal_gazebo")), shipped("jackal_gazebo")),
+        (
+            SkidSimulator(load_settings("sim/skid"), shipped("jackal").capped(CAP)),
+            shipped("jackal").capped(CAP),
+        ),
     ],
     ids=["fast", "physics", "skid"],
 )

@@ -75,7 +75,7 @@ def _never(job):
         "+sed=1",
         "++sed=1",
         "robot.v_mx=1",
-        "robot.contact.width=1",
+        "robot.drivetrain.contact.width=-1",
         "map.start.x=1",
         "+map.start.x=1",
         "robot.lidar.cloud={a: 1}",
@@ -180,7 +180,7 @@ def own(tmp_path):
         folder = tmp_path / "own" / "robot"
         folder.mkdir(parents=True, exist_ok=True)
         assert old in ROBOT
-        (folder / "mine.yaml").write_text(ROBOT.replace(old, new))
+        (folder / "mine.yaml").write_text(ROBOT.replace(old, new, 1))
         return ("--config-dir", "own", "robot=mine"), f"(in {folder / 'mine.yaml'})"
 
     return own
@@ -195,7 +195,7 @@ def own(tmp_path):
         ("v_max: 2.0", ""),
         ("num_beams: 720", "num_beams: 7.5"),
         ("num_beams: 720", "num_beams: 0"),
-        ("v_max: 2.0", "v_max: 2.0\ncontact: ${oc.env:PATH}"),
+        ("v_max: 2.0", "v_max: 2.0\nresponse: ${oc.env:PATH}"),
         ("v_max: 2.0", "v_max: ${x"),
         ("num_beams: 720", "num_beams: '${oc.env:A'"),
         ("v_max: 2.0", 'v_max: 2.0\n"a\\nb": 1'),
@@ -217,7 +217,7 @@ def test_a_value_from_the_command_line_does_not_blame_the_file(launch, own):
 def test_of_several_files_the_one_with_the_open_interpolation_is_named(launch, own):
     words, place = own("v_max: 2.0", "v_max: ${x.y")
     folder = Path(words[1])
-    (folder / "robot" / "another.yaml").write_text(ROBOT.replace("v_max: 2.0", "v_max: ${x.y}"))
+    (folder / "robot" / "another.yaml").write_text(ROBOT.replace("v_max: 2.0", "v_max: ${x.y}", 1))
     (folder / "robot" / "broken.yaml").write_text("v_max: ${x.y\n- 1\n")
     (folder / "map").mkdir()
     (folder / "map" / "mine.yaml").write_text("defaults: [env1]\nv_max: ${x.z\n")

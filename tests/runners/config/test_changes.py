@@ -109,7 +109,7 @@ def test_changed_keys_of_a_family_are_those_of_its_evaluation_alone():
 
 def test_values_that_a_file_inherits_are_its_own():
     with jobs_of() as job:
-        assert job("robot=jackal_wheels", "map=real3").changes == {}
+        assert job("robot=go2", "map=real3").changes == {}
         assert job("map=real3", "map.starts=3").changes == {"map.starts": 3}
 
 

@@ -28,7 +28,7 @@ def said(*words, command="eval"):
         ["-m", "system=lme,dwa_tuned", "weights=skid,nope"],
         # Of so large a sweep not every job is composed: only dwa_tuned has met the second set here.
         ["-m", "system=dwa_tuned,lme", "weights=skid,nope", "seed=range(40)"],
-        ["experiment=table2", "weights=nope"],
+        ["experiment=table2_ideal", "weights=nope"],
     ],
     ids=" ".join,
 )  # fmt: skip
@@ -49,7 +49,7 @@ def test_of_a_training_too():
         ("eval", ["-m", "system=lme,dwa_tuned", "weights=skid"]),
         ("eval", ["-m", "system=lme,lme_plus", "weights=published"]),
         ("eval", ["-m", "system=dwa_tuned,lme", "weights=published,skid", "seed=range(40)"]),
-        ("eval", ["experiment=table2", "weights=skid"]),
+        ("eval", ["experiment=table2_ideal", "weights=skid"]),
         ("eval", ["experiment=lme_plus_skid", "hydra.mode=RUN", "system=lme_skid"]),
         ("train", ["weights=skid"]),
         ("learn", ["weights=skid", "guides={target: 0.6, lme: 0.4}"]),

@@ -26,7 +26,7 @@ WORDS = ["map.worlds=[0,6]", "map.subset=all", "runs=1", "executor=serial"]
 def sweep(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep")
     uri = f"sqlite:///{folder}/store.db"
-    words = ["-m", "guide=target,lme", "table=[lme,drl_vo]", f"hydra.sweep.dir={folder}/out"]
+    words = ["-m", "sim=fast", "guide=target,lme", "table=[lme,drl_vo]", f"hydra.sweep.dir={folder}/out"]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert main(["eval", *words, *WORDS, f"tracking.uri={uri}"]) == 0

@@ -252,10 +252,8 @@ def test_words_change_what_drives(handler):
     assert [lane["system"] for lane in found["lanes"]] == ["LME", "DWA (textbook)"]
     assert (found["words"], found["values"]["sim.latency"]) == (["system=lme,dwa", "sim.latency=0.1"], 0.1)
     assert "d1" in handler.session.script.at(0).items
-    found = of("situation", replies(handler, "words", step=0, set={"sim": "skid", "robot": "jackal_gazebo"}))[
-        0
-    ]
-    assert found["words"] == ["system=lme,dwa", "sim=skid", "robot=jackal_gazebo"]
+    found = of("situation", replies(handler, "words", step=0, set={"sim": "skid", "robot": "jackal_real"}))[0]
+    assert found["words"] == ["system=lme,dwa", "sim=skid", "robot=jackal_real"]
     found = of("situation", replies(handler, "words", step=0, set={"map": "barn", "map.worlds": "[282]"}))[0]
     assert (found["map"], found["world"]) == ("barn", 282)
     assert handler.session.script.at(0).items == {}

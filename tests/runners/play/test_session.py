@@ -14,7 +14,7 @@ from runners.play.session import Source
 from runners.play.setups import setup_of
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.workers.episodes import EpisodePayload, initialise
-from tests.composing import jobs_of
+from tests.composing import jobs_of, last_of_each
 from tests.runners.play.conftest import drive, ways
 
 LABELS = RunLabels(**dict.fromkeys((field.name for field in fields(RunLabels)), ""))
@@ -23,7 +23,7 @@ LABELS = RunLabels(**dict.fromkeys((field.name for field in fields(RunLabels)), 
 def recorded(world, run, *words):
     """The trajectory of an episode, as a worker of `lme eval` records it."""
     with jobs_of("eval", "tracking=none") as job:
-        config = job(*words).config
+        config = job(*last_of_each("sim=fast", *words)).config
     return initialise(EpisodePayload(config, LABELS, None))(EpisodeKey(world, run))
 
 
@@ -34,7 +34,6 @@ def recorded(world, run, *words):
         ["system=lme", "map=barn", "map.worlds=[282]"],
         [
             "system=lme_plus",
-            "robot=jackal_gazebo",
             "sim=skid",
             "sim.latency=0.1",
             "map=dynabarn",
@@ -96,7 +95,7 @@ def edited(session):
     [
         ["system=lme_plus"],
         ["system=lme", "sim.latency=0.1", "sim.scan_noise=0.02", "sim.goal_noise=0.02", "sim.goal_rate=2"],
-        ["system=lme_plus", "sim=skid", "robot=jackal_gazebo"],
+        ["system=lme_plus", "sim=skid"],
         ["system=lme", "sim=physics", "sim.slip=0.05"],
         ["system=move_base"],
         ["system=lme,dwa_tuned", "people=tracked"],
@@ -118,8 +117,7 @@ def test_going_back_and_on_again_gives_the_same_drive(session_of, words):
 
 @pytest.mark.parametrize("sim", ["fast", "physics", "skid"])
 def test_a_collision_is_the_same_collision_again(session_of, sim):
-    robot = "jackal_gazebo" if sim == "skid" else "jackal"
-    session = drive(session_of(f"sim={sim}", f"robot={robot}", "system=simple"), 5)
+    session = drive(session_of(f"sim={sim}", "system=simple"), 5)
     session.put(5, "d1", WALL)
     drive(session)
     assert session.lanes[0].outcome is Outcome.COLLISION

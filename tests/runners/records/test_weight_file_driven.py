@@ -23,20 +23,20 @@ D1 = ["guide.parameters.d1"]
         ("train", "filter=stopping sim=skid", D1, "filter=stopping sim=skid"),
         ("train", "planner=dwa", [*D1, "planner.predict_time"], "planner=dwa guide=lme"),
         ("train", "system=lme_plus", [*D1, "guide.margin"], "system=lme_plus"),
-        ("learn", "", ["planner.weights"], "guide=target planner=dclp"),
+        ("learn", "", ["planner.weights"], "guide=target planner=dclp sim=fast"),
         (
             "learn",
             "robot=stage start=dclp validation=9",
             ["planner.weights"],
-            "robot=stage guide=target planner=dclp",
+            "robot=stage guide=target planner=dclp sim=fast",
         ),
         (
             "learn",
             "robot.v_max=0.4 guide=lme guide.parameters={d1:0.3} planner.weights=dclp",
             ["planner.weights"],
-            "robot.v_max=0.4 guide=lme guide.parameters={d1:0.3} planner=dclp",
+            "robot.v_max=0.4 guide=lme guide.parameters={d1:0.3} planner=dclp sim=fast",
         ),
-        ("learn", "system=learned_subgoal", ["guide.weights"], "system=learned_subgoal"),
+        ("learn", "system=learned_subgoal", ["guide.weights"], "system=learned_subgoal sim=fast"),
     ],
 )
 def test_what_drives_is_repeated_without_what_was_trained(command, words, values, driving):

@@ -32,7 +32,7 @@ def test_the_default_is_three_families_and_barn_has_its_own_robot(job):
     assert trained["fresh"].map["subset"] == "fresh"
 
 
-@pytest.mark.parametrize(("robot", "narrow"), [("go2", ["fresh"]), ("turtlebot2", []), ("jackal_gazebo", [])])
+@pytest.mark.parametrize(("robot", "narrow"), [("go2", ["fresh"]), ("turtlebot2", []), ("jackal_real", [])])
 def test_a_family_that_is_too_narrow_is_left_out(job, robot, narrow):
     made = job(f"+robot={robot}")
     assert too_narrow(made.config) == narrow
@@ -42,10 +42,8 @@ def test_a_family_that_is_too_narrow_is_left_out(job, robot, narrow):
 
 
 def test_a_familys_own_robot_stands_in_for_smaller_ones_only(job):
-    drivers = {
-        robot: found(job, f"robot={robot}")["fresh"].robot.name for robot in ("stage", "jackal_gazebo")
-    }
-    assert drivers == {"stage": "jackal", "jackal_gazebo": "jackal_gazebo"}
+    drivers = {robot: found(job, f"robot={robot}")["fresh"].robot.name for robot in ("stage", "jackal_real")}
+    assert drivers == {"stage": "jackal", "jackal_real": "jackal_real"}
 
 
 def test_a_chosen_map_is_trained_on_alone(job):

@@ -88,12 +88,6 @@ def test_a_robot_that_cannot_back_up_is_checked_as_it_drives():
     assert sent(Twist(-0.5, 0.0), [[-0.22, 0.0]], stage(v_min=0.0)) == (0.0, 0.0)
 
 
-def test_it_is_the_colliding_outline_that_is_kept_free():
-    robot, beside = shipped("jackal_gazebo"), [[0.0, 0.19]]  # between the footprint's side and the wheels'
-    assert robot.footprint.box[1] < 0.19 < robot.collision_footprint.box[1]
-    assert sent(Twist(0.5, 0.0), beside, robot) == (0.0, 0.0)
-
-
 def test_points_in_the_blind_arc_are_remembered():
     robot = stage(fov=math.pi, num_beams=271)
     simulator = FastSimulator(load_settings("sim/fast"), robot)

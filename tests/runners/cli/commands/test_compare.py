@@ -17,7 +17,7 @@ from runners.records.records import RecordWriter, read_episodes
 from runners.reports.analysis import paired
 from runners.reports.analysis.shared_worlds import ComparedRun, run_names, same_worlds
 from tests.builders import episode_record
-from tests.composing import jobs_of
+from tests.composing import jobs_of, last_of_each
 
 WORLDS = range(60)
 
@@ -197,8 +197,9 @@ def test_worlds_with_people_are_not_those_without(tmp_path, job, capsys):
     ],
 )
 def test_compare_says_which_conditions_differ(tmp_path, job, capsys, words, columns, note):
-    one = write(tmp_path / "a", job("map.worlds=[1,2]", "runs=2"), worlds=(1, 2))
-    other = write(tmp_path / "b", job("map.worlds=[1,2]", "runs=2", *words), worlds=(1, 2), **columns)
+    usual = ["map.worlds=[1,2]", "runs=2", "sim=fast"]
+    one = write(tmp_path / "a", job(*usual), worlds=(1, 2))
+    other = write(tmp_path / "b", job(*last_of_each(*usual, *words)), worlds=(1, 2), **columns)
     text = said(capsys, one, other, "--into", tmp_path / "into")
     assert note in text
     assert ("Driven under different" in text) == note.startswith("Driven under different")
@@ -211,7 +212,7 @@ def test_the_filter_the_crowd_and_whom_a_system_sees_are_named(tmp_path, job, ca
         for name, more in (("a", []), ("b", ["filter=stopping"]))
     ]
     text = said(capsys, *runs, "--into", tmp_path / "into")
-    assert "LME · people none · barn · jackal · crowd orca Differences from: no filter Measure" in text
+    assert "LME · people none · barn · jackal · sim gazebo · crowd orca Differences from: no filter Measure" in text
     assert "filter stopping (2 worlds" in text
     runs = [write(tmp_path / name, None, worlds=(1, 2), people=name) for name in ("truth", "none")]
     assert "people none (2 worlds" in said(capsys, *runs, "--into", tmp_path / "into")
@@ -294,7 +295,7 @@ def test_markdown_on_standard_output_is_alone_there(tmp_path, job, capsys):
     one, other = write(tmp_path / "a", job()), write(tmp_path / "b", job(), 0.5)
     compare.main([one, other, "--format", "md", "--into", str(tmp_path / "into")])
     shown = capsys.readouterr()
-    assert shown.out.startswith("**LME · barn · jackal**\n\nReference: a")
+    assert shown.out.startswith("**LME · barn · jackal · sim gazebo**\n\nReference: a")
     assert shown.err.startswith("Tables and pictures: ")
 
 

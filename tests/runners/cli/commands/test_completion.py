@@ -12,7 +12,7 @@ from runners.cli.commands import completion
 from tests.places import ROOT
 
 COMMANDS = ("completion", "eval", "table")
-JACKALS = "jackal jackal_challenge jackal_gazebo jackal_real jackal_slow jackal_wheels"
+JACKALS = "jackal jackal_real"
 
 
 @pytest.mark.parametrize(

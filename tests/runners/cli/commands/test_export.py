@@ -104,7 +104,7 @@ def test_several_runs_go_into_one_file_that_tells_them_apart(tmp_path, capsys):
     assert rows.columns[0] == "run_dir"
     assert rows["run_dir"].tolist() == [str(tmp_path / str(number)) for number in (0, 0, 1, 1)]
     assert rows["sim.latency"].tolist() == [0.1, 0.1, 0.2, 0.2]
-    assert set(rows["sim"]) == {"fast"}
+    assert set(rows["sim"]) == {"gazebo"}
     export.main([str(tmp_path), "--steps", "failures", "--columns", "run_dir,world"])
     steps = read(capsys.readouterr().out)
     assert steps.groupby("run_dir").size().tolist() == [20, 20]

@@ -15,7 +15,7 @@ from tests.made_runs import write_run
 
 def test_table_prints_one_run_and_rewrites_its_files(tmp_path, capsys):
     with jobs_of() as job:
-        write_run(tmp_path, job=job())
+        write_run(tmp_path, job=job("sim=fast"))
     assert table.main([str(tmp_path), "--format", "md"]) == 0
     text = capsys.readouterr().out
     assert "| LME (ours), 2 of 100 worlds | 0.500 |" in text

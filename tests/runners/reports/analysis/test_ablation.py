@@ -53,7 +53,7 @@ def test_the_experiment_is_the_figures():
     assert found.multirun
     chosen = [job.hydra.runtime.choices for job in found.configs.values()]
     variants = ["none", *ablation.CLAIMS]
-    expected = [(system, variant) for system in ("lme", "lme_printed") for variant in variants]
+    expected = [("lme_as_run", variant) for variant in variants]
     assert [(choices.system, choices.ablation) for choices in chosen] == expected
     assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs.values()} == {
         ("lab100", 3, "jackal")

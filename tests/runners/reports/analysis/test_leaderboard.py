@@ -28,7 +28,7 @@ def board(tmp_path):
 def test_a_run_has_its_figures_and_what_it_was_driven_with(board):
     entry = board(one=(["map.worlds=[200,201]", "runs=1"], {"barn_metric": 0.5}))["one"]
     assert entry.system == ("LME", ())
-    assert entry.setting == ("barn", "lab100", "jackal", "fast", ())
+    assert entry.setting == ("barn", "lab100", "jackal", "gazebo", ())
     assert entry.row.stats["success"][0] == 0.5
     assert entry.row.unfinished == ""
     assert entry.metric_interval == (0.5, 0.5)
@@ -85,7 +85,9 @@ def test_one_world_named_within_two_subsets_is_one_setting(board):
 
 def test_a_figure_beside_the_runs_is_one_more_of_them(board):
     """It drives what it draws: the keys of the picture are no part of its system."""
-    found = board(run=(["map.worlds=[7]", "runs=1"], {"subset": "custom", "worlds": (7,)}), other=([], {}))
+    found = board(
+        run=(["map.worlds=[7]", "runs=1", "sim=fast"], {"subset": "custom", "worlds": (7,)}), other=([], {})
+    )
     figure = found["run"].run_dir.parent / "figure"
     with jobs_of("figure") as job:
         made = job("figure=trajectories", "world=7", "runs=1")
