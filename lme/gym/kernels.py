@@ -134,7 +134,7 @@ def _run_clock(i, states, places, travel, begin):
 def _outcome(i, states, places, contact, arrived):
     if contact:
         return COLLISION
-    if arrived:
-        return SUCCESS
     elapsed = states.times[i] if math.isnan(states.clocks[i]) else states.times[i] - states.clocks[i]
-    return TIMEOUT if elapsed >= places.rules[i, 1] - 1e-9 else RUNNING
+    if elapsed >= places.rules[i, 1] - 1e-9:  # arrival is too late
+        return TIMEOUT
+    return SUCCESS if arrived else RUNNING

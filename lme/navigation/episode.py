@@ -228,9 +228,9 @@ class Progress:
         """The outcome; None while the episode continues."""
         if state.contact:
             return Outcome.COLLISION
-        if state.arrived:
-            return Outcome.SUCCESS
-        return Outcome.TIMEOUT if self._elapsed(state) >= self._task.time_limit - 1e-9 else None
+        if self._elapsed(state) >= self._task.time_limit - 1e-9:  # arrival is too late
+            return Outcome.TIMEOUT
+        return Outcome.SUCCESS if state.arrived else None
 
     def _elapsed(self, state: State) -> float:
         return state.time if math.isnan(self._clock_start) else state.time - self._clock_start

@@ -15,8 +15,9 @@ WRONG = {  # settings of each option, each alone
     "guide/learned_subgoal": "period=0.0 margin=-1.0",
     "guide/tangent_bug": "margin=0.0 keep=-1.0 leave_gain=.nan",
     "planner/apf": "attraction=0.0 repulsion=-1.0 spread=4.0",
-    "planner/dclp": "lookahead=0.0 reported_limits.front=-1.0",
-    "planner/drl_vo": "fov=7.0 no_return=40.0 lookahead=0.0 v_free=-1.0",
+    "planner/dclp": "lookahead=0.0 goal_within=0.0 reported_limits.front=-1.0",
+    "planner/drl_vo": """fov=7.0 no_return=40.0 lookahead=0.0 v_free=-1.0 trained_outline=[0.1]
+        trained_outline=[-0.1,0.2]""",
     "planner/dwa": """heading=-0.1 clearance=-0.1 velocity=-0.1 margin=-0.1 margin_time=-0.1 clear_way=0.0
         heading_time=0.0 v_samples=1 omega_samples=1 omega_samples=20""",
     "planner/eband": """horizon=0.0 spacing=-1.0 max_radius=.nan min_radius=1.5 overlap=1.1 external_gain=-0.1

@@ -59,6 +59,7 @@ class DclpConfig:
     no_return: float
     blind_range: float
     lookahead: float
+    goal_within: float | None
     full_v: float | None
     full_omega: float | None
     reported_limits: ReportedLimits
@@ -66,7 +67,7 @@ class DclpConfig:
     def __post_init__(self) -> None:
         for key in ("no_return", "blind_range", "lookahead"):
             require(key, getattr(self, key), above=0.0)
-        for key in ("full_v", "full_omega"):
+        for key in ("goal_within", "full_v", "full_omega"):
             if getattr(self, key) is not None:
                 require(key, getattr(self, key), above=0.0)
 
@@ -107,12 +108,16 @@ class DclpInterface:
         return DclpFeatures(directions, state)
 
     def goal(self, guidance: Guidance) -> Floats:
-        """Return the subgoal or, if the guide has a path, its first point that is `lookahead` away: (2,) [m]."""
-        path = guidance.path
+        """Return the subgoal or, if the guide has a path, its first point that is `lookahead` away: (2,) [m].
+
+        It is the end of the path if no point is so far away, or if the end is less than `goal_within` ahead or behind.
+        """
+        path, within = guidance.path, self._config.goal_within
         if path is None or guidance.blocked:
             return guidance.subgoal
         far = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) >= self._config.lookahead)
-        goal: Floats = path[far[0] if len(far) else -1]
+        is_near = within is not None and path[-1, 0] < within
+        goal: Floats = path[far[0] if len(far) and not is_near else -1]
         return goal
 
     def action(self, command: Twist, observation: Observation) -> Floats:
@@ -175,7 +180,8 @@ class Dclp:
 
     Network, observation and action are those of the authors' code. The network may drive in reverse. It has no
     notion of arrival. The command is limited to what the robot can reach in a period. Along a guide's path the
-    subgoal is the first point at least `lookahead` away.
+    subgoal is the first point at least `lookahead` away, or the end of the path once that is less than `goal_within`
+    ahead.
     """
 
     Config = DclpConfig

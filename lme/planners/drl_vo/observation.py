@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lme.planners.drl_vo.weights import SIDE
-from lme.types import Bools, Floats, Ints, LaserScan
+from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
 BINS = SIDE  # of a sweep
 SWEEPS = 10
@@ -21,17 +22,58 @@ _FRONT = math.pi / 4  # [rad] to each side of straight ahead
 _EDGE = 1e-6  # [rad] a beam on the edge of two bins belongs to the left one, whatever the rounding
 
 
+@dataclass(frozen=True)
+class Shape:
+    """The robot that drives, and the one that the network was trained on, as their lidars see them.
+
+    box (half_length, half_width, rounding) [m] of the robot's footprint, and the mount of its lidar. ahead, aside:
+    distance from the other robot's lidar to its outline [m], straight ahead and at `fov` / 2 [rad], linear between.
+    """
+
+    box: tuple[float, float, float]
+    mount: Pose
+    ahead: float
+    aside: float
+    fov: float
+
+    def change(self, bearings: Floats) -> Floats:
+        """Distance that the network's robot has to its outline beyond the robot's own: (B,) [m].
+
+        bearings: (B,) of beams in the robot frame [rad].
+        """
+        half_length, half_width, rounding = self.box
+        cos, sin = np.cos(bearings), np.sin(bearings)
+        if rounding > 0.0:
+            along, across = self.mount.x * cos + self.mount.y * sin, self.mount.y * cos - self.mount.x * sin
+            own = np.sqrt(np.maximum(rounding**2 - across**2, 0.0)) - along
+        else:
+            with np.errstate(divide="ignore"):
+                to_end = (half_length - self.mount.x * np.sign(cos)) / np.abs(cos)
+                to_side = (half_width - self.mount.y * np.sign(sin)) / np.abs(sin)
+            own = np.minimum(to_end, to_side)
+        share = np.minimum(np.abs(bearings) / (self.fov / 2), 1.0)
+        return self.ahead + (self.aside - self.ahead) * share - np.maximum(own, 0.0)
+
+
 class Sweeps:
     """Pooled sweeps of the last half second.
 
     fov: angle that the bins divide [rad], centred straight ahead. range_max: longer ranges become this one [m].
     no_return: range of a beam without return, and of a bin without beams [m]. A sweep that is due between two
-    scans is the earlier scan, as in the authors' node. Sweeps before the first scan equal it.
+    scans is the earlier scan, as in the authors' node. Sweeps before the first scan equal it. shape: lengthens each
+    range so that it is as far from the outline of the network's robot as from the robot's own; None: none.
     """
 
-    def __init__(self, fov: float, range_max: float, no_return: float, rates: tuple[float, float]) -> None:
+    def __init__(
+        self,
+        fov: float,
+        range_max: float,
+        no_return: float,
+        rates: tuple[float, float],
+        shape: Shape | None = None,
+    ) -> None:
         """rates: of the incoming scans and of the sweeps [Hz]."""
-        self._fov, self._range_max, self._no_return = fov, range_max, no_return
+        self._fov, self._range_max, self._no_return, self._shape = fov, range_max, no_return, shape
         scan_rate, sweep_rate = rates
         ages = [math.ceil(k * scan_rate / sweep_rate - 1e-9) for k in reversed(range(SWEEPS))]
         self._ages, self._kept = ages, ages[0] + 1  # of the sweeps, in scans, from the oldest
@@ -45,6 +87,9 @@ class Sweeps:
         """Pool a scan: the least and the mean range in each bin, from the right to the left."""
         beams, bins = binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
         ranges = np.where(has_return(scan), np.minimum(scan.ranges, self._range_max), self._no_return)[beams]
+        if self._shape is not None:
+            bearings = scan.angle_min + mount_yaw + scan.angle_increment * beams
+            ranges = ranges + self._shape.change(np.remainder(bearings + math.pi, math.tau) - math.pi)
         counts = np.bincount(bins, minlength=BINS)
         least, mean = np.full(BINS, math.inf), np.bincount(bins, ranges, BINS) / np.maximum(counts, 1)
         np.minimum.at(least, bins, ranges)

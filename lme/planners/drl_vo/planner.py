@@ -14,7 +14,7 @@ from lme.errors import argument_error, config_key, require
 from lme.geometry.polyline import exit_point
 from lme.inputs.onnx_file import SignedNetwork
 from lme.planners.commands import limited
-from lme.planners.drl_vo.observation import Sweeps, free_ahead, image_of
+from lme.planners.drl_vo.observation import Shape, Sweeps, free_ahead, image_of
 from lme.planners.drl_vo.weights import REPORTED, SIGNATURE
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
@@ -43,6 +43,7 @@ class DrlVoConfig:
     omega_max: float
     v_free: float | None
     free_range: float
+    trained_outline: list[float] | None
 
     def __post_init__(self) -> None:
         for key in ("sweep_rate", "fov", "range_max", "lookahead", "v_max", "omega_max", "free_range"):
@@ -53,6 +54,13 @@ class DrlVoConfig:
         require("no_return", self.no_return, at_least=0.0, at_most=self.range_max)
         if self.v_free is not None:
             require("v_free", self.v_free, above=0.0)
+        if self.trained_outline is not None:
+            if len(self.trained_outline) != 2:
+                raise argument_error(
+                    f"trained_outline is {list(self.trained_outline)}: must be two distances, straight ahead and aside"
+                )
+            for distance in self.trained_outline:
+                require("trained_outline", distance, at_least=0.0)
 
 
 class DrlVo:
@@ -132,8 +140,10 @@ class DrlVoInterface:
     def __init__(self, config: DrlVoConfig, robot: Robot) -> None:
         self._config = config
         self._dt, self._mount_yaw = robot.dt, robot.lidar.yaw
-        rates = (robot.control_rate, config.sweep_rate)
-        self._sweeps = Sweeps(config.fov, config.range_max, config.no_return, rates)
+        rates, shape = (robot.control_rate, config.sweep_rate), None
+        if config.trained_outline is not None:
+            shape = Shape(robot.footprint.box, robot.lidar.mount, *config.trained_outline, fov=config.fov)
+        self._sweeps = Sweeps(config.fov, config.range_max, config.no_return, rates, shape)
         self._goal: Floats = _NOWHERE
 
     def clear(self) -> None:

@@ -48,6 +48,7 @@ class S3FisvfhConfig:
     retreat_speed: float
     retreat_turn: float
     retreat_room: float
+    check_contact: bool
 
     def __post_init__(self) -> None:
         for key in ("window", "block_distance", "size_factor", "size_distance", "speed"):
@@ -77,7 +78,8 @@ class S3Fisvfh:
     Differences: the entry counts beams and sectors of Jackal's lidar, here they are angles. Turn rates and the
     backing speed are shares of the robot's limits, and sizes follow from the robot. The entry searches the same
     histogram at both steps, which is equivalent to the cheapest first step, `depth: 1`. Added for any robot: it
-    stops at the goal, backs up no further than it has driven ahead, and never drives into a scan point.
+    stops at the goal and, with `check_contact`, backs up no further than it has driven ahead and never drives into a
+    scan point.
     """
 
     Config = S3FisvfhConfig
@@ -182,14 +184,18 @@ class S3Fisvfh:
         return min(v, turning * distance / (2.0 * math.sin(min(deviation, math.pi / 2))))
 
     def _retreat(self, points: Floats, guard: float, heading: float, observation: Observation) -> Twist:
-        """Back up over ground just driven, turning to the clearer side; else turn on the spot; else stop."""
+        """Back up over ground just driven, turning to the clearer side; else turn on the spot; else stop.
+
+        Without `check_contact`, always back up.
+        """
         limits, config, dt = observation.limits, self._config, self._robot.dt
         sides = nearest_ahead(points, config.guard_ahead)
         if min(sides) >= guard:  # the obstacle is to the side of the robot
             sides = nearest_ahead(points, math.pi / 2)
         clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
         omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)
-        retreat_v = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
+        has_room = not config.check_contact or self._room > _ROOM_MIN
+        retreat_v = -config.retreat_speed * limits.v_max if has_room else 0.0
         for v in (retreat_v, 0.0):
             twist = limited(v, omega, observation, dt)
             if self._is_free(twist, points, observation):
@@ -204,7 +210,12 @@ class S3Fisvfh:
         self._pose = pose
 
     def _is_free(self, twist: Twist, points: Floats, observation: Observation) -> bool:
-        """Return whether the footprint stays clear of all points during this command and braking."""
+        """Return whether the footprint stays clear of all points during this command and braking.
+
+        Without `check_contact`, every command counts as free.
+        """
+        if not self._config.check_contact:
+            return True
         limits = observation.limits
         braking = max(abs(twist.v) / limits.alpha_v, abs(twist.omega) / limits.alpha_omega) / 2.0
         time = self._robot.dt + braking

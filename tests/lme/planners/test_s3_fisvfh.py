@@ -292,6 +292,12 @@ def planner(robot, **config):
     return made
 
 
+def as_run(robot):
+    made = S3Fisvfh(load_settings("planner/s3_fisvfh_as_run"), robot)
+    made.reset(np.random.default_rng(0))
+    return made
+
+
 def ranges_of(robot, fill=np.inf, **arcs_deg):
     """Beams of one range, and over arcs {name: (low, high, range)} of another."""
     lidar = robot.lidar
@@ -353,6 +359,35 @@ def test_the_safeguard_turns_on_the_spot_where_the_robot_has_not_been():
     jackal = shipped("jackal")
     command = plan(jackal, ranges=ranges_of(jackal, near=(5.0, 30.0, 0.4)))
     assert command == (0.0, pytest.approx(-0.5))
+
+
+@pytest.mark.parametrize(("near", "sign"), [((5.0, 30.0, 0.4), -1), ((-30.0, -5.0, 0.4), 1)])
+def test_as_run_the_safeguard_backs_up_where_the_robot_has_not_been(near, sign):
+    """Also with an obstacle behind, which the lidar sees at ±120°."""
+    jackal = shipped("jackal")
+    ranges = ranges_of(jackal, near=near, left=(115.0, 135.0, 0.3), right=(-135.0, -115.0, 0.3))
+    view = observation(ranges=ranges, robot=jackal)
+    command = as_run(jackal).plan(view, Guidance(view.target))
+    assert command == (pytest.approx(-0.4), pytest.approx(0.5 * sign))
+
+
+def test_as_run_a_command_into_contact_is_given():
+    """A post beside the left wheel, out of the guarded arc: a turn to the right swings the corner into it."""
+    jackal = shipped("jackal")
+    ranges = ranges_of(jackal, post=(84.0, 90.0, 0.165))
+    view = observation(target=(0.5, -5.0), ranges=ranges, twist=Twist(0.0, -2.0), robot=jackal)
+    command, checked = (
+        as_run(jackal).plan(view, Guidance(view.target)),
+        plan(jackal, view.target, ranges, view.twist),
+    )
+    assert command.v > 0.0
+    assert command.omega < -1.0
+    assert checked != command
+
+
+def test_as_run_the_search_reads_the_histogram_once():
+    """One step of the search is equivalent to both steps of the entry."""
+    assert load_settings("planner/s3_fisvfh_as_run").depth == 1
 
 
 def test_headings_are_smoothed_alike_at_any_control_rate():

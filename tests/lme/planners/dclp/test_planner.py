@@ -128,6 +128,18 @@ def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, block
     assert network.state[0] == pytest.approx(goal)
 
 
+@pytest.mark.parametrize(
+    ("ahead", "aside", "goal"), [(3.6, 6.0, "point"), (3.4, 6.0, "end"), (-4.0, 6.0, "end")]
+)
+def test_the_goal_itself_is_given_once_it_is_near_enough_ahead(file, ahead, aside, goal):
+    """Ahead along x, however far it is: the path leads 6.5 m to the left, then to its end."""
+    planner, network = made(file, stage(), lookahead=6.0, goal_within=3.5)
+    path = np.array([[0.0, 0.0], [0.0, 3.0], [0.0, 6.5], [ahead, aside]])
+    planner.plan(observation(robot=stage()), Guidance(np.array([1.0, 0.0]), path))
+    x, y = (0.0, 6.5) if goal == "point" else (ahead, aside)
+    assert network.state[:2] == pytest.approx([np.hypot(x, y), np.arctan2(y, x)])
+
+
 def test_weights_that_do_not_exist(tmp_path, says):
     with says.raises(InputError):
         Dclp(load_settings("planner/dclp", weights=str(tmp_path / "none.onnx")), stage())

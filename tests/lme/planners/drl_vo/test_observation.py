@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from lme.planners.drl_vo.observation import BINS, SWEEPS, Sweeps, free_ahead, image_of, velocity_maps
-from lme.types import LaserScan
+from lme.planners.drl_vo.observation import BINS, SWEEPS, Shape, Sweeps, free_ahead, image_of, velocity_maps
+from lme.types import LaserScan, Pose
 from tests.tolerances import RANGE
 
 THREE_QUARTERS = math.radians(270.0)
@@ -79,6 +81,55 @@ def test_the_scan_may_be_clockwise_turned_and_of_a_full_turn():
     assert seen(clockwise) == pytest.approx(seen(full))
     ahead = np.roll(full.ranges, 180)  # of a lidar that is turned to the left
     assert seen(full, mount_yaw=math.pi / 2) == pytest.approx(seen(full._replace(ranges=ahead)))
+
+
+# The authors' Jackal is 0.42 × 0.33 m with the lidar 0.065 m ahead of its middle; their Turtlebot's outline is 0.1 m
+# ahead of its lidar and 0.1 √3 m away at ±135°.
+JACKAL = Shape((0.21, 0.165, 0.0), Pose(0.065, 0.0, 0.0), 0.1, 0.1 * math.sqrt(3.0), THREE_QUARTERS)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "own", "turtlebot"),
+    [
+        (0.0, 0.145, 0.1),  # to the front
+        (30.0, 0.145 / math.cos(math.radians(30.0)), 0.1 + 0.0732050808 * 30.0 / 135.0),
+        (-60.0, 0.165 / math.sin(math.radians(60.0)), 0.1 + 0.0732050808 * 60.0 / 135.0),  # to the side
+        (90.0, 0.165, 0.1 + 0.0732050808 * 90.0 / 135.0),
+        (135.0, 0.165 * math.sqrt(2.0), 0.1732050808),
+        (180.0, 0.275, 0.1732050808),  # to the rear; the authors' lidar does not see it
+    ],
+)
+def test_a_range_counts_from_the_outline_as_in_the_authors_code(degrees, own, turtlebot):
+    change = JACKAL.change(np.array([math.radians(degrees)]))
+    assert change == pytest.approx([turtlebot - own], abs=1e-9)
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.booleans())
+def test_the_outline_is_where_a_beam_leaves_the_footprint(bearing, x, y, is_disc):
+    box = (0.0, 0.0, 0.2) if is_disc else (0.21, 0.165, 0.0)
+    own = -Shape(box, Pose(x, y, 0.0), 0.0, 0.0, math.tau).change(np.array([bearing]))[0]
+    exit_x, exit_y = x + own * math.cos(bearing), y + own * math.sin(bearing)
+    outward = [max(abs(exit_x) - box[0], 0.0), max(abs(exit_y) - box[1], 0.0)]
+    edge = math.hypot(*outward) - box[2] if is_disc else max(abs(exit_x) - box[0], abs(exit_y) - box[1])
+    assert edge == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_lidar_outside_of_the_footprint_has_no_outline_before_it():
+    for box in ((0.2, 0.1, 0.0), (0.0, 0.0, 0.2)):
+        ahead = Shape(box, Pose(0.3, 0.0, 0.0), 0.0, 0.0, math.pi).change(np.array([0.0, 0.5]))
+        assert ahead == pytest.approx([0.0, 0.0])
+
+
+def test_the_sweeps_count_from_the_outline_beams_without_return_too():
+    ranges = np.full(720, 3.0)
+    ranges[:9] = np.inf
+    sweeps = Sweeps(**BARN, rates=(20.0, 20.0), shape=JACKAL)
+    sweeps.add(scan(ranges), 0.0)
+    rows = metres(sweeps)[:2]
+    bearings = np.radians(-135.0 + 270.0 / 719.0 * np.arange(720))
+    change = JACKAL.change(bearings).reshape(BINS, 9)
+    assert rows[0, 1:] == pytest.approx(3.0 + change.min(axis=1)[1:], abs=RANGE)
+    assert rows[1, 0] == pytest.approx(10.0 + change.mean(axis=1)[0], abs=RANGE)
 
 
 def test_ten_sweeps_the_oldest_first():
