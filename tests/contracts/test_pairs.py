@@ -92,7 +92,7 @@ SLOW_M_S = {
     "mppi": 0.4,
     "teb": 0.7,
 }  # their own limit, which noise about it does not quite reach
-ON_CELLS = ("move_base", "nav2", "global_planner")
+ON_CELLS = ("move_base", "nav2", "global_planner", "navfn_kul_fm")
 FREE_PERIODS = 30  # of MPPI before it is near obstacles, where a line of cells is another one backwards
 HANDED = {
     "ros_dwa": "as in ROS, the first of equal scores wins, and turns to the right come first",

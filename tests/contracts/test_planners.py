@@ -19,6 +19,7 @@ from lme.planners.orca import Orca
 from lme.planners.ros_dwa.planner import RosDwa
 from lme.planners.s3_fisvfh.planner import S3Fisvfh
 from lme.planners.teb.planner import Teb
+from lme.planners.tube_vote import TubeVote
 from lme.planners.vfh_plus import VfhPlus
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
@@ -38,6 +39,7 @@ PLANNERS = {
     "ros_dwa": RosDwa,
     "s3_fisvfh": S3Fisvfh,
     "teb": Teb,
+    "tube_vote": TubeVote,
     "vfh_plus": VfhPlus,
 }
 every_planner = pytest.mark.parametrize("name", PLANNERS)

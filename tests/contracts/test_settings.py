@@ -39,6 +39,8 @@ WRONG = {  # settings of each option, each alone
         kd=-0.1 kd=.inf alpha_v=0.0 alpha_v=-0.1 alpha_v=.nan alpha_omega=0.0 alpha_omega=-0.1 alpha_omega=.inf""",
     "planner/teb": """dt_ref=0.0 min_samples=1 max_samples=2 no_inner_iterations=0 weight_obstacle=-1.0
         divergence_detection_max_chi_squared=0.0""",
+    "planner/tube_vote": """speeds=[] speeds=[1.0] radius_min=0.0 radius_max=0.01 radii=1 sampling=0.0
+        side_margin=-0.1 cost_max=0.0 acceleration=0.0 hold_time=-1.0 fast=-1.0""",
     "planner/vfh_plus": "window=0.0 cell_size=0.00001 peak=0.5 density_low=7.0 sector_angle=2.0",
     "filter/stopping": "margin=-1.0 latency=-1.0 lag=-1.0",
     "sim/fast": "max_step=0.0 max_step=-0.01 max_step=.nan max_step=.inf",

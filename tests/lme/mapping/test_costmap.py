@@ -85,6 +85,24 @@ def test_costs_of_what_was_freed_go_with_the_next_refresh():
     assert not grid.costs.any()
 
 
+def test_kul_fms_map_clears_nothing_but_what_the_robot_covers():
+    settings, robot = load_settings("guide/navfn_kul_fm").costmap, stage()
+    grid = Costmap(settings, robot, np.array([[5.0, 0.0]]))
+    ranges = np.full(540, 15.0, np.float32)
+    ranges[250:290] = 4.0
+    grid.observe(taken(observation(ranges=ranges)))
+    marked = grid.costs.copy()
+    behind = np.full(540, 14.0, np.float32)  # beams that pass all marks, and mark nothing
+    for _ in range(50):
+        grid.observe(taken(observation(ranges=behind)))
+    grid.refresh()
+    np.testing.assert_array_equal(grid.costs, marked)
+    mark = grid.points(np.argwhere(grid.costs == TOUCHING))[0]
+    grid.observe(taken(observation(ranges=behind), Pose(*mark, 0.0)))
+    grid.refresh()
+    assert (grid.costs == TOUCHING).sum() < (marked == TOUCHING).sum()
+
+
 def test_an_obstacle_costs_at_least_the_inscribed_radius_whatever_the_inflation():
     rows = stamp(
         load_settings(
