@@ -212,7 +212,10 @@ def test_the_filter_the_crowd_and_whom_a_system_sees_are_named(tmp_path, job, ca
         for name, more in (("a", []), ("b", ["filter=stopping"]))
     ]
     text = said(capsys, *runs, "--into", tmp_path / "into")
-    assert "LME · people none · barn · jackal · sim gazebo · crowd orca Differences from: no filter Measure" in text
+    assert (
+        "LME · people none · barn · jackal · sim gazebo · crowd orca Differences from: no filter Measure"
+        in text
+    )
     assert "filter stopping (2 worlds" in text
     runs = [write(tmp_path / name, None, worlds=(1, 2), people=name) for name in ("truth", "none")]
     assert "people none (2 worlds" in said(capsys, *runs, "--into", tmp_path / "into")
