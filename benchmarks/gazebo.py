@@ -2,8 +2,8 @@
 
     python -m benchmarks.gazebo [--shared ../shared] [--log FILE[:BLOCK] …] [--runs 2] [--record] [WORD …]
 
-Drives the organisers' stack, `system=move_base`, through the worlds of `official50`, and compares it with its two
-public logs. The words go to `lme eval`: `sim=skid cap.v_max=1 cap.omega_max=1.57` chooses another simulator, and
+Drives the organisers' stack, `system=move_base_as_run` in `sim=gazebo`, through the worlds of `official50`, and compares it with its two
+public logs. The words go to `lme eval`: `sim=skid` chooses another simulator, and
 `system=… map.subset=…` with `--log` another system and its log. Needs the logs' folder, which does not ship.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 LOGS = ("barn/dwa_out.txt", "facts/gazebo_logs/bobae3_default.txt")  # the organisers' own, another machine's
 SHARED = Path("../shared")
-WORDS = ("system=move_base", "robot.control_rate=20", "map=barn", "map.subset=official50")
+WORDS = ("system=move_base_as_run", "map=barn", "map.subset=official50")
 
 
 def main() -> None:

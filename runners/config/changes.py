@@ -65,8 +65,8 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
             is_shown = dotted in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
             if not is_shown and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    # Keys outside of these nodes: whom the system sees, from where commands ramp, their cap, and the clocks and range of
-    # costmaps.
+    # Keys outside of these nodes: whom the system sees, from where commands ramp, their cap, and the clocks and range
+    # of costmaps.
     schema: Any = OmegaConf.get_type(config)
     defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
     usual = {key: str(beside.get(key, default)) for key, default in defaults.items()}

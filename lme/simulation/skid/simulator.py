@@ -167,8 +167,8 @@ class GazeboConfig(SkidConfig):
     """The skidding Jackal of the BARN Challenge, and what runs beside it in Gazebo.
 
     costmap_clocks: whether the systems' costmaps are rebuilt at rates of their own. cap: of systems that have none of
-    their own. lab100_start: x, y [m] and yaw [rad] on this subset of BARN. The simulator does not use these three; the configs of
-    systems and maps do.
+    their own. lab100_start: x, y [m] and yaw [rad] on this subset of BARN. The simulator does not use these three; the
+    configs of systems and maps do.
     """
 
     costmap_clocks: bool
