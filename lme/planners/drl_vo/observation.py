@@ -23,11 +23,12 @@ _EDGE = 1e-6  # [rad] a beam on the edge of two bins belongs to the left one, wh
 
 
 @dataclass(frozen=True)
-class Shape:
-    """The robot that drives, and the one that the network was trained on, as their lidars see them.
+class Outlines:
+    """Outlines of this robot and of the one that the network was trained on, as seen from their lidars.
 
-    box (half_length, half_width, rounding) [m] of the robot's footprint, and the mount of its lidar. ahead, aside:
-    distance from the other robot's lidar to its outline [m], straight ahead and at `fov` / 2 [rad], linear between.
+    box (half_length, half_width, rounding) [m]: this robot's footprint; mount: that of its lidar. ahead, aside:
+    distance from the trained robot's lidar to its outline [m], straight ahead and at `fov` / 2 [rad], linear between.
+    Source: branch barn_2023 of the authors' entry.
     """
 
     box: tuple[float, float, float]
@@ -37,7 +38,7 @@ class Shape:
     fov: float
 
     def change(self, bearings: Floats) -> Floats:
-        """Distance that the network's robot has to its outline beyond the robot's own: (B,) [m].
+        """Distance from the lidar to the outline along each beam, the trained robot's less this one's: (B,) [m].
 
         bearings: (B,) of beams in the robot frame [rad].
         """
@@ -60,8 +61,8 @@ class Sweeps:
 
     fov: angle that the bins divide [rad], centred straight ahead. range_max: longer ranges become this one [m].
     no_return: range of a beam without return, and of a bin without beams [m]. A sweep that is due between two
-    scans is the earlier scan, as in the authors' node. Sweeps before the first scan equal it. shape: lengthens each
-    range so that it is as far from the outline of the network's robot as from the robot's own; None: none.
+    scans is the earlier scan, as in the authors' node. Sweeps before the first scan equal it. outlines: each
+    range is changed so that the obstacle is as far from the trained robot as it is from this one; None: unchanged.
     """
 
     def __init__(
@@ -70,10 +71,10 @@ class Sweeps:
         range_max: float,
         no_return: float,
         rates: tuple[float, float],
-        shape: Shape | None = None,
+        outlines: Outlines | None = None,
     ) -> None:
         """rates: of the incoming scans and of the sweeps [Hz]."""
-        self._fov, self._range_max, self._no_return, self._shape = fov, range_max, no_return, shape
+        self._fov, self._range_max, self._no_return, self._outlines = fov, range_max, no_return, outlines
         scan_rate, sweep_rate = rates
         ages = [math.ceil(k * scan_rate / sweep_rate - 1e-9) for k in reversed(range(SWEEPS))]
         self._ages, self._kept = ages, ages[0] + 1  # of the sweeps, in scans, from the oldest
@@ -87,9 +88,9 @@ class Sweeps:
         """Pool a scan: the least and the mean range in each bin, from the right to the left."""
         beams, bins = binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
         ranges = np.where(has_return(scan), np.minimum(scan.ranges, self._range_max), self._no_return)[beams]
-        if self._shape is not None:
+        if self._outlines is not None:
             bearings = scan.angle_min + mount_yaw + scan.angle_increment * beams
-            ranges = ranges + self._shape.change(np.remainder(bearings + math.pi, math.tau) - math.pi)
+            ranges = ranges + self._outlines.change(np.remainder(bearings + math.pi, math.tau) - math.pi)
         counts = np.bincount(bins, minlength=BINS)
         least, mean = np.full(BINS, math.inf), np.bincount(bins, ranges, BINS) / np.maximum(counts, 1)
         np.minimum.at(least, bins, ranges)

@@ -14,7 +14,7 @@ from lme.errors import argument_error, config_key, require
 from lme.geometry.polyline import exit_point
 from lme.inputs.onnx_file import SignedNetwork
 from lme.planners.commands import limited
-from lme.planners.drl_vo.observation import Shape, Sweeps, free_ahead, image_of
+from lme.planners.drl_vo.observation import Outlines, Sweeps, free_ahead, image_of
 from lme.planners.drl_vo.weights import REPORTED, SIGNATURE
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
@@ -70,7 +70,8 @@ class DrlVo:
     nav-competition-icra2022-drl-vo. The sub-goal is where the guide's path leaves the disc of `lookahead` about the
     robot, or its end; without a path, the guide's subgoal, at most that far away. While the guide finds no path, the
     sub-goal stays the same in the robot frame. Near the goal the robot stops, near an obstacle ahead it turns left in
-    place. The command is limited to what the robot can reach in a period. A NaN range is not a return.
+    place. The command is limited to what the robot can reach in a period. A NaN range is not a return. With
+    `trained_outline`, the network sees each obstacle as far from the robot of its training as it is from this one.
     """
 
     Config = DrlVoConfig
@@ -140,10 +141,11 @@ class DrlVoInterface:
     def __init__(self, config: DrlVoConfig, robot: Robot) -> None:
         self._config = config
         self._dt, self._mount_yaw = robot.dt, robot.lidar.yaw
-        rates, shape = (robot.control_rate, config.sweep_rate), None
+        rates, outlines = (robot.control_rate, config.sweep_rate), None
         if config.trained_outline is not None:
-            shape = Shape(robot.footprint.box, robot.lidar.mount, *config.trained_outline, fov=config.fov)
-        self._sweeps = Sweeps(config.fov, config.range_max, config.no_return, rates, shape)
+            ahead, aside = config.trained_outline
+            outlines = Outlines(robot.footprint.box, robot.lidar.mount, ahead, aside, config.fov)
+        self._sweeps = Sweeps(config.fov, config.range_max, config.no_return, rates, outlines)
         self._goal: Floats = _NOWHERE
 
     def clear(self) -> None:

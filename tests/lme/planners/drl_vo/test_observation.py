@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.planners.drl_vo.observation import BINS, SWEEPS, Shape, Sweeps, free_ahead, image_of, velocity_maps
+from lme.planners.drl_vo.observation import (
+    BINS,
+    SWEEPS,
+    Outlines,
+    Sweeps,
+    free_ahead,
+    image_of,
+    velocity_maps,
+)
 from lme.types import LaserScan, Pose
 from tests.tolerances import RANGE
 
@@ -85,7 +93,7 @@ def test_the_scan_may_be_clockwise_turned_and_of_a_full_turn():
 
 # The authors' Jackal is 0.42 × 0.33 m with the lidar 0.065 m ahead of its middle; their Turtlebot's outline is 0.1 m
 # ahead of its lidar and 0.1 √3 m away at ±135°.
-JACKAL = Shape((0.21, 0.165, 0.0), Pose(0.065, 0.0, 0.0), 0.1, 0.1 * math.sqrt(3.0), THREE_QUARTERS)
+JACKAL = Outlines((0.21, 0.165, 0.0), Pose(0.065, 0.0, 0.0), 0.1, 0.1 * math.sqrt(3.0), THREE_QUARTERS)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +115,7 @@ def test_a_range_counts_from_the_outline_as_in_the_authors_code(degrees, own, tu
 @given(st.floats(-math.pi, math.pi), st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.booleans())
 def test_the_outline_is_where_a_beam_leaves_the_footprint(bearing, x, y, is_disc):
     box = (0.0, 0.0, 0.2) if is_disc else (0.21, 0.165, 0.0)
-    own = -Shape(box, Pose(x, y, 0.0), 0.0, 0.0, math.tau).change(np.array([bearing]))[0]
+    own = -Outlines(box, Pose(x, y, 0.0), 0.0, 0.0, math.tau).change(np.array([bearing]))[0]
     exit_x, exit_y = x + own * math.cos(bearing), y + own * math.sin(bearing)
     outward = [max(abs(exit_x) - box[0], 0.0), max(abs(exit_y) - box[1], 0.0)]
     edge = math.hypot(*outward) - box[2] if is_disc else max(abs(exit_x) - box[0], abs(exit_y) - box[1])
@@ -116,14 +124,14 @@ def test_the_outline_is_where_a_beam_leaves_the_footprint(bearing, x, y, is_disc
 
 def test_a_lidar_outside_of_the_footprint_has_no_outline_before_it():
     for box in ((0.2, 0.1, 0.0), (0.0, 0.0, 0.2)):
-        ahead = Shape(box, Pose(0.3, 0.0, 0.0), 0.0, 0.0, math.pi).change(np.array([0.0, 0.5]))
+        ahead = Outlines(box, Pose(0.3, 0.0, 0.0), 0.0, 0.0, math.pi).change(np.array([0.0, 0.5]))
         assert ahead == pytest.approx([0.0, 0.0])
 
 
 def test_the_sweeps_count_from_the_outline_beams_without_return_too():
     ranges = np.full(720, 3.0)
     ranges[:9] = np.inf
-    sweeps = Sweeps(**BARN, rates=(20.0, 20.0), shape=JACKAL)
+    sweeps = Sweeps(**BARN, rates=(20.0, 20.0), outlines=JACKAL)
     sweeps.add(scan(ranges), 0.0)
     rows = metres(sweeps)[:2]
     bearings = np.radians(-135.0 + 270.0 / 719.0 * np.arange(720))

@@ -128,3 +128,22 @@ def test_the_two_public_logs_of_the_default_stack():
         (0.924, 0.016, 0.06)
     )
     assert found.correlation == pytest.approx(0.75, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "episodes"),
+    [("bobae3_run1", 250), ("bobae3_run4", 250), ("drlvo", 500), ("lics", 500), ("mppi", 78)],
+)
+def test_the_other_public_logs_are_read(name, episodes):
+    path = SHARED / f"facts/gazebo_logs/{name}.txt"
+    if not path.is_file():
+        pytest.skip(f"needs {path}")
+    assert rates(read_log(path)).episodes == episodes
+
+
+@pytest.mark.parametrize("block", ["0", "17", "20", "83", "96", "99"])
+def test_a_block_of_the_lab_s_log_is_a_pass_over_its_hundred_worlds(block):
+    path = SHARED / "facts/gazebo_eit.csv"
+    if not path.is_file():
+        pytest.skip(f"needs {path}")
+    assert len(set(read_log(path, block)["world"])) == 100
