@@ -27,6 +27,7 @@ from lme.worlds.world import Task, World
 FRESH = ("fresh", "fresh_hard")  # subsets that are generated; the others are official worlds
 FRESH_KEYS = ("count", "fresh_seed")  # keys that only these subsets use
 TARGET = "lme.worlds.barn.Barn"  # of the map set, in its YAML
+AHEAD_M = 10.0  # of the start, along y, is the goal of run.py
 FIRST_FRESH = 1000  # number of the first fresh world, so that records never mix them with official ones
 
 
@@ -74,7 +75,7 @@ class BarnConfig(TaskRules):
     count: int
     fresh_seed: int
     start: list[float]
-    goal: list[float]
+    goal: list[float] | None
     time_limit: float
 
     def __post_init__(self) -> None:
@@ -90,7 +91,8 @@ class BarnConfig(TaskRules):
         require("count", self.count, at_least=1, at_most=MOST_WORLDS)
         require("fresh_seed", self.fresh_seed, at_least=0)
         check_numbers("start", self.start, (3,), "three finite numbers: x, y [m], yaw [rad]")
-        check_numbers("goal", self.goal, (2,), "two finite numbers: x, y [m]")
+        if self.goal is not None:
+            check_numbers("goal", self.goal, (2,), "two finite numbers: x, y [m]")
 
 
 class Barn:
@@ -101,6 +103,11 @@ class Barn:
     def __init__(self, config: BarnConfig) -> None:
         """Choose the worlds; `task` reads the files. Raises InputError if a requested world does not exist."""
         self.config = config
+        self._start = Pose(*config.start)
+        x, y, _ = self._start
+        self._goal: Floats = np.array(
+            [x, y + AHEAD_M] if config.goal is None else config.goal, dtype=np.float64
+        )
         self._files = None if config.source is None else find_worlds(config.source)
         self.numbers = config.numbers(self._subset())
         absent = [number for number in self.numbers if not self._exists(number)]
@@ -113,7 +120,7 @@ class Barn:
         Its measures are cylinders, fill, the five of difficulty, and the recipe's smoothings if the recipe is known.
         """
         layout = self.layout(number)
-        start, goal = Pose(*self.config.start), np.array(self.config.goal, dtype=np.float64)
+        start, goal = self._start, self._goal
         measures = {"cylinders": float(len(layout.cylinders)), "fill": layout.fill}
         if layout.recipe is not None:
             measures["smoothings"] = float(layout.recipe.smoothings)
@@ -134,7 +141,7 @@ class Barn:
         It leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m off them.
         """
         cells = self.layout(number).path * CELL_M + np.array([ORIGIN_X_M, ORIGIN_Y_M])
-        return np.vstack([self.config.start[:2], cells, self.config.goal])
+        return np.vstack([self._start[:2], cells, self._goal])
 
     def layout(self, number: int) -> Layout:
         """Cylinders, grid, the benchmark's path and the recipe of world `number`."""
