@@ -76,9 +76,9 @@ class MoveBase:
         robot: Robot,
         costmap: LocalCostmap,
         local_planner: LocalPlanner,
-        spacing: float,
+        spacing: float | None = None,
     ) -> None:
-        """spacing: greatest distance between the points of a plan [m]."""
+        """spacing: greatest distance between the points of a plan [m]; None: a plan has the guide's points."""
         self._settings = config
         self._dt = robot.dt
         self._costmap = costmap
@@ -120,9 +120,9 @@ class MoveBase:
             return
         if not guidance.blocked:
             path = guidance.path if guidance.path is not None else np.vstack([np.zeros(2), guidance.subgoal])
-            # Points at most the spacing apart; the ends stay.
-            ahead = stretch(path, 0.0, math.inf, self._spacing)
-            plan = to_world(np.vstack([path[:1], ahead]), observation.odometry)
+            if self._spacing is not None:  # the ends stay
+                path = np.vstack([path[:1], stretch(path, 0.0, math.inf, self._spacing)])
+            plan = to_world(path, observation.odometry)
             if not self._local_planner.set_plan(plan, observation.odometry):
                 self._state = _State.ABORTED
                 return

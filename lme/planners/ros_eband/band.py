@@ -14,7 +14,11 @@ from lme.planners.ros_eband.kernels import Rules, expand, expansion, optimize, o
 from lme.types import Floats, Observation, Pose, Twist
 
 _SHARE = 0.7  # of a bubble's expansion, in speeds and angles
-_NEAR_GOAL_M, _SLOWEST_M_S, _SLOW_M_S = 0.75, 0.15, 0.3  # half as fast nearer to the goal, but not if slow anyway
+_NEAR_GOAL_M, _SLOWEST_M_S, _SLOW_M_S = (
+    0.75,
+    0.15,
+    0.3,
+)  # half as fast nearer to the goal, but not if slow anyway
 
 
 @dataclass(slots=True)
@@ -41,7 +45,12 @@ class BandConfig:
     costmap: LocalCostmapConfig
 
     def __post_init__(self) -> None:
-        for key in ("eband_min_relative_overlap", "eband_tiny_bubble_expansion", "costmap_weight", "max_vel_lin"):
+        for key in (
+            "eband_min_relative_overlap",
+            "eband_tiny_bubble_expansion",
+            "costmap_weight",
+            "max_vel_lin",
+        ):
             require(key, getattr(self, key), above=0.0)
         for key in ("max_vel_th", "k_prop", "bubble_velocity_multiplier", "rotation_threshold_multiplier"):
             require(key, getattr(self, key), above=0.0)
@@ -126,7 +135,9 @@ class ElasticBand:
     def _bubbles(self, begin: int, end: int) -> Floats:
         """Bubbles at poses of the plan, which all have the same yaw: (N, 4)."""
         points = self._plan[begin:end]
-        return np.column_stack([points, np.full((len(points), 1), self._config.plan_yaw), np.zeros(len(points))])
+        return np.column_stack(
+            [points, np.full((len(points), 1), self._config.plan_yaw), np.zeros(len(points))]
+        )
 
     def _on_map(self, bubbles: Floats) -> Floats:
         """Band of bubbles on the current map; empty if one is forbidden or a gap cannot be filled."""

@@ -206,8 +206,12 @@ def _force(costs, grid, band, i, bubble, rules):
     # Obstacles push: the gradient of the expansion, from one side of the bubble to the other.
     x, y, radius, weight = bubble[0], bubble[1], bubble[3], rules.costmap_weight
     slope = rules.external_force_gain / (2.0 * max(radius, rules.tiny_bubble_expansion))
-    fx += slope * (expansion(costs, grid, x + radius, y, weight) - expansion(costs, grid, x - radius, y, weight))
-    fy += slope * (expansion(costs, grid, x, y + radius, weight) - expansion(costs, grid, x, y - radius, weight))
+    fx += slope * (
+        expansion(costs, grid, x + radius, y, weight) - expansion(costs, grid, x - radius, y, weight)
+    )
+    fy += slope * (
+        expansion(costs, grid, x, y + radius, weight) - expansion(costs, grid, x, y - radius, weight)
+    )
     # Leave out the part along the line between the neighbours: F − (F · d) d / |d|².
     along = _difference(following, previous, rules)
     square = along[0] * along[0] + along[1] * along[1] + along[2] * along[2]

@@ -34,5 +34,4 @@ class RosEBand(MoveBase):
 
     def __init__(self, config: RosEBandConfig, robot: Robot) -> None:
         costmap = LocalCostmap(config.costmap, robot)
-        # Navfn's poses are half a cell apart.
-        super().__init__(config, robot, costmap, ElasticBand(config, costmap), config.costmap.cell_size / 2.0)
+        super().__init__(config, robot, costmap, ElasticBand(config, costmap))
