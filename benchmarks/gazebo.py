@@ -2,8 +2,8 @@
 
     python -m benchmarks.gazebo [--shared ../shared] [--log FILE[:BLOCK] …] [--runs 2] [--record] [WORD …]
 
-Drives the organisers' stack, `system=move_base_as_run` in `sim=gazebo`, through the worlds of `official50`, and compares
-it with its two public logs. The words go to `lme eval`: `sim=skid` chooses another simulator, and `system=…
+Drives the organisers' stack, `system=move_base_as_run` in `sim=gazebo`, through the worlds of `official50`, and
+compares it with its two public logs. The words go to `lme eval`: `sim=skid` chooses another simulator, and `system=…
 map.subset=…` with `--log` another system and its log. Needs the logs' folder, which does not ship.
 """
 

@@ -22,6 +22,7 @@ DRIVES = {  # keywords of `load_system`; those that compile longest come first
     "orca": {"guide": "lme", "planner": "orca"},
     "eband": {"guide": "target", "planner": "eband"},
     "ros_dwa": {"guide": "tangent_bug", "planner": "ros_dwa"},
+    "ros_eband": {"guide": "navfn", "planner": "ros_eband"},
     "stopping": {"guide": "target", "filter": "stopping"},
     "skid": {"guide": "target"},
     "lics": {"guide": "target", "planner": "lics"},

@@ -759,3 +759,122 @@ def least_times(times, grid, here, most, v_max):
     centres = [low + (np.arange(grid.size + 2) - 0.5) * grid.cell for low in (grid.x, grid.y)]
     x, y = np.meshgrid(*centres, indexing="ij")
     return np.minimum(times, most - np.hypot(x - here[0], y - here[1]) / v_max)
+
+
+class RosBand:
+    """eband_local_planner's band by recursion; bubbles are tuples (x, y, yaw, expansion)."""
+
+    def __init__(self, costs, grid, rules):
+        self.costs, self.grid, self.rules = costs, grid, rules
+
+    def expansion(self, x, y):
+        i, j = cell_of((x, y), self.grid)
+        on_map = 0 <= i < len(self.costs) and 0 <= j < len(self.costs[0])
+        cost = max(int(self.costs[i, j]), 1) if on_map else 1
+        return 0.0 if cost > 252 else -np.log(cost / 252) / self.rules.costmap_weight
+
+    def bubble(self, x, y, yaw):
+        return x, y, np.angle(np.exp(1j * yaw)), self.expansion(x, y)
+
+    def overlap(self, a, b):
+        return np.hypot(a[0] - b[0], a[1] - b[1]) < self.rules.min_relative_overlap * (a[3] + b[3])
+
+    def fill(self, a, b):
+        """The bubbles that join two, these included; None if one of them is too small."""
+        turn = np.angle(np.exp(1j * (b[2] - a[2])))
+        middle = self.bubble((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, a[2] + turn / 2)
+        if middle[3] <= self.rules.tiny_bubble_expansion:
+            return None
+        left = [a, middle] if self.overlap(a, middle) else self.fill(a, middle)
+        right = [middle, b] if self.overlap(middle, b) else self.fill(middle, b)
+        return None if left is None or right is None else left + right[1:]
+
+    def refine(self, band):
+        if self.overlap(band[0], band[-1]):
+            return [band[0], band[-1]]
+        if len(band) == 2:
+            return self.fill(*band)
+        middle = (len(band) - 1) // 2
+        left, right = self.refine(band[: middle + 1]), self.refine(band[middle:])
+        if left is None or right is None:
+            return None
+        return left[:-1] + (right[1:] if self.overlap(left[-2], right[1]) else right)
+
+    def difference(self, a, b):
+        turn = np.angle(np.exp(1j * (b[2] - a[2])))
+        return np.array([b[0] - a[0], b[1] - a[1], turn * self.rules.circumscribed_radius])
+
+    def force(self, band, i, bubble):
+        rules, (x, y, _, r) = self.rules, bubble
+        force = np.zeros(3)
+        for other in (band[i - 1], band[i + 1]):
+            distance = np.hypot(other[0] - x, other[1] - y)
+            if distance > rules.tiny_bubble_distance:
+                force += rules.internal_force_gain * self.difference(bubble, other) / distance
+        across = self.expansion(x + r, y) - self.expansion(x - r, y)
+        up = self.expansion(x, y + r) - self.expansion(x, y - r)
+        slope = rules.external_force_gain / (2 * max(r, rules.tiny_bubble_expansion))
+        force += slope * np.array([across, up, 0.0])
+        along = self.difference(band[i + 1], band[i - 1])
+        return force - force @ along / (along @ along) * along
+
+    def overshoots(self, new, old):
+        before = np.sqrt(2 * old[0] ** 2 + old[2] ** 2)
+        strength = np.linalg.norm(new)
+        least = max(self.rules.relative_overshoot * before, self.rules.significant_force)
+        return new @ old < 0 and strength > least
+
+    def equilibrium(self, band, i, bubble, force, step, depth):
+        moved = self.bubble(*(np.array(bubble[:3]) + step))
+        if moved[3] == 0.0:
+            return None
+        new = self.force(band, i, moved)
+        if depth == self.rules.max_recursion_depth or (new @ force < 0 and not self.overshoots(new, force)):
+            return moved
+        half = step / 2 if new @ force >= 0 else -step / 2
+        return self.equilibrium(band, i, moved, new, half, depth + 1) or moved
+
+    def move(self, band, i):
+        force, radius = self.force(band, i, band[i]), band[i][3]
+        step = radius * force / np.array([1.0, 1.0, self.rules.circumscribed_radius])
+        step[2] = np.angle(np.exp(1j * step[2]))
+        moved = self.bubble(*(np.array(band[i][:3]) + step))
+        if moved[3] <= self.rules.tiny_bubble_expansion:
+            return
+        if self.overshoots(self.force(band, i, moved), force):
+            moved = self.equilibrium(band, i, band[i], force, step / 2, 0) or moved
+        if all(self.overlap(band[k], moved) or self.fill(band[k], moved) for k in (i - 1, i + 1)):
+            band[i] = moved
+
+    def optimize(self, band):
+        band = [self.bubble(*pose[:3]) for pose in band]
+        if any(bubble[3] <= 0.0 for bubble in band):
+            return None
+        band = self.refine(band)
+        for _ in range(self.rules.num_iterations):
+            if band is None:
+                break
+            inner = list(range(1, len(band) - 1))
+            for i in inner + inner[::-1]:
+                self.move(band, i)
+            band = self.refine(band)
+        return band
+
+
+def navfn_potential(paid, start):
+    """Every cell in turn by Navfn's rule, until none changes."""
+    g = np.full(paid.shape, np.inf)
+    g[start] = 0.0
+    changed = True
+    while changed:
+        changed = False
+        for i in range(1, paid.shape[0] - 1):
+            for j in range(1, paid.shape[1] - 1):
+                low, high = sorted((min(g[i - 1, j], g[i + 1, j]), min(g[i, j - 1], g[i, j + 1])))
+                if np.isinf(paid[i, j]) or np.isinf(low):
+                    continue
+                share = (high - low) / paid[i, j]
+                part = 1.0 if share >= 1.0 else 0.704 + 0.5307 * share - 0.2301 * share**2
+                if low + part * paid[i, j] < g[i, j]:
+                    g[i, j], changed = low + part * paid[i, j], True
+    return g

@@ -273,6 +273,11 @@ class LocalCostmap:
         self._clock.reset(rng)
         self._clear()
 
+    def forget(self) -> None:
+        """Forget all obstacles until the next update, as resetLayers of costmap_2d."""
+        self.costs[:] = 0
+        self._hits[:] = 0
+
     def _clear(self) -> None:
         side = 2 * self._half + 1
         self.grid: Grid = (-self._half, -self._half, self._config.cell_size)

@@ -17,6 +17,7 @@ from lme.planners.motion_tubes.planner import MotionTubes
 from lme.planners.mppi.planner import Mppi
 from lme.planners.orca import Orca
 from lme.planners.ros_dwa.planner import RosDwa
+from lme.planners.ros_eband.planner import RosEBand
 from lme.planners.s3_fisvfh.planner import S3Fisvfh
 from lme.planners.teb.planner import Teb
 from lme.planners.tube_vote import TubeVote
@@ -37,6 +38,7 @@ PLANNERS = {
     "mppi": Mppi,
     "orca": Orca,
     "ros_dwa": RosDwa,
+    "ros_eband": RosEBand,
     "s3_fisvfh": S3Fisvfh,
     "teb": Teb,
     "tube_vote": TubeVote,

@@ -13,6 +13,7 @@ WRONG = {  # settings of each option, each alone
         blocking=ray surmount=all history_length=0 history_min_distance=-0.1 history_min_distance=.nan""",
     "guide/lme_plus": "reach=0 margin=-1 travel.comfort=0 travel.slowdown=-1",
     "guide/learned_subgoal": "period=0.0 margin=-1.0",
+    "guide/navfn": "map_yaw=4.0",
     "guide/tangent_bug": "margin=0.0 keep=-1.0 leave_gain=.nan",
     "planner/apf": "attraction=0.0 repulsion=-1.0 spread=4.0",
     "planner/dclp": "lookahead=0.0 goal_within=0.0 reported_limits.front=-1.0",
@@ -34,6 +35,9 @@ WRONG = {  # settings of each option, each alone
     "planner/ros_dwa": """sim_time=0.0 vx_samples=1 min_vel_x=0.6 escape_vel=0.1 planner_patience=-1.0
         yaw_goal_tolerance=0.0 costmap.cell_size=-1.0 costmap.size=-1.0 costmap.obstacle_range=-1.0
         costmap.update_rate=-1.0""",
+    "planner/ros_eband": """eband_min_relative_overlap=0.0 costmap_weight=0.0 num_iterations_eband_optimization=0
+        eband_equilibrium_approx_max_recursion_depth=0 max_vel_lin=0.0 min_vel_lin=-0.1 min_vel_lin=1.1 k_prop=0.0
+        plan_yaw=4.0 planner_patience=-1.0 acc_lim_theta=0.0 costmap.size=-1.0""",
     "planner/s3_fisvfh": "window=0.0 depth=0 smoothing=0.0 turn=1.1 turn_span=4.0 sector=0.0",
     "planner/simple": """heading_tolerance=-0.1 heading_tolerance=.nan pd_below=-0.1 pd_below=.inf kp=-0.1 kp=.nan
         kd=-0.1 kd=.inf alpha_v=0.0 alpha_v=-0.1 alpha_v=.nan alpha_omega=0.0 alpha_omega=-0.1 alpha_omega=.inf""",

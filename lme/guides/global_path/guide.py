@@ -153,7 +153,7 @@ class GlobalPath:
         target = to_world(observation.target, observation.odometry)
         corners = self._corners(costmap, robot, target)
         line = np.vstack([robot, target]) if corners is None else corners
-        points = evenly_spaced(line, _SPACING_M)
+        points = self._points(line)
         return _Route(points, corners is not None, costmap.forbidden(points))
 
     def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
@@ -180,6 +180,10 @@ class GlobalPath:
         corners = corners[:-1] if goal == end else corners
         touching = costs[end] == TOUCHING
         return np.vstack([robot, corners] if touching else [robot, corners, target])
+
+    def _points(self, line: Floats) -> Floats:
+        """Points (K, 2) [m] of the path along a line (C, 2) of corners."""
+        return evenly_spaced(line, _SPACING_M)
 
     def _farthest_visible(self, path: Floats, observation: Observation) -> Floats:
         """Farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].

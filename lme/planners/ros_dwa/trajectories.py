@@ -114,8 +114,14 @@ class TrajectorySearch:
         self._turned_at = (0.0, 0.0)
         self._escape: Pose | None = None
 
-    def command(self, observation: Observation, path: Floats) -> Twist | None:
-        """Return the best velocity along a path (K, 2) in the odometry frame [m]; None if the robot must stop."""
+    def set_plan(self, path: Floats, pose: Pose) -> bool:
+        """Take a path (K, 2) in the odometry frame [m]."""
+        self._path = path
+        return True
+
+    def command(self, observation: Observation) -> Twist | None:
+        """Return the best velocity along the path; None if the robot must stop."""
+        path = self._path
         pose, limits = observation.odometry, self._limits(observation.limits)
         self._measure(pose, path)
         samples = self._samples(observation, path, limits)

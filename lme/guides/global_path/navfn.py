@@ -1,0 +1,66 @@
+"""Navfn of ROS move_base, with its own path: down the gradient of a potential."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import require
+from lme.geometry.frames import to_world
+from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
+from lme.guides.global_path.potential import descend, potential
+from lme.mapping.costmap import Costmap
+from lme.robots import Robot
+from lme.types import Floats, Pose
+
+_PADDING = 3  # [cells] around the obstacles; the outermost are not passable, as at the border of Navfn's map
+_HALF = 0.499  # [cells] half a cell; on a border of cells, a pose counts to the cell that Navfn means
+
+
+@dataclass(slots=True)
+class NavfnConfig(GlobalPathConfig):
+    """Direction of the axes of the map, besides the settings of GlobalPath."""
+
+    map_yaw: float
+
+    def __post_init__(self) -> None:
+        GlobalPathConfig.__post_init__(self)  # super() fails in a dataclass with slots
+        require("map_yaw", self.map_yaw, at_least=-math.pi, at_most=math.pi)
+
+
+class Navfn(GlobalPath):
+    """navfn/NavfnROS as it is (ros-planning/navigation): `GlobalPath` with Navfn's own paths.
+
+    A path goes down the gradient of the potential in steps of half a cell. Navfn gives the lower left corners of cells
+    for their centres, so the whole path is shifted by half a cell against both axes of the map. There is no path from a
+    forbidden cell, unless one of its four neighbours is passable, and none to a forbidden cell.
+    """
+
+    Config = NavfnConfig
+
+    def __init__(self, config: NavfnConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
+        self._shift = to_world(np.array([-_HALF, -_HALF]), Pose(0.0, 0.0, config.map_yaw))  # [cells]
+        self._paid = np.floor(self.cell_costs)  # Navfn's costs are whole numbers
+
+    def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
+        """Points (C, 2) [m] of the path; None if there is none."""
+        begin, end = costmap.cell(robot), costmap.cell(target)
+        window = costmap.window([begin, end])
+        low = np.array([window[0].start, window[1].start]) - _PADDING
+        paid = self._paid[np.pad(costmap.costs[window], _PADDING)]
+        paid[0], paid[-1], paid[:, 0], paid[:, -1] = np.inf, np.inf, np.inf, np.inf
+        start, goal = (begin[0] - low[0], begin[1] - low[1]), (end[0] - low[0], end[1] - low[1])
+        start, goal = (int(start[0]), int(start[1])), (int(goal[0]), int(goal[1]))
+        neutral = float(self._paid.min())
+        g = potential(paid, start, goal, neutral)
+        cells = descend(g, start, goal, neutral)
+        if len(cells) == 0:
+            return None
+        return np.vstack([robot, costmap.points(cells[1:] + low + self._shift), target])
+
+    def _points(self, line: Floats) -> Floats:
+        """Points of the path, which are Navfn's."""
+        return line
