@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.planners.motion_tubes.kernels import free_tubes
+from lme.planners.motion_tubes.tube_vote import TubeVote, edge_samples, tube_sets
 from lme.planners.motion_tubes.tubes import lidar_view
-from lme.planners.tube_vote import TubeVote, edge_samples, tube_sets
 from lme.types import Guidance, Twist
 from tests.builders import observation, shipped
 from tests.tolerances import KERNEL
