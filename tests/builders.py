@@ -60,6 +60,11 @@ def shipped(name):
     return load_robot(name)
 
 
+def challenge_jackal():
+    """Jackal as the organisers' files of the BARN Challenge describe it to ROS."""
+    return replace(shipped("jackal"), control_rate=20.0, footprint=Footprint(length=0.42, width=0.33))
+
+
 ROBOTS = tuple(catalogue.shipped().options("robot"))
 CAP = Cap(v_max=1.0, omega_max=1.57)  # of sim=gazebo [m/s, rad/s]
 WHEELS = Footprint(length=0.458, width=0.416)  # the outline of Jackal that collides in sim=skid

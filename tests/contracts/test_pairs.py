@@ -93,7 +93,10 @@ SLOW_M_S = {
     "mppi": 0.4,
     "teb": 0.7,
 }  # their own limit, which noise about it does not quite reach
-UNCHECKED = {"ros_eband": "a plan through a wall makes it forget the wall, and it checks no footprint"}
+UNCHECKED = {
+    "ros_eband": "a plan through a wall makes it forget the wall, and it checks no footprint",
+    "tube_vote": "it backs up without looking, as the entry did",
+}
 ON_CELLS = ("move_base", "navfn", "nav2", "global_planner", "navfn_kul_fm")
 FREE_PERIODS = 30  # of MPPI before it is near obstacles, where a line of cells is another one backwards
 HANDED = {

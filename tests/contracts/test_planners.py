@@ -14,13 +14,13 @@ from lme.planners.eband.planner import EBand
 from lme.planners.lics import Lics
 from lme.planners.min_time.planner import MinTime
 from lme.planners.motion_tubes.planner import MotionTubes
+from lme.planners.motion_tubes.tube_vote import TubeVote
 from lme.planners.mppi.planner import Mppi
 from lme.planners.orca import Orca
 from lme.planners.ros_dwa.planner import RosDwa
 from lme.planners.ros_eband.planner import RosEBand
 from lme.planners.s3_fisvfh.planner import S3Fisvfh
 from lme.planners.teb.planner import Teb
-from lme.planners.tube_vote import TubeVote
 from lme.planners.vfh_plus import VfhPlus
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World

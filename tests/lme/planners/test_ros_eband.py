@@ -10,12 +10,12 @@ from lme.grids.obstacle_grid import TOUCHING
 from lme.planners.ros_eband.planner import RosEBand
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import shipped
+from tests.builders import challenge_jackal
 from tests.lme.planners.drives import drive
 from tests.lme.planners.test_ros_dwa import LOST, seen
 from tests.tolerances import KERNEL
 
-JACKAL = shipped("jackal_challenge")
+JACKAL = challenge_jackal()
 JACKAL.contact = None
 FREE = 2.0 * 0.7 * math.log(252.0) / 10.0  # [m/s] 0.774: all bubbles of a free map have a radius of 0.553 m
 WALL = World(segments=np.array([[0.9, -3.0, 0.9, 3.0]]))

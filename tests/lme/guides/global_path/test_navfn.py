@@ -7,10 +7,10 @@ from lme.config.presets import load_settings
 from lme.guides.global_path import Navfn
 from lme.types import Pose, Twist
 from lme.worlds.world import World
-from tests.builders import room, shipped
+from tests.builders import challenge_jackal, room
 from tests.lme.planners.test_ros_dwa import seen
 
-JACKAL = shipped("jackal_challenge")
+JACKAL = challenge_jackal()
 
 
 def guided(world=None, **changes):

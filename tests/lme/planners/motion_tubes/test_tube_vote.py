@@ -4,7 +4,6 @@ Jackal's lidar is 0.055 m ahead of its base. Tubes begin there: front 0.21 + 0.1
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,14 +12,13 @@ from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.planners.motion_tubes.kernels import free_tubes
+from lme.planners.motion_tubes.tube_vote import TubeVote, edge_samples, tube_sets
 from lme.planners.motion_tubes.tubes import lidar_view
-from lme.planners.tube_vote import TubeVote, edge_samples, tube_sets
-from lme.robots import Footprint
 from lme.types import Guidance, Twist
-from tests.builders import observation, shipped
+from tests.builders import challenge_jackal, observation
 from tests.tolerances import KERNEL
 
-JACKAL = replace(shipped("jackal"), control_rate=20.0, footprint=Footprint(length=0.42, width=0.33))
+JACKAL = challenge_jackal()
 FRONT, HALF = 0.31, 0.215
 AT_ONCE = 100.0  # [m/s²] no ramp
 TWO_SETS = {"speeds": [0.1, 1.0], "horizons": [1.0, 1.0]}
