@@ -49,10 +49,10 @@ def potential(paid: Floats, start: Cell, goal: Cell, neutral: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _arrival(g, cell, columns, paid):
+def _arrival(g: Floats, cell: int, columns: int, paid: float) -> float:
     """Potential of a cell by its lower neighbours along both axes: Navfn's approximation of a plane wave."""
-    a = min(g[cell - columns], g[cell + columns])
-    b = min(g[cell - 1], g[cell + 1])
+    a = float(min(g[cell - columns], g[cell + columns]))
+    b = float(min(g[cell - 1], g[cell + 1]))
     low, apart = min(a, b), abs(a - b)
     if not apart < paid:
         return low + paid
@@ -107,7 +107,7 @@ def descend(g: Floats, start: Cell, goal: Cell, neutral: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _gradient(g, i, j):
+def _gradient(g: Floats, i: int, j: int) -> tuple[float, float]:
     """Direction in which the potential falls at a cell, of length 1 or 0; out of a cell without potential."""
     here = g[i, j]
     down_i, down_j = _slope(g[i - 1, j], here, g[i + 1, j]), _slope(g[i, j - 1], here, g[i, j + 1])
@@ -116,7 +116,7 @@ def _gradient(g, i, j):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _slope(before, here, after):
+def _slope(before: float, here: float, after: float) -> float:
     """Twice the fall along one axis, of the sides that have a potential."""
     if here == np.inf:
         return -1.0 if before < np.inf else (1.0 if after < np.inf else 0.0)

@@ -52,7 +52,7 @@ def expansion(costs: Costs, grid: Grid, x: float, y: float, weight: float) -> fl
 @njit(cache=True, error_model="numpy")
 def overlaps(a: Floats, b: Floats, rules: Rules) -> bool:
     """Return whether two bubbles are nearer than `min_relative_overlap` of the sum of their expansions."""
-    return math.hypot(a[0] - b[0], a[1] - b[1]) < rules.min_relative_overlap * (a[3] + b[3])
+    return bool(math.hypot(a[0] - b[0], a[1] - b[1]) < rules.min_relative_overlap * (a[3] + b[3]))
 
 
 @njit(cache=True, error_model="numpy")
