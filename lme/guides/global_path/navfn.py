@@ -10,7 +10,7 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.frames import to_world
 from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
-from lme.guides.global_path.potential import descend, potential
+from lme.guides.global_path.potential import Cell, descend, potential
 from lme.mapping.costmap import Costmap
 from lme.robots import Robot
 from lme.types import Floats, Pose
@@ -44,6 +44,7 @@ class Navfn(GlobalPath):
         super().__init__(config, robot)
         self._shift = to_world(np.array([-_HALF, -_HALF]), Pose(0.0, 0.0, config.map_yaw))  # [cells]
         self._paid = np.floor(self.cell_costs)  # Navfn's costs are whole numbers
+        self._solved: tuple[Floats, Cell, Cell, Floats] | None = None  # costs, start, goal, path
 
     def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
         """Points (C, 2) [m] of the path; None if there is none."""
@@ -54,12 +55,19 @@ class Navfn(GlobalPath):
         paid[0], paid[-1], paid[:, 0], paid[:, -1] = np.inf, np.inf, np.inf, np.inf
         start, goal = (begin[0] - low[0], begin[1] - low[1]), (end[0] - low[0], end[1] - low[1])
         start, goal = (int(start[0]), int(start[1])), (int(goal[0]), int(goal[1]))
-        neutral = float(self._paid.min())
-        g = potential(paid, start, goal, neutral)
-        cells = descend(g, start, goal, neutral)
+        cells = self._path(paid, start, goal)
         if len(cells) == 0:
             return None
         return np.vstack([robot, costmap.points(cells[1:] + low + self._shift), target])
+
+    def _path(self, paid: Floats, start: Cell, goal: Cell) -> Floats:
+        """Path (K, 2) [cells] from start to goal; the last one again while nothing has changed."""
+        last = self._solved
+        if last is None or (start, goal) != last[1:3] or not np.array_equal(paid, last[0]):
+            neutral = float(self._paid.min())
+            last = paid, start, goal, descend(potential(paid, start, goal, neutral), start, goal, neutral)
+            self._solved = last
+        return last[3]
 
     def _points(self, line: Floats) -> Floats:
         """Points of the path, which are Navfn's."""
