@@ -25,13 +25,13 @@ try:
 except ModuleNotFoundError as error:
     sys.exit(f"train_sb3.py needs {error.name}: pip install stable-baselines3")
 
-from lme.config.presets import load_robot
+import lme
 from lme.gym import FlatObservation, flattened
 
 BEAMS = 72
 TASK: dict[str, Any] = {
     "robot": replace(
-        load_robot("jackal"), alpha_v=3.0, alpha_omega=15.0
+        lme.load_robot("jackal"), alpha_v=3.0, alpha_omega=15.0
     ),  # as fast as wheels without slip allow
     "reward": {"progress": 0.5, "success": 5.0, "collision": -5.0, "step": -0.02},
 }

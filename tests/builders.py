@@ -66,6 +66,9 @@ def challenge_jackal():
 
 
 ROBOTS = tuple(catalogue.shipped().options("robot"))
+SHIPPED = tuple(
+    name for name in ROBOTS if shipped(name).response is None
+)  # those that obey in every simulator
 CAP = Cap(v_max=1.0, omega_max=1.57)  # of sim=gazebo [m/s, rad/s]
 WHEELS = Footprint(length=0.458, width=0.416)  # the outline of Jackal that collides in sim=skid
 

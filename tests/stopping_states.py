@@ -10,9 +10,9 @@ from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.robots import Footprint
 from lme.types import Guidance, Pose, Twist
 from tests import oracles
-from tests.builders import ROBOTS, observation, shipped, stage
+from tests.builders import SHIPPED, observation, shipped, stage
 
-SHIPS = [shipped(name) for name in ROBOTS]
+SHIPS = [shipped(name) for name in SHIPPED]
 DELAYS = [
     (0.0, 0.0),
     (0.0, 0.0),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os.path
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -22,6 +23,7 @@ from lme.inputs.resources import overlaid, resource_dir
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
 _SELF, _HERE = "_self_", "_here_"
+_USUAL = re.compile(r"\$\{usual_sim:(\w+),(\w+)\}")  # with the groups that it names filled in
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +141,16 @@ def parameters(
         if not (math.isfinite(factor) and factor >= 0):
             raise InputError(f"scale.{name} is {factor:g}: must be a number, at least 0 and finite")
     return {**learned, **{name: learned[name] * factor for name, factor in factors.items()}, **ablation}
+
+
+def usual(option: str | None, choices: Mapping[str, str | None]) -> str | None:
+    """Return an option of a defaults list by the options of other groups, without OmegaConf, since help must be quick.
+
+    The list may name a group, as ${guide}, or say ${usual_sim:${map},${robot}}.
+    """
+    chosen = None if option is None else Template(option).safe_substitute(choices)
+    words = _USUAL.fullmatch(chosen or "")
+    return _usual_sim(*words.groups()) if words else chosen
 
 
 def register_resolvers() -> None:

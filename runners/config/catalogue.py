@@ -35,7 +35,7 @@ class Catalogue:
         """Return the config groups of a command in the order of its defaults list, each with its default option."""
         choices = self.option(config_name).choices
         groups = {group: option for group, option in choices.items() if not group.startswith("hydra/")}
-        return composer.resolved("groups", groups, groups, config_name)
+        return {group: composer.usual(option, groups) for group, option in groups.items()}
 
     def choices(self, group: str, command: str) -> dict[str, str]:
         """Return the options of a group with their files; experiments are the command's, if it has a folder of them.

@@ -93,7 +93,7 @@ def test_a_wrong_scale_on_the_command_line_is_one_line(words, tmp_path, monkeypa
 def sweep(tmp_path_factory):
     """Two ablations at once, with parameters as they are and with one halved."""
     folder = tmp_path_factory.mktemp("sweep")
-    words = ["-m", "scale.a_close=1,0.5", "ablation=[no_c_o, no_a_dev]", "hydra.sweep.dir=out"]
+    words = ["-m", "sim=fast", "scale.a_close=1,0.5", "ablation=[no_c_o, no_a_dev]", "hydra.sweep.dir=out"]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert main(["eval", *words, *WORDS]) == 0

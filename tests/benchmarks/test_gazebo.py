@@ -6,4 +6,4 @@ from benchmarks.gazebo import WORDS, with_defaults
 def test_given_words_take_the_place_of_the_default_s():
     assert with_defaults(["runs=2", "sim=skid"]) == [*WORDS, "runs=2", "sim=skid"]
     words = with_defaults(["system=lics", "map.subset=lab100"])
-    assert words == ["robot.control_rate=20", "map=barn", "system=lics", "map.subset=lab100"]
+    assert words == ["map=barn", "system=lics", "map.subset=lab100"]

@@ -238,9 +238,9 @@ def test_the_gait_table_drives_a_walking_go2_from_starts_of_its_own():
 
 def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for():
     for name, rates in (("move_base_gazebo", (10.0, 20.0)), (None, (None, None))):
-        config = chosen("experiment", name) if name else chosen("system", "move_base")
+        config = chosen("experiment", name) if name else composed("eval", "system=move_base", "sim=fast")
         assert (config.guide.costmap.update_rate, config.planner.costmap.update_rate) == rates
-        assert config.hydra.runtime.choices["system"] == "move_base"
+        assert config.hydra.runtime.choices["system"] == ("move_base_as_run" if name else "move_base")
 
 
 @pytest.mark.parametrize("option", [name for name in CATALOGUE.options("ablation") if name != "none"])

@@ -18,7 +18,7 @@ from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue, systems
 from runners.config.composer import CUSTOM
-from tests.builders import CLUTTER, ROBOTS, observation, room, shipped, task, without_errors
+from tests.builders import CLUTTER, SHIPPED, observation, room, shipped, task, without_errors
 from tests.networks import drl_vo_file, ipaprec_file, lics_file, network_file, onnx_file, subgoal_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
@@ -70,8 +70,8 @@ def cases():
     """Every robot with every guide and planner. The robots take turns."""
     for (i, guide), (j, planner) in itertools.product(enumerate(GUIDES), enumerate(PLANNERS)):
         tuned_for = TUNED_FOR.get(planner.rpartition("_")[2])
-        turn = tuned_for or ROBOTS[(i + j) % len(ROBOTS)]
-        for robot in (tuned_for,) if tuned_for else ROBOTS:
+        turn = tuned_for or SHIPPED[(i + j) % len(SHIPPED)]
+        for robot in (tuned_for,) if tuned_for else SHIPPED:
             slow = robot != turn or not is_usual(guide, planner)
             yield pytest.param(robot, guide, planner, marks=pytest.mark.slow if slow else ())
 

@@ -24,7 +24,7 @@ from lme.planners.teb.planner import Teb
 from lme.planners.vfh_plus import VfhPlus
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import ROBOTS, observation, shipped
+from tests.builders import SHIPPED, observation, shipped
 from tests.lme.planners.drives import drive, plan
 from tests.tolerances import KERNEL
 
@@ -45,7 +45,7 @@ PLANNERS = {
     "vfh_plus": VfhPlus,
 }
 every_planner = pytest.mark.parametrize("name", PLANNERS)
-every_robot = pytest.mark.parametrize("robot", ROBOTS)
+every_robot = pytest.mark.parametrize("robot", SHIPPED)
 
 
 def planner(name, robot):
@@ -109,7 +109,7 @@ def test_a_mirrored_scene_gives_the_mirrored_command(name, rear, robot, arcs, ta
 
 @pytest.mark.parametrize(
     ("name", "robot"),
-    [*((name, robot) for name in ("apf", "orca", "vfh_plus") for robot in ROBOTS), ("teb", "jackal")],
+    [*((name, robot) for name in ("apf", "orca", "vfh_plus") for robot in SHIPPED), ("teb", "jackal")],
 )
 def test_it_drives_straight_to_the_goal_and_stays_there(name, robot):
     robot = shipped(robot)

@@ -14,7 +14,7 @@ from lme.robots import Cloud, Footprint, Lidar
 from lme.simulation.fast import FastSimulator
 from lme.types import Limits, Outcome, Pose
 from lme.worlds.barn.map_set import Barn
-from tests.builders import ROBOTS, navigator, shipped, stage
+from tests.builders import SHIPPED, navigator, shipped, stage
 from tests.tolerances import KERNEL
 
 LIDAR = {"num_beams": 9, "fov": 2.0, "range_min": 0.1, "range_max": 5.0}
@@ -167,7 +167,7 @@ def test_mount_limits_and_period():
 
 def test_shipped_robots_are_those_of_the_paper():
     # §IV.A, §IV.B, §V.A, §V.B.
-    assert set(ROBOTS) >= {"stage", "jackal", "turtlebot2", "go2"}
+    assert set(SHIPPED) >= {"stage", "jackal", "turtlebot2", "go2"}
     stage_robot, jackal, go2 = shipped("stage"), shipped("jackal"), shipped("go2")
     assert (stage_robot.r, stage_robot.control_rate) == (0.2, 5.0)
     lidar = stage_robot.lidar
@@ -178,7 +178,7 @@ def test_shipped_robots_are_those_of_the_paper():
     assert (go2.v_max, go2.control_rate, go2.r) == (0.66, 8.0, 0.3)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_each_shipped_robot_drives_in_a_barn_world(name):
     robot = shipped(name)
     barn = Barn(load_settings("map/barn", worlds=[200], time_limit=40.0))

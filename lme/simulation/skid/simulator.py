@@ -11,7 +11,7 @@ import numpy as np
 from lme.errors import InputError, argument_error, require
 from lme.geometry.frames import compose, relative
 from lme.inputs.plausibility import check_fields
-from lme.robots import Cap, Drivetrain, Footprint, Response, Robot
+from lme.robots import Drivetrain, Footprint, Response, Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
 from lme.simulation.gait import GaitResponse, check_height, response_of
@@ -172,7 +172,7 @@ class GazeboConfig(SkidConfig):
     """
 
     costmap_clocks: bool
-    cap: Cap
+    cap: dict[str, float]
     lab100_start: list[float]
 
 

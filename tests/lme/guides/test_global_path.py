@@ -20,7 +20,7 @@ from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
-from tests.builders import ROBOTS, observation, room, shipped, stage, task
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -305,7 +305,7 @@ def test_reset_forgets_map_and_path():
 
 
 @pytest.mark.parametrize("global_map", ["observed", "known"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_robot_gets_out_of_a_u(name, global_map):
     assert drive(U_TRAP, (4.0, 0.0), shipped(name), global_map=global_map).outcome is Outcome.SUCCESS
 

@@ -14,7 +14,7 @@ from lme.planners.simple import Simple
 from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.world import World
-from tests.builders import ROBOTS, room, shipped, stage, task
+from tests.builders import SHIPPED, room, shipped, stage, task
 
 FAR = stage().lidar.range_max
 U = [[1.0, -1.0, 3.0, -1.0], [3.0, -1.0, 3.0, 1.0], [3.0, 1.0, 1.0, 1.0]]  # 2 × 2 m, open towards −x
@@ -155,7 +155,7 @@ def test_a_target_that_cannot_be_reached_is_circled_without_contact():
     assert episode.min_clearance > 0.05
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_robot_gets_round_a_wall_and_out_of_a_u(name):
     robot = shipped(name)
     for world, start in ((walls([3, -2, 3, 2]), Pose(0.0, 0.2, 0.2)), (walls(*U), Pose(-1.0, 0.2, 0.0))):

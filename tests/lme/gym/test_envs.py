@@ -197,7 +197,7 @@ def test_a_frame_shows_the_robot_where_it_is():
         {"sim_config": {"latency": -1.0}},
         {"sim_config": {"latency": "long"}},
         {"sim_config": {"even_ramp": 1}},
-        {"sim": "skid"},
+        {"robot": "stage", "sim": "skid"},
         {"people": "seen"},
         {"reward": {"sucess": 1.0}},
         {"reward": {"success": np.nan}},

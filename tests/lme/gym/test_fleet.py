@@ -86,7 +86,7 @@ def assert_sees(views, i, seen, box):
         (HARD, any_robot, load_settings("sim/fast", max_step=0.1)),
         (ROOM, load_robot("stage"), load_settings("sim/fast")),
         (ROOM, any_robot, load_settings("sim/fast", even_ramp=True)),
-        (TRAPS, load_robot("turtlebot2"), load_settings("sim/fast")),
+        (TRAPS, replace(load_robot("jackal"), alpha_v=3.0, alpha_omega=15.0), load_settings("sim/fast")),
         (NEAR, any_robot, load_settings("sim/fast")),
     ],
 )

@@ -16,7 +16,7 @@ from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
-from tests.builders import ROBOTS, observation, room, shipped, stage, task
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
 STILL = Twist(0.0, 0.0)
@@ -50,7 +50,7 @@ def cluttered(seed, robot):
     return (ranges + rng.uniform(0.0, 0.01, beams)).astype(np.float32)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_mirrored_view_mirrored_command(name):
     robot = shipped(name)
     for seed in range(20):
@@ -76,7 +76,7 @@ def test_commands_keep_to_the_limits(seed, v, omega, x, y):
     assert abs(command.omega - twist.omega) <= robot.alpha_omega * robot.dt + KERNEL
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("config", [{}, EAGER])
 def test_an_empty_world_is_crossed_straight_and_the_goal_is_where_it_rests(name, config):
     robot = shipped(name)
@@ -97,7 +97,7 @@ def test_an_empty_world_is_crossed_straight_and_the_goal_is_where_it_rests(name,
     assert np.abs(resting[:, 3]).max() < 0.05
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_dwa_brakes_before_a_wall_at_full_speed(name):
     # From 5 m and at rest, towards a target behind it; noise and blind arcs included.
     wall = World(segments=np.array([[5.0, -30.0, 5.0, 30.0]]))

@@ -17,7 +17,7 @@ from lme.planners.eband.planner import EBand, _thinned
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Observation, Outcome, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import ROBOTS, observation, room, shipped, stage, task
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -36,7 +36,7 @@ def drive(job, robot, navigator=None):
     )
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_eband_keeps_to_the_line_and_stops_at_the_goal(name):
     robot = shipped(name)
     simulator, made = FastSimulator(load_settings("sim/fast"), robot), planner(robot)

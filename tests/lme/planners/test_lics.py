@@ -67,7 +67,7 @@ def test_without_a_path_it_keeps_its_direction():
 
 
 def test_the_entry_drives_to_the_goal():
-    words = ("system=lics", "robot.control_rate=20", "map.subset=fresh", "map.count=1")
+    words = ("system=lics", "sim=fast", "robot.control_rate=20", "map.subset=fresh", "map.count=1")
     with jobs_of("eval", *words) as job:
         config = job().config
         task = build.map_set(config).task(1000)

@@ -16,7 +16,7 @@ from lme.robots import Footprint
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import ROBOTS, observation, room, shipped, stage, task
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
 from tests.lme.planners.motion_tubes.scenes import COARSE, JACKAL, NO_EDGES, scattered
 from tests.tolerances import KERNEL
 
@@ -66,7 +66,7 @@ def drive(robot, job, steps, guide=None, **config):
     return np.array(poses), np.array(twists), simulator
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_motion_tubes_drive_straight_in_the_open_and_rest_at_the_goal(name):
     robot = shipped(name)
     poses, twists, _ = drive(robot, task(goal=(10.0, 0.0), goal_tolerance=1e-9), round(45 / robot.dt))
@@ -80,7 +80,7 @@ def test_motion_tubes_drive_straight_in_the_open_and_rest_at_the_goal(name):
 
 
 @pytest.mark.parametrize("goal", [(2.0, 1.0), (0.1, 0.8), (-3.0, 0.5)])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_motion_tubes_reach_goals_on_all_sides_without_circling_them(name, goal):
     robot = shipped(name)
     poses, _, _ = drive(robot, task(goal=goal, goal_tolerance=1e-9), round(20 / robot.dt))
@@ -107,7 +107,7 @@ def test_fewer_free_tubes_are_driven_slower():
     assert fastest == pytest.approx([0.25, 1.0, 1.75], abs=KERNEL)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_robot_slower_than_its_tubes_keeps_to_their_arcs(name):
     robot = shipped(name)
     planner = MotionTubes(load_settings("planner/motion_tubes", acceleration=50.0), robot)

@@ -16,7 +16,6 @@ from tests.lme.planners.test_ros_dwa import LOST, seen
 from tests.tolerances import KERNEL
 
 JACKAL = challenge_jackal()
-JACKAL.contact = None
 FREE = 2.0 * 0.7 * math.log(252.0) / 10.0  # [m/s] 0.774: all bubbles of a free map have a radius of 0.553 m
 WALL = World(segments=np.array([[0.9, -3.0, 0.9, 3.0]]))
 

@@ -25,7 +25,7 @@ from lme.planners.s3_fisvfh.planner import FuzzyCurve, S3Fisvfh
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import ROBOTS, observation, shipped, stage, task
+from tests.builders import SHIPPED, observation, shipped, stage, task
 from tests.tolerances import KERNEL
 
 SECTORS = 120
@@ -407,7 +407,7 @@ def test_headings_are_smoothed_alike_at_any_control_rate():
     assert turned[5.0] < 0.96 * settled  # two halvings: three quarters of the way to 90°
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 @settings(max_examples=15)
 @given(seed=st.integers(0, 10_000))
 def test_a_mirrored_scene_mirrors_the_command(name, seed):
@@ -422,7 +422,7 @@ def test_a_mirrored_scene_mirrors_the_command(name, seed):
     assert (other.v, -other.omega) == pytest.approx(tuple(one), abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("goal", [(10.0, 0.0), (-4.0, 0.0), (0.0, -0.5), (-0.2, 0.05)])
 def test_s3_fisvfh_comes_to_rest_at_the_goal(name, goal):
     trajectory = drive(shipped(name), goal, goal_tolerance=1e-9, time_limit=40.0).trajectory

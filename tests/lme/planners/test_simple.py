@@ -13,7 +13,7 @@ from lme.planners.simple import Simple
 from lme.robots import towards
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Limits, Pose, Twist
-from tests.builders import ROBOTS, observation, shipped, stage, task
+from tests.builders import SHIPPED, observation, shipped, stage, task
 from tests.tolerances import KERNEL
 
 UNIT = st.floats(0.0, 1.0)
@@ -182,7 +182,7 @@ def test_towards_takes_one_period_at_alpha():
     assert towards(1.1, 1.0, 2.0, 0.2) == 1.1
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("start_rad", [0.1, -0.5, 2.0, -3.0])
 def test_no_shipped_robot_turns_past_its_subgoal_or_drives_past_it(name, start_rad):
     robot = shipped(name)

@@ -14,7 +14,7 @@ from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.dynabarn import DIFFICULTIES, RADIUS, Dynabarn, crossing
-from tests.builders import ROBOTS, navigator, shipped
+from tests.builders import SHIPPED, navigator, shipped
 from tests.tolerances import KERNEL
 
 FAR = Pose(1000.0, 0.0, 0.0)  # of a robot that nobody heeds
@@ -113,7 +113,7 @@ def test_cylinders_move_at_their_speed_and_come_round():
     assert crowd.circles[0] == pytest.approx(before[0], abs=1e-6)
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", SHIPPED)
 def test_every_robot_can_begin(robot):
     machine = shipped(robot)
     check_task(all_tasks("hard")[0], machine)  # walls and start are the same in all

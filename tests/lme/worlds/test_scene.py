@@ -23,7 +23,7 @@ from lme.worlds.scene import Scene, read_scene
 from lme.worlds.world import World
 from runners.config import catalogue
 from runners.config.instantiate import build
-from tests.builders import PUBLISHED, ROBOTS, shipped
+from tests.builders import PUBLISHED, SHIPPED, shipped
 
 STATIC = ("real1", "real2", "real3", "real4")
 DYNAMIC = "real1_dynamic"
@@ -115,7 +115,7 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
 def test_no_robot_fits_through_the_second_gap_of_real1_and_the_turtlebot_through_the_first():
     world = scene("real1").task(0).world
     assert point_clearance(world, np.array(GAP_1)) < min(
-        shipped(name).footprint.inscribed_radius for name in ROBOTS
+        shipped(name).footprint.inscribed_radius for name in SHIPPED
     )
     assert point_clearance(world, np.array(OPENING_1)) > machine("real1").footprint.circumscribed_radius
 

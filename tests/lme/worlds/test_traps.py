@@ -15,7 +15,7 @@ from lme.simulation.fast import FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
 from lme.worlds.traps import DRAWINGS, KINDS, Traps
-from tests.builders import ROBOTS, navigator, shipped, stage
+from tests.builders import SHIPPED, navigator, shipped, stage
 
 ON_THE_WAY = 1.02  # of the straight line: nothing to go around
 PUBLISHED_SHARE = 0.9  # of the starts that LME and TangentBug must get out from
@@ -45,7 +45,7 @@ def bug(robot):
 
 
 @pytest.mark.parametrize("kind", DRAWINGS)
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_robot_can_begin_and_a_way_exists(kind, name):
     robot = shipped(name)
     chosen = traps(kind=kind, radius=robot.footprint.circumscribed_radius)

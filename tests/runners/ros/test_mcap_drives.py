@@ -35,6 +35,7 @@ WORLD = 210
 PAIRS = {
     "lme": ("robot=jackal",),
     "lme and dwa": ("robot=jackal", "planner=dwa"),
+    "capped": ("robot=jackal", "cap.v_max=1.2", "cap.omega_max=2"),
     "a path": ("robot=jackal", "guide=global_path", "planner=eband"),
 }
 
@@ -44,7 +45,7 @@ class Drive:
 
     def __init__(self, folder, *words, disturb=None, expects=lambda robot: robot):
         """expects: the robot that the driver's config describes, if its lidar is another one."""
-        with jobs_of("eval", "map=barn", f"map.worlds=[{WORLD}]", "seed=3") as job:
+        with jobs_of("eval", "map=barn", "sim=fast", f"map.worlds=[{WORLD}]", "seed=3") as job:
             config = job(*words).config
         self.folder, self.recorder = folder, None
 

@@ -14,7 +14,7 @@ from lme.planners.motion_tubes.kernels import (
 from lme.planners.motion_tubes.tubes import forward_tubes, lidar_view
 from lme.robots import Lidar
 from lme.types import LaserScan, Pose
-from tests.builders import ROBOTS, shipped, stage
+from tests.builders import SHIPPED, shipped, stage
 from tests.lme.planners.motion_tubes.scenes import JACKAL, NO_EDGES, scattered, spec_of, view_of
 from tests.tolerances import KERNEL
 
@@ -25,7 +25,7 @@ def tubes_free(robot, circles, spec):
     return tubes, free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_free_tube_is_free_to_drive(name):
     robot = shipped(name)
     driven = 0
@@ -41,7 +41,7 @@ def test_a_free_tube_is_free_to_drive(name):
     assert driven > 50
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_all_tubes_are_free_in_the_open_and_one_obstacle_closes_those_through_it(name):
     robot = shipped(name)
     spec = spec_of(robot)

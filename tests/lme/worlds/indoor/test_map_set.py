@@ -16,7 +16,7 @@ from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.indoor import Indoor
 from lme.worlds.indoor.map_set import KINDS
-from tests.builders import ROBOTS, shipped, stage
+from tests.builders import SHIPPED, shipped, stage
 from tests.tolerances import KERNEL
 
 
@@ -25,7 +25,7 @@ def indoor(**keys):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_robot_can_begin_and_a_way_exists(kind, name):
     robot = shipped(name)
     radius = robot.footprint.circumscribed_radius

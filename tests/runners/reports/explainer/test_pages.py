@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 # In eight seconds world 230 is driven and world 207 is not.
 FEW, SHORT = "map.worlds=[207,230]", "map.time_limit=8"
-WORDS = ["eval", "runs=1", "executor=serial", "tracking=none"]
+WORDS = ["eval", "sim=fast", "runs=1", "executor=serial", "tracking=none"]
 FAILED, ARRIVED = EpisodeKey(207, 0), EpisodeKey(230, 0)
 
 
