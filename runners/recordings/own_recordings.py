@@ -33,7 +33,7 @@ from runners.workers.mcap_episodes import STATE, TAKEN, WANTED
 from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd, rerun
 
 GOAL, ODOM, SCAN, SENT = "/goal", "/odom", "/scan", "/cmd_vel"
-GROUPS = ("robot", "guide", "planner", "filter")
+GROUPS = ("robot", "guide", "planner", "filter", "feedback", "cap")
 _NOTHING = np.empty((0, 3)), np.empty((0, 4))
 _NO_SUBGOAL = (np.nan, np.nan, 0.0)
 
