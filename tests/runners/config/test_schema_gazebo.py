@@ -12,8 +12,8 @@ CATALOGUE = Catalogue(SHIPPED)
 LAB_START, START = -2.0, -2.25  # x [m]
 MAPS = [name for name in CATALOGUE.options("map") if name not in ("building", "file")]  # need a path
 EXPERIMENTS = CATALOGUE.options("experiment")
-IN_GAZEBO = {"table2", "ablation", "move_base_gazebo", "barn_entries"}
-SKIDDING = {"lme_plus_skid", "robustness_friction", "robustness_latency", "robustness_speed"}
+IN_GAZEBO = {"table2", "ablation", "move_base_gazebo"}
+SKIDDING = {"barn_entries", "lme_plus_skid", "robustness_friction", "robustness_latency", "robustness_speed"}
 
 
 def job(*words, command="eval"):
