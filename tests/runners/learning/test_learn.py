@@ -109,7 +109,7 @@ def test_the_network_drives_by_name_and_by_run(learned, monkeypatch):
     monkeypatch.chdir(learned.parent)
     (name,) = (path.stem for path in Path("outputs/weights").glob("*.onnx"))
     assert yaml.safe_load(Path(f"outputs/weights/{name}.card.yaml").read_text())["name"] == name
-    words = ["guide=target", "planner=dclp", "map=barn", *SHORT[1:5], "executor=serial"]
+    words = ["guide=target", "planner=dclp", "map=barn", "sim=fast", *SHORT[1:5], "executor=serial"]
     found = []
     for weights in (name, "run"):
         assert (
@@ -244,11 +244,11 @@ def test_a_guide_learns_subgoals_for_a_planner(planner, capsys):
     assert 0 < np.abs(trained["output.kernel"] - before["output.kernel"]).max() < 0.05
     card = yaml.safe_load(Path("run/card.yaml").read_text())
     assert (card["guide"], card["planner"]) == ("learned_subgoal", planner)
-    use = f"lme eval guide=learned_subgoal planner={planner} robot.v_max=1.5 guide.weights=subgoals"
+    use = f"lme eval guide=learned_subgoal planner={planner} robot.v_max=1.5 sim=fast guide.weights=subgoals"
     assert f"use it with: {use}\n" in capsys.readouterr().out
     assert Path("run/card.yaml").read_text().startswith(f"# Written by lme learn; use with: {use}\n")
     assert "barn" in card["held_out"]
-    words = ["guide=learned_subgoal", f"planner={planner}", "guide.weights=subgoals", *SHORT[1:5]]
+    words = ["sim=fast", "guide=learned_subgoal", f"planner={planner}", "guide.weights=subgoals", *SHORT[1:5]]
     assert main(["eval", *words, "executor=serial", "hydra.run.dir=eval"]) == 0
     columns = ["world", "outcome", "steps"]
     again = (pd.read_parquet(f"{run}/episodes.parquet")[columns] for run in ("eval", "run/barn"))
