@@ -18,7 +18,7 @@ SPEED = {1: 4, 2: 3}  # simulated seconds per second
 def evaluated(worlds, folder):
     """The records of `lme eval`: three runs, since single ones differ."""
     words = ["runs=3", "tracking=none", "executor=serial", f"hydra.run.dir={folder}"]
-    assert main(["eval", "robot=jackal", worlds, *words]) == 0
+    assert main(["eval", "robot=jackal", "sim=fast", worlds, *words]) == 0
     return read_episodes([folder])
 
 
