@@ -77,7 +77,9 @@ def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
 
 def test_a_planned_path_is_drawn_and_the_end_shows_the_tasks_clock(open_page, tmp_path):
     path = tmp_path / "planned.html"
-    planned = traced(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
+    planned = traced(
+        230, "sim=fast", "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4"
+    )
     write_page(planned, path, "E-Band")
     page = open_page(path, "#step=5")
     shown = page.evaluate(

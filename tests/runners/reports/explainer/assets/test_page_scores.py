@@ -175,7 +175,7 @@ def test_typed_values_count_and_invalid_ones_are_refused(page):
     assert page.evaluate("explainer.app.panel.values.a_close") == PUBLISHED["a_close"]
 
 
-PLUS = ("system=lme_plus", "map=barn", "robot=jackal", "map.time_limit=1.5")
+PLUS = ("system=lme_plus", "map=barn", "robot=jackal", "sim=fast", "map.time_limit=1.5")
 
 
 def test_the_page_of_lme_plus_decides_as_it_did_and_shows_what_it_has(open_page, tmp_path):
