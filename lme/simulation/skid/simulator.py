@@ -163,6 +163,14 @@ class SkidSimulator:
 
 
 @dataclass(slots=True)
+class SpeedCap:
+    """Highest speeds that systems command."""
+
+    v_max: float  # [m/s]
+    omega_max: float  # [rad/s]
+
+
+@dataclass(slots=True)
 class GazeboConfig(SkidConfig):
     """The skidding Jackal of the BARN Challenge, and what runs beside it in Gazebo.
 
@@ -172,7 +180,7 @@ class GazeboConfig(SkidConfig):
     """
 
     costmap_clocks: bool
-    cap: dict[str, float]
+    cap: SpeedCap
     lab100_start: list[float]
 
 
