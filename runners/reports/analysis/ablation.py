@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 COLUMN, COMPLETE = "ablation", "none"
 SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
-SYSTEMS = ("LME", "LME (as run)", "LME as printed")  # the paper's statements are about either reading of its method
+# the paper's statements are about either reading of its method
+SYSTEMS = ("LME", "LME (as run)", "LME as printed")
 ABOUT = {"map": "barn", "robot": "jackal", "scale": ""}  # and its benchmark
 
 
