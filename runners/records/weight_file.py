@@ -28,7 +28,7 @@ from runners.records.launch_record import versions
 
 CARD = "card.yaml"  # in the run's directory; NAME.card.yaml next to the registered network
 # Parts of the config that drive a robot, and those that are groups: a file can choose their option.
-_DRIVES = ("robot", "system", "guide", "planner", "filter", "ablation", "scale", "sim")
+_DRIVES = ("robot", "system", "guide", "planner", "filter", "ablation", "scale", "sim", "cap", "feedback")
 _OPTIONS = ("robot", "system", *PAIR, "filter", "sim")
 
 

@@ -62,6 +62,16 @@ def test_the_table1_experiment_is_one_study_and_two_maps(composer):
     assert (config.map.name, config.runs, config.held_out.env2.configurations) == ("env1", 3, 50)
 
 
+@pytest.mark.parametrize("guide", ["target", "lme_plus"])
+def test_a_space_with_that_of_the_planner_can_be_named(composer, guide):
+    words = [f"guide={guide}", "planner=eband"]
+    named, usual = (
+        read_space(compose_job(composer, [*words, *more]).config) for more in ([f"space={guide}"], [])
+    )
+    assert named == usual
+    assert any(key.startswith("planner.") for key in named)
+
+
 def test_the_papers_own_search(composer):
     """A Gaussian process with few initial points in a uniform space; evaluated as Table I."""
     config = compose_job(composer, ["experiment=train/paper"]).config

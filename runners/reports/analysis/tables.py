@@ -45,7 +45,8 @@ FAMILY = "world_family"  # column of map sets that draw a family of worlds for e
 def title(frame: pd.DataFrame) -> str:
     """Return what all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
     columns = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
-    values = {key: str(frame[key].iloc[0]) for key in columns if frame[key].nunique() == 1}
+    shared = [key for key in columns if frame[key].notna().all() and frame[key].nunique() == 1]
+    values = {key: str(frame[key].iloc[0]) for key in shared}
     common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
     return " · ".join([*common, f"{_count_text(frame, 'world')} {TIMES} {_count_text(frame, 'run')}"])
 

@@ -21,6 +21,7 @@ D1 = ["guide.parameters.d1"]
         ),
         ("train", "guide.parameters={d1:0.3}", D1, ""),
         ("train", "filter=stopping sim=skid", D1, "filter=stopping sim=skid"),
+        ("train", "cap.v_max=1 feedback=CLOSED_LOOP", D1, "cap.v_max=1 feedback=CLOSED_LOOP"),
         ("train", "planner=dwa", [*D1, "planner.predict_time"], "planner=dwa guide=lme"),
         ("train", "system=lme_plus", [*D1, "guide.margin"], "system=lme_plus"),
         ("learn", "", ["planner.weights"], "guide=target planner=dclp sim=fast"),

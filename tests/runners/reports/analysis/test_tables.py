@@ -258,6 +258,14 @@ def test_a_key_changed_in_some_rows_is_named_with_them():
     assert "Changed in Other (ours): planner.kp=8.0." in lines
 
 
+def test_the_title_names_no_key_that_only_some_rows_have():
+    frames = [
+        records(run_dir="one", changes=""),
+        records(run_dir="two", system="Other", changes="planner.kp=8.0", **{"planner.kp": "8.0"}),
+    ]
+    assert "planner.kp" not in title(pd.concat(frames))
+
+
 def test_every_key_that_differs_between_two_runs_is_a_column():
     frames = [
         records(run_dir="one", sim="fast", changes="", **{"robot.v_max": "2.0"}),
