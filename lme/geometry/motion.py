@@ -13,6 +13,12 @@ WIDEST = 1.0  # [m] greatest radius of a person or another mover
 _SKIN = 0.1  # [m] behind the nearest point of a mover
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def wrapped(angle: float) -> float:
+    """Wrap an angle to [−π, π) [rad]."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
 @njit(cache=True)
 def drive(
     pose: tuple[float, float, float],

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lme.geometry.motion import wrapped
 from lme.grids.obstacle_grid import INSCRIBED, Costs, Grid, lattice, outline_capacity, outline_cost
 from lme.types import Bools, Floats
 
@@ -312,12 +313,12 @@ def path_angle(
     """
     x, y = path[at, 0], path[at, 1]
     # The robot faces the point already.
-    if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < max_angle:
+    if abs(wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < max_angle:
         return
     for n in range(len(costs)):
         # Angle between the last heading and the direction from the last pose to the point.
         bearing = math.atan2(y - poses[n, -1, 1], x - poses[n, -1, 0])
-        costs[n] += weight * abs(_wrapped(bearing - poses[n, -1, 2]))
+        costs[n] += weight * abs(wrapped(bearing - poses[n, -1, 2]))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -334,9 +335,3 @@ def _at_length(lengths, length, start):
         if lengths[j] > length:
             return j - 1 if length - lengths[j - 1] < lengths[j] - length else j
     return len(lengths) - 1
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _wrapped(angle):
-    """Wrap an angle to [−π, π)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi

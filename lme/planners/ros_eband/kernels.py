@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from lme.geometry.motion import wrapped
 from lme.grids.obstacle_grid import HIGHEST, INSCRIBED, Costs, Grid, lattice
 from lme.types import Floats
 
@@ -121,7 +122,7 @@ def _fill(costs, grid, bubbles, after, before, count, first, last, rules):
         if radius <= rules.tiny_bubble_expansion or count == len(bubbles) or size + 2 > _DEEPEST:
             return -1
         bubbles[count, 0], bubbles[count, 1] = x, y
-        bubbles[count, 2] = _wrapped(bubbles[a, 2] + 0.5 * _wrapped(bubbles[b, 2] - bubbles[a, 2]))
+        bubbles[count, 2] = wrapped(bubbles[a, 2] + 0.5 * wrapped(bubbles[b, 2] - bubbles[a, 2]))
         bubbles[count, 3] = radius
         after[a], before[count], after[count], before[b] = count, a, b, count
         if not overlaps(bubbles[a], bubbles[count], rules):
@@ -155,7 +156,7 @@ def _move(costs, grid, band, i, rules):
     """Move bubble i by its force, unless it becomes too small or loses its neighbours."""
     force = _force(costs, grid, band, i, band[i], rules)
     jump_x, jump_y = band[i, 3] * force[0], band[i, 3] * force[1]
-    jump_yaw = _wrapped(band[i, 3] / rules.circumscribed_radius * force[2])
+    jump_yaw = wrapped(band[i, 3] / rules.circumscribed_radius * force[2])
     moved = _shifted(costs, grid, band[i], jump_x, jump_y, jump_yaw, rules)
     if moved[3] <= rules.tiny_bubble_expansion:
         return
@@ -222,7 +223,7 @@ def _force(costs, grid, band, i, bubble, rules):
 @njit(cache=True, error_model="numpy")
 def _difference(a, b, rules):
     """Difference of the poses of two bubbles; that of the yaw is times the outer radius."""
-    return b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2]) * rules.circumscribed_radius
+    return b[0] - a[0], b[1] - a[1], wrapped(b[2] - a[2]) * rules.circumscribed_radius
 
 
 @njit(cache=True, error_model="numpy")
@@ -238,7 +239,7 @@ def _overshoots(force, previous, rules):
 def _shifted(costs, grid, bubble, dx, dy, dyaw, rules):
     """Return the bubble at a place further on."""
     moved = np.empty(4)
-    moved[0], moved[1], moved[2] = bubble[0] + dx, bubble[1] + dy, _wrapped(bubble[2] + dyaw)
+    moved[0], moved[1], moved[2] = bubble[0] + dx, bubble[1] + dy, wrapped(bubble[2] + dyaw)
     moved[3] = expansion(costs, grid, moved[0], moved[1], rules.costmap_weight)
     return moved
 
@@ -246,9 +247,3 @@ def _shifted(costs, grid, bubble, dx, dy, dyaw, rules):
 @njit(cache=True, error_model="numpy", inline="always")
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _wrapped(angle):
-    """Wrap an angle to [−π, π) [rad]."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
