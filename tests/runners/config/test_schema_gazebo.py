@@ -66,6 +66,11 @@ class TestWhatItBringsAlong:
         assert job("system=lme_as_run", "sim=fast").config.cap == Cap(1.0, 1.57)
         assert job("system=lme_as_run", "cap.v_max=0.7").config.cap == Cap(0.7, 1.57)
 
+    def test_lme_plus_for_gazebo_is_given_the_outline_that_collides(self):
+        robot = job("system=lme_plus_gazebo").config.robot
+        assert robot.footprint == robot.drivetrain.contact
+        assert robot.footprint != job("system=lme_plus").config.robot.footprint
+
     @pytest.mark.parametrize(
         ("words", "rates"),
         [
