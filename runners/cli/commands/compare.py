@@ -30,6 +30,8 @@ def main(argv: list[str]) -> int:
 
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
+    for path in arguments.runs:
+        _check_named(path, runs)
     comparisons = compare_runs(read_episodes(runs))
     text = (
         compare_report.to_markdown(comparisons)
@@ -67,6 +69,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--format", choices=("text", "md"), default="text", help="of what is printed")
     return parser
+
+
+def _check_named(path: Path, runs: Sequence[Path]) -> None:
+    """Raise InputError if `path` is a folder of runs that were not started together."""
+    from lme.errors import InputError
+    from runners.records.launch_record import LAUNCH
+
+    inside = [run for run in runs if run.parent == path]
+    is_sweep = (path / LAUNCH).exists() or all(run.name.isdigit() for run in inside)
+    if path not in runs and not is_sweep:
+        first = " ".join(map(str, inside[:2]))
+        raise InputError(
+            f"{path}: is a folder of {len(inside)} runs, not a sweep: name the runs to compare, such as\n"
+            f"  lme compare {first}"
+        )
 
 
 def _default_folder(paths: Sequence[Path], runs: Sequence[Path]) -> Path:

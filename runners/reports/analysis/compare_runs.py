@@ -35,6 +35,8 @@ MEASURES = {
     if metric.key in (SUCCESS, METRIC, "time_s", "path_length_m", SMOOTHNESS)
 }
 
+EFFECT = 0.05  # difference in success for which the number of worlds is planned
+
 
 @dataclass(frozen=True, slots=True)
 class Change:
@@ -149,7 +151,7 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
         heading(runs),
         measure,
         compared,
-        [*_notes(group, [reference, *names], keys, launches), *notes],
+        [*_notes(group, [reference, *names], keys, launches), *_describe_power(compared), *notes],
         keys,
     )
 
@@ -230,6 +232,20 @@ def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozens
     if single:
         reasons.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
     return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(reasons)}." if reasons else ""
+
+
+def _describe_power(compared: Sequence[Compared]) -> list[str]:
+    """Return a note on how many worlds it takes to find a difference of `EFFECT` in success, if that is known."""
+    differences = [one.changes[SUCCESS].difference for one in compared]
+    worlds = sorted(number for value in differences if (number := value.worlds_for(EFFECT)))
+    if not worlds:
+        return []
+    fewest, most = f"{worlds[0]:,}", counted(worlds[-1], "world")
+    number_text = most if worlds[0] == worlds[-1] else f"{fewest} to {most}"
+    return [
+        f"To find a difference of {EFFECT:g} in success takes about {number_text} like these "
+        f"({paired.POWER:.0%} power at p < {paired.LEVEL:g}, by the spread of the paired differences)."
+    ]
 
 
 def _describe_worlds(run: ComparedRun) -> str:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 SUCCESS, METRIC = "success", BARN_METRIC
 LEVEL = 0.05  # significance level; intervals have the confidence 1 − LEVEL
+POWER = 0.8  # share of comparisons in which an effect is to be found
 LEAST_P = 0.001  # smaller ones are shown as less than this
 RESAMPLES = 9999
 SEED = 0
@@ -53,7 +55,8 @@ NOTES = (
 class Difference:
     """Mean paired difference from the baseline. low, high: interval. p: p-value. NaN with fewer than two worlds.
 
-    adjusted: p adjusted by Holm's method over all differences compared together. pairs: number of paired episodes.
+    pairs: number of paired episodes. spread: standard deviation over worlds; NaN with fewer than two. adjusted: p
+    adjusted by Holm's method over all differences compared together.
     """
 
     mean: float
@@ -62,12 +65,24 @@ class Difference:
     p: float
     worlds: int
     pairs: int
+    spread: float = math.nan
     adjusted: float = math.nan
 
     @property
     def beyond_noise(self) -> bool:
         """Return whether the difference is significant."""
         return self.adjusted < LEVEL
+
+    def worlds_for(self, effect: float) -> int | None:
+        """Return how many worlds with this spread show an effect of this size in `POWER` of all comparisons.
+
+        None if the spread is not known or 0. From the normal approximation of a paired test, without Holm's correction.
+        """
+        if not self.spread > 0.0:
+            return None
+        normal = NormalDist()
+        quantiles = normal.inv_cdf(1.0 - LEVEL / 2.0) + normal.inv_cdf(POWER)
+        return math.ceil((quantiles * self.spread / effect) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +141,8 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
     # The worlds are the units: the value of each is the mean of its paired differences.
     by_world = changes.groupby("world").mean().to_numpy()
     low, high, p = _interval_and_p(by_world)
-    return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes))
+    spread = float(by_world.std(ddof=1)) if len(by_world) > 1 else math.nan
+    return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes), spread)
 
 
 def interval_of_mean(frame: pd.DataFrame, quantity: str) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lme.errors import InputError
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import compare
@@ -61,11 +62,20 @@ def test_a_sweep_of_weights_is_named_by_them_and_compared_where_it_lies(tmp_path
     assert "Differences from: weights published" in text
     assert "weights skid (60 worlds, 120 pairs; BARN metric better in " in text
     assert "All have seed 0: both episodes of a pair draw from the same random numbers." in text
+    assert re.search(r"To find a difference of 0\.05 in success takes about [\d,]+ worlds like these", text)
     assert text.endswith(f"compare.md, compare.csv, compare_worlds.csv, compare.png in {tmp_path}")
     markdown = (tmp_path / "compare.md").read_text(encoding="utf-8")
     assert "| `guide.parameters.a_close` | 1.51 | 3.311 |" in markdown
     assert "![barn_metric by world](compare.png)" in markdown
     assert (tmp_path / "compare.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_runs_that_only_lie_in_one_folder_are_not_compared(tmp_path, job):
+    runs = [write(tmp_path / name, job(), 0.9) for name in ("monday", "tuesday")]
+    with pytest.raises(InputError, match=r"is a folder of 2 runs, not a sweep: name the runs") as error:
+        compare.main([str(tmp_path)])
+    assert f"lme compare {runs[0]} {runs[1]}" in str(error.value)
+    assert not (tmp_path / "compare.md").exists()
 
 
 def test_the_figures_are_those_of_paired_differences(tmp_path, job, capsys):
