@@ -199,9 +199,7 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
         "held_out": dict(held_out),
     }
     key = f"{learned_part(config)}.weights"
-    command = lme_command(
-        "eval", *weight_file.driven(job, "eval", [key]), override(key, name), folders=job.folders
-    )
+    command = lme_command("eval", *weight_file.driven(job, [key]), override(key, name), folders=job.folders)
     files = weight_file.register_network(job.run_dir, name, metadata, command)
     if not held_out:
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")

@@ -142,16 +142,16 @@ def _read_key(path: Path, key: str) -> Any:
     return content.get(key) if isinstance(content, dict) else None
 
 
-def driven(job: Job[SystemConfig], command: str, values: Collection[str]) -> list[str]:
-    """Return the overrides that choose the driving system, without those of the trained keys `values`.
+def driven(job: Job[SystemConfig], values: Collection[str]) -> list[str]:
+    """Return the words of `lme eval` that choose the driving system, without those of the trained keys `values`.
 
     An experiment, or a config of the user's own, may have chosen parts of the system instead, so a part is named if
-    it is not the default of `command`. The pair is always named if more than a guide's parameters was trained.
+    it is not the default of `lme eval`. The pair is always named if more than a guide's parameters was trained.
     """
     keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
     trained = {*values, *(PARAMETERS.rstrip(".") for key in values if key.startswith(PARAMETERS))}
     words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in trained]
-    defaults = Catalogue(job.folders).groups(command)
+    defaults = Catalogue(job.folders).groups("eval")
     choices = {
         group: job.choices[group]
         for group in _OPTIONS

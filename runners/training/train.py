@@ -156,7 +156,7 @@ def _write_weights(
 
 def _usage(job: Job[TrainConfig], search_result: SearchResult) -> str:
     """Return the command that drives with the values found."""
-    words = weight_file.driven(job, "train", search_result.values)
+    words = weight_file.driven(job, search_result.values)
     if weight_file.best_parameters(job.config, search_result.values):
         words.append(override("weights", weights_name(job)))
     return lme_command("eval", *words, *weight_file.settings(search_result.values), folders=job.folders)
@@ -203,7 +203,7 @@ def _elsewhere(job: Job[TrainConfig], search_result: SearchResult) -> str:
     # A sweep over these maps.
     words = [
         word
-        for word in weight_file.driven(job, "train", search_result.values)
+        for word in weight_file.driven(job, search_result.values)
         if word.lstrip("+").partition("=")[0] != "robot"
     ]
     settings = weight_file.settings(search_result.values)

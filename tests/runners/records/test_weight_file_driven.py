@@ -11,19 +11,25 @@ D1 = ["guide.parameters.d1"]
 @pytest.mark.parametrize(
     ("command", "words", "values", "driving"),
     [
-        ("train", "", D1, ""),
-        ("train", "robot=go2 robot.v_max=0.4 seed=3 runs=1", D1, "robot=go2 robot.v_max=0.4"),
+        ("train", "", D1, "robot=stage sim=fast"),
+        ("train", "robot=go2 robot.v_max=0.4 seed=3 runs=1", D1, "robot=go2 robot.v_max=0.4 sim=fast"),
         (
             "train",
             "guide.history_length=5 guide.blocking=corridor",
             ["guide.history_length"],
-            "guide.blocking=corridor guide=lme planner=simple",
+            "guide.blocking=corridor robot=stage sim=fast guide=lme planner=simple",
         ),
-        ("train", "guide.parameters={d1:0.3}", D1, ""),
-        ("train", "filter=stopping sim=skid", D1, "filter=stopping sim=skid"),
-        ("train", "cap.v_max=1 feedback=CLOSED_LOOP", D1, "cap.v_max=1 feedback=CLOSED_LOOP"),
-        ("train", "planner=dwa", [*D1, "planner.predict_time"], "planner=dwa guide=lme"),
-        ("train", "system=lme_plus", [*D1, "guide.margin"], "system=lme_plus"),
+        ("train", "guide.parameters={d1:0.3}", D1, "robot=stage sim=fast"),
+        ("train", "filter=stopping sim=skid", D1, "filter=stopping sim=skid robot=stage"),
+        (
+            "train",
+            "cap.v_max=1 feedback=CLOSED_LOOP",
+            D1,
+            "cap.v_max=1 feedback=CLOSED_LOOP robot=stage sim=fast",
+        ),
+        ("train", "robot=jackal map=barn", D1, "robot=jackal sim=fast"),
+        ("train", "planner=dwa", [*D1, "planner.predict_time"], "planner=dwa robot=stage sim=fast guide=lme"),
+        ("train", "system=lme_plus", [*D1, "guide.margin"], "system=lme_plus robot=stage sim=fast"),
         ("learn", "", ["planner.weights"], "guide=target planner=dclp sim=fast"),
         (
             "learn",
@@ -41,6 +47,5 @@ D1 = ["guide.parameters.d1"]
     ],
 )
 def test_what_drives_is_repeated_without_what_was_trained(command, words, values, driving):
-    usual = {"train": "train", "learn": "eval"}[command]
     with jobs_of(command) as job_of:
-        assert driven(job_of(*words.split()), usual, values) == driving.split()
+        assert driven(job_of(*words.split()), values) == driving.split()
