@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 from collections import Counter
+from contextlib import AbstractContextManager, nullcontext
 from time import monotonic, perf_counter
 from types import TracebackType
 from typing import Any, Self
@@ -92,6 +93,12 @@ class _Bar:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+
+
+def activity(label: str) -> AbstractContextManager[object]:
+    """Show what takes seconds and cannot be counted, while the block runs; on a terminal only."""
+    console = Console(stderr=True)
+    return nullcontext() if console.is_jupyter else console.status(label)
 
 
 class EpisodeProgress(_Bar):
