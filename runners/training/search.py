@@ -34,7 +34,7 @@ from runners.training.storage import Heartbeat, open_storage, storage_errors
 from runners.training.study import CONFIGURATIONS, Proposal, Study, Trial
 from runners.workers import trials
 from runners.workers.executor import Item, Map
-from runners.workers.progress import RaceProgress, TrialProgress
+from runners.workers.progress import RaceProgress, TrialProgress, activity
 from runners.workers.trials import Attempt, Place, Score
 
 if TYPE_CHECKING:
@@ -77,9 +77,10 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> SearchResult:
     start = own_values(config, space) if config.start_from_config else None
     study_location = config.storage, config.study, run_dir
     # Open the study, and draw the worlds of the search and of each rung.
-    study = open_study(*study_location, identity(config), space, search, start or {}, config.restarts)
-    rungs = world_numbers(job, trained)
-    check_configurations(study, trained, rungs[0], run_dir)
+    with activity("Opening the study"):
+        study = open_study(*study_location, identity(config), space, search, start or {}, config.restarts)
+        rungs = world_numbers(job, trained)
+        check_configurations(study, trained, rungs[0], run_dir)
     stages = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
     training = with_worlds(trained, [world for worlds in rungs for world in worlds])
     # Search and race with the same workers.
@@ -90,7 +91,8 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> SearchResult:
             if study.num_finished < config.trials:
                 run_trials(study, config.trials, search.batch, stages[0], run_all, progress.set_done)
         race = _race(job, study, stages, start, run_all) if config.race else None
-    return _result(study, space, race, rungs, own_values(config, space))
+    with activity("Importances of the parameters"):
+        return _result(study, space, race, rungs, own_values(config, space))
 
 
 def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:

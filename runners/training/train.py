@@ -38,6 +38,7 @@ from runners.training.search import (
     world_numbers,
 )
 from runners.training.storage import open_storage, storage_errors
+from runners.workers.progress import activity
 from runners.workers.trials import check_disturbances
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def train(job: Job[TrainConfig]) -> None:
             ):
                 search_result = search_and_race(job, trained)
                 weights = _write_weights(job, trained, search_result)
-                pictures = _pictures(search_result, run_dir)
+                with activity("Pictures of the search"):
+                    pictures = _pictures(search_result, run_dir)
             # Compare start and result on held-out worlds; the weight file then holds the verdict.
             held_out = evaluation_places(job, trained)
             start, frame = _evaluate(job, held_out, search_result)

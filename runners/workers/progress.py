@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 from collections import Counter
+from contextlib import AbstractContextManager, nullcontext
 from time import monotonic, perf_counter
 from types import TracebackType
 from typing import Any, Self
@@ -94,6 +95,12 @@ class _Bar:
         self._bar.stop()
 
 
+def activity(label: str) -> AbstractContextManager[object]:
+    """Show what takes seconds and cannot be counted, while the block runs; on a terminal only."""
+    console = Console(stderr=True)
+    return nullcontext() if console.is_jupyter else console.status(label)
+
+
 class EpisodeProgress(_Bar):
     """Bar of finished episodes, their outcomes and the time left. Without a terminal, one line at the end."""
 
@@ -136,14 +143,26 @@ class TrialProgress(_Bar):
 
 
 class RaceProgress(_Bar):
-    """Bar of the finished episodes of a rung, with the number of its candidates."""
+    """A bar for each rung below those before: its finished episodes and candidates, and the time that it took.
+
+    Without a terminal, also a line when a rung starts, since the bars then appear at the end.
+    """
 
     def __init__(self) -> None:
         super().__init__("race", 0, "{task.fields[field]}", field="")
+        self._has_begun = False
 
     def begin(self, episodes: int, candidates: int) -> None:
         """Start a rung, or the missing episodes of the search's worlds."""
-        self._bar.reset(self._task, total=episodes, field=f"{candidates} candidates")
+        field = f"{candidates} candidate{'s' if candidates != 1 else ''}"
+        console = self._bar.console
+        if not (console.is_terminal or console.is_jupyter):
+            console.print(f"race: {field}, {episodes} episodes")
+        if self._has_begun:
+            self._task = self._bar.add_task("race", total=episodes, field=field)
+        else:
+            self._bar.reset(self._task, total=episodes, field=field)
+        self._has_begun = True
 
     def add(self) -> None:
         """Count one more episode."""

@@ -83,16 +83,22 @@ def by_bearing(origin, circles, edges, range_max):
                 ax - origin[0], ay - origin[1], bx - origin[0], by - origin[1]
             )
         for j in range(number[i]):
-            starts[(first[i] + j) % BUCKETS + 1] += 1
+            starts[_wrapped(first[i] + j) + 1] += 1
     # The sums of the counts are the starts; then fill the buckets.
     starts = np.cumsum(starts)
     items, filled = np.empty(starts[-1], np.int64), starts.copy()
     for i in range(count):
         for j in range(number[i]):
-            bucket = (first[i] + j) % BUCKETS
+            bucket = _wrapped(first[i] + j)
             items[filled[bucket]] = i
             filled[bucket] += 1
     return starts, items
+
+
+@njit(cache=True, error_model="numpy")
+def _wrapped(bucket):
+    """Index of a bucket that is counted on beyond a turn; the remainder would take longer."""
+    return bucket if bucket < BUCKETS else bucket - BUCKETS
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from lme.geometry.fan import direction
 from lme.grids.edge_grid import NO_EDGES
-from lme.simulation.mid360.cloud_scan import MOST_NOISE, beam_noise, beam_pattern, cloud_scan
+from lme.simulation.mid360.cloud_scan import (
+    MOST_NOISE,
+    beam_noise,
+    beam_pattern,
+    beams_between,
+    cloud_scan,
+    rise_share,
+)
 from lme.types import Pose
 from tests import oracles
 from tests.tolerances import RANGE
@@ -48,6 +55,39 @@ def test_the_scan_is_that_of_the_whole_cloud(seed):
     expected = oracles.cloud_scan(pose, beams, noise, height, limits, heights, spans, bins, circles, edges)
     assert scan.dtype == np.float32
     np.testing.assert_allclose(scan, expected, rtol=0, atol=2 * RANGE)
+
+
+@given(SEEDS)
+def test_the_beams_between_two_elevations_are_found_without_the_others(seed):
+    rng = np.random.default_rng(seed)
+    first, number, phase = int(10 ** rng.uniform(0, 9)), int(rng.integers(1, 3000)), rng.random()
+    lowest = rng.choice([0.0, rng.random(), rng.uniform(-1.0, 1.0)])
+    highest = lowest + rng.choice([10 ** rng.uniform(-6, 0.0), 1.0 - lowest, -0.1])
+    beams = np.arange(first, first + number)
+    shares = np.array([rise_share(int(beam), phase) for beam in beams])
+    chosen = beams_between(first, number, phase, lowest, highest)
+    assert (np.diff(chosen) > 0).all()
+    assert np.isin(beams[(shares >= lowest) & (shares <= highest)], chosen).all()
+    # Others lie as near to the interval as a share is exact, on the circle of shares.
+    slack, of_chosen = 1e-14 * (first + number), shares[chosen - first]
+    turned = (of_chosen - max(lowest, 0.0) + slack) % 1.0
+    assert (turned <= min(highest, 1.0) - max(lowest, 0.0) + 2 * slack).all()
+
+
+@given(SEEDS)
+def test_what_is_hidden_does_not_change_the_scan(seed):
+    rng = np.random.default_rng(seed)
+    pose, circles, edges = scattered(rng)
+    wall = np.array([[7.0, 7.0], [-7.0, 7.0], [-7.0, -7.0], [7.0, -7.0]])
+    room, outer = (np.hstack([side * wall, side * np.roll(wall, 1, axis=0)]) for side in (1.0, 1.2))
+
+    def scan(edges):
+        return cloud_scan(
+            pose, (0, 5000, 0.1, 0.2), (1, 0.02), (0.4, -0.12, 0.9, 0.1, 40.0), (0.05, 0.5), (0.1, 20.0),
+            360, circles, edges, tuple(NO_EDGES),
+        )  # fmt: skip
+
+    np.testing.assert_array_equal(scan(np.vstack([edges, room, outer])), scan(np.vstack([edges, room])))
 
 
 def test_the_ground_counts_if_its_height_does():
