@@ -23,10 +23,6 @@ from tests.runners.reports.explainer.conftest import browser, open_page  # noqa:
 HOSTILE = '{{RACE}}"><script>alert("1")</script><img src=x onerror=alert(1)>'
 BETTER = Difference(0.1, 0.05, 0.15, 0.01, 20, 60)
 WORSE = Difference(-0.2, -0.3, -0.1, 0.01, 20, 60)
-FIGURES = {
-    "parameters": parameters_figure(TRIALS, SPACE, 3, {}, frozenset()),
-    "race": race_figure(RACE, "published"),
-}
 ALONE = Difference(0.1, float("nan"), float("nan"), float("nan"), 1, 1)
 SMALL = (
     "trials=5", "configurations=1", "runs=1", "search.startup=2", "tracking=none", "executor=serial",
@@ -57,7 +53,7 @@ def report_of(place, **changes):
         training_worlds="4 worlds",
         gap=0.25,
         held_out={"env1": row(), "fresh": row(), "all": row()},
-        figures=FIGURES,
+        figures=new_figures(),
         race=RACE,
         trials=TRIALS,
         space=SPACE,
@@ -70,6 +66,13 @@ def report_of(place, **changes):
         files=[place / "race.png"],
     )
     return replace(made, **changes)
+
+
+def new_figures():
+    return {
+        "parameters": parameters_figure(TRIALS, SPACE, 3, {}, frozenset()),
+        "race": race_figure(RACE, "published"),
+    }
 
 
 def written(place, **changes):

@@ -143,7 +143,7 @@ def test_the_weights_are_found_by_path_run_and_name(trained, monkeypatch):
 def test_weights_of_one_map_come_with_the_command_that_tries_them_elsewhere(trained):
     run_dir, said = trained
     name = yaml.safe_load((run_dir / "weights.yaml").read_text())["name"]
-    assert f"lme eval -m robot=stage map=indoor weights=published,{name}" in said
+    assert f"lme eval -m robot=stage sim=fast map=indoor weights=published,{name}" in said
 
 
 def test_where_no_trial_beats_the_start_it_says_so_and_drives_it_once(capsys):
@@ -255,7 +255,10 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
     assert weights["parameters"] == {}
     gain = weights["settings"]["planner.kp"]
     assert 0.5 <= gain <= 8.0
-    assert f"lme eval guide=tangent_bug planner=simple planner.kp={gain}" in capsys.readouterr().out
+    assert (
+        f"lme eval guide=tangent_bug robot=stage sim=fast planner=simple planner.kp={gain}"
+        in capsys.readouterr().out
+    )
     assert not list(Path("outputs/weights").glob("*"))
 
 
@@ -473,8 +476,8 @@ def test_the_advice_drives_the_system_that_was_trained(capsys):
     assert content["settings"]["guide.margin"] != 0.1
     weights = f"weights={content['name']}"
     found = " ".join(f"{key}={value!r}" for key, value in content["settings"].items())
-    command = " ".join(["lme eval", *words, weights, found])
+    command = " ".join(["lme eval", *words, "sim=fast", weights, found])
     assert f"use with: {command}\n" in text
     assert f"{command}\n" in said
-    elsewhere = "robot=turtlebot2 system=lme_plus guide.reach=6 map=indoor"
+    elsewhere = "robot=turtlebot2 system=lme_plus guide.reach=6 sim=fast map=indoor"
     assert f"worse elsewhere: lme eval -m {elsewhere} {weights} {found}\n" in said
