@@ -22,6 +22,7 @@ from lme.types import Floats, Pose
 from lme.worlds.world import World
 
 Cloud = NDArray[np.float32]
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +121,7 @@ class Mid360:
         edges: Floats,
         solids: Floats,
         planes: tuple[float, float],
-        up: ArrayLike = (0.0, 0.0, 1.0),
+        up: Floats = _UP,
         highest: float = 1.0,
     ) -> Floats:
         """Returns of the next `duration` [s] of the pattern for any pose of the sensor: (N, 3) [m] in its frame.
@@ -134,7 +135,7 @@ class Mid360:
         beams = beam_pattern(first, number, self._phase, (config.elevation_min, config.elevation_max))
         noise = config.noise_std * beam_noise(first, number, self._seed)
         if highest < 1.0:
-            is_cast = beams @ np.asarray(up) <= highest
+            is_cast = up[0] * beams[:, 0] + up[1] * beams[:, 1] + up[2] * beams[:, 2] <= highest
             beams, noise = beams[is_cast], noise[is_cast]
         # Exact distances of the beams, rotated into the world; then noise, and the limits of the range.
         directions = np.ascontiguousarray(beams @ sensor[:3, :3].T)

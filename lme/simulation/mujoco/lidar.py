@@ -114,5 +114,7 @@ class TiltingLidar:
 
 def _upright(shapes: Floats) -> Floats:
     """Circles or edges with their heights, from the floor up to above every beam, in two more columns."""
-    heights = np.tile([0.0, math.inf], (len(shapes), 1))
-    return np.ascontiguousarray(np.hstack([shapes, heights]))
+    count, columns = shapes.shape
+    upright = np.empty((count, columns + 2))
+    upright[:, :columns], upright[:, columns], upright[:, columns + 1] = shapes, 0.0, math.inf
+    return upright

@@ -119,14 +119,13 @@ class MujocoSimulator:
             self._poses.append((self._time, pose))
             if self._walker.contact or self._walker.has_fallen or self._is_at_goal(pose):
                 break
-            # The lidar, as far as the next scan needs it.
-            unseen += made
-            ahead = (end - self._steps) * TIME_STEP
-            if ahead < self._cloud_time - 1e-9 and (unseen >= SLICE or self._steps == end):
-                self._fire(min(unseen * TIME_STEP, self._cloud_time))
+            # The lidar, for as long before the next scan as a cloud takes.
+            unseen = min(unseen + made, round(self._cloud_time / TIME_STEP) - (end - self._steps))
+            if unseen >= SLICE:
+                self._fire(unseen * TIME_STEP)
                 unseen = 0
-        if unseen:
-            self._fire(min(unseen * TIME_STEP, self._cloud_time))
+        if unseen > 0:
+            self._fire(unseen * TIME_STEP)
         self.state = self._state(travel)
         return self._observe()
 
