@@ -15,9 +15,9 @@ from lme.inputs.plausibility import check_fields
 from lme.robots import Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances
+from lme.simulation.mujoco.arena import Arena, require_mujoco
 from lme.simulation.mujoco.body import TIME_STEP
 from lme.simulation.mujoco.lidar import TiltingLidar
-from lme.simulation.mujoco.scene import Scene, require_mujoco
 from lme.simulation.mujoco.walker import Walker, standing_height
 from lme.simulation.simulator import FALL, Sensors, State, forward_enough
 from lme.simulation.substeps import nearby
@@ -92,7 +92,7 @@ class MujocoSimulator:
         self._start = Pose(*map(float, task.start))
         self._steps, self._periods = 0, 0  # of the physics, and of control
         self._enter(task)
-        self._walker = Walker(self._scene, config.velocity_loop)
+        self._walker = Walker(self._arena, config.velocity_loop)
         self._walker.stand(self._start)
         self._poses = deque([(0.0, self._walker.pose)])
         self.state = self._state([self._walker.pose])
@@ -135,7 +135,7 @@ class MujocoSimulator:
         self._enter(task)
         self._crowd.go_on(former)
         self._sensors.change(task)
-        self._walker = Walker(self._scene, self._config.velocity_loop)
+        self._walker = Walker(self._arena, self._config.velocity_loop)
         self._walker.go_on(walker)
         self.state = self._state([self._walker.pose])
         self._fire(self._cloud_time)
@@ -150,7 +150,7 @@ class MujocoSimulator:
         self._task = task
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
         self._crowd = Crowd(task.world.movers, task.world, self._robot.footprint.circumscribed_radius)
-        self._scene = Scene(task.world, self._crowd)
+        self._arena = Arena(task.world, self._crowd)
 
     def _is_at_goal(self, pose: Pose) -> bool:
         return math.dist(pose[:2], self._task.goal) <= self._task.goal_tolerance

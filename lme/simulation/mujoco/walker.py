@@ -17,8 +17,8 @@ import numpy as np
 
 from lme.inputs.onnx_file import OnnxNetwork
 from lme.simulation.crowd import Crowd
+from lme.simulation.mujoco.arena import Arena
 from lme.simulation.mujoco.body import LEGS, NUM_JOINTS, TIME_STEP, TORQUE_LIMITS
-from lme.simulation.mujoco.scene import Scene
 from lme.types import Floats, Pose, Twist
 from lme.worlds.world import World
 
@@ -51,7 +51,7 @@ def _policy() -> OnnxNetwork:
 
 
 @dataclass(slots=True)
-class Memory:
+class ControlState:
     """State of the controllers.
 
     steps: of the physics so far. action (12,): the policy's last one; targets (12,): the joint angles that it gives
@@ -68,25 +68,25 @@ class Memory:
     trim: Floats
 
     @classmethod
-    def at_rest(cls) -> Memory:
+    def at_rest(cls) -> ControlState:
         """Return the state of a robot at rest."""
         zeros = (np.zeros(size) for size in (NUM_JOINTS, 3, 3, 3))
         return cls(0, np.zeros(NUM_JOINTS), STANCE.copy(), *zeros)
 
 
 class Walker:
-    """The robot in a scene, which walks by the policy.
+    """The robot in an arena, which walks by the policy.
 
     contact: the part that touches an obstacle; empty for none.
     """
 
-    def __init__(self, scene: Scene, trimmed: bool) -> None:
+    def __init__(self, arena: Arena, trimmed: bool) -> None:
         """trimmed: whether the velocity loop corrects slow errors of the velocity."""
         import mujoco
 
-        self._scene, self._trimmed = scene, trimmed
-        self.data = mujoco.MjData(scene.model)
-        self._memory = Memory.at_rest()
+        self._arena, self._trimmed = arena, trimmed
+        self.data = mujoco.MjData(arena.model)
+        self._control = ControlState.at_rest()
         self.contact = ""
 
     def stand(self, pose: Pose) -> None:
@@ -104,7 +104,7 @@ class Walker:
         self._settle()
 
     def go_on(self, former: Walker) -> None:
-        """Take over pose, motion and controllers of a robot in another scene."""
+        """Take over pose, motion and controllers of a robot in another arena."""
         self._take_over(former)
         self._settle()
 
@@ -112,20 +112,20 @@ class Walker:
         """Walk for a number of steps of the physics, or until a part touches an obstacle; return how many were made."""
         import mujoco
 
-        memory, data, model = self._memory, self.data, self._scene.model
+        control, data, model = self._control, self.data, self._arena.model
         angles, rates = data.qpos[7:], data.qvel[6:]
-        self._scene.place(data)
+        self._arena.place(data)
         for step in range(steps):
-            if memory.steps % STEPS == 0:
+            if control.steps % STEPS == 0:
                 self._decide(command)
-            memory.steps += 1
+            control.steps += 1
             # Motors: a spring and a damper within the limits of the torque, which follows with a lag.
-            torque = STIFFNESS * (memory.targets - angles) - JOINT_DAMPING * rates
+            torque = STIFFNESS * (control.targets - angles) - JOINT_DAMPING * rates
             torque = np.minimum(np.maximum(torque, -_LIMITS), _LIMITS)
-            memory.torque += _LAG_SHARE * (torque - memory.torque)
-            data.ctrl[:] = memory.torque
+            control.torque += _LAG_SHARE * (torque - control.torque)
+            data.ctrl[:] = control.torque
             mujoco.mj_step(model, data)
-            self.contact = self._scene.touching(data)
+            self.contact = self._arena.touching(data)
             if self.contact:
                 return step + 1
         return steps
@@ -171,16 +171,16 @@ class Walker:
 
     def _decide(self, command: Twist) -> None:
         """Let the policy choose the angles of the joints, which the motors then hold for `STEPS` steps."""
-        memory, data = self._memory, self.data
+        control, data = self._control, self.data
         # The command changes gradually, and the loop adds what the velocity lacks on average.
         goal = np.array([command.v, 0.0, command.omega])
-        memory.command += np.clip(goal - memory.command, -COMMAND_STEP, COMMAND_STEP)
-        wanted = memory.command
+        control.command += np.clip(goal - control.command, -COMMAND_STEP, COMMAND_STEP)
+        wanted = control.command
         if self._trimmed:
-            memory.velocity += TICK / (LOOP_TIME + TICK) * (self.velocity - memory.velocity)
-            error = memory.command - memory.velocity
-            memory.trim = np.clip(memory.trim + LOOP_GAIN * TICK * error, -LOOP_LIMIT, LOOP_LIMIT)
-            wanted = memory.command + memory.trim
+            control.velocity += TICK / (LOOP_TIME + TICK) * (self.velocity - control.velocity)
+            error = control.command - control.velocity
+            control.trim = np.clip(control.trim + LOOP_GAIN * TICK * error, -LOOP_LIMIT, LOOP_LIMIT)
+            wanted = control.command + control.trim
         # Observation of the policy: turn rate, gravity in the trunk's frame, command, joints, last action.
         parts = (
             TURN_RATE_SCALE * data.qvel[3:6],
@@ -188,31 +188,31 @@ class Walker:
             wanted,
             data.qpos[7:] - STANCE,
             JOINT_RATE_SCALE * data.qvel[6:],
-            memory.action,
+            control.action,
         )
         observation = np.clip(np.concatenate(parts), -MOST, MOST).astype(np.float32)
         (actions,) = _policy().run({"obs": observation[None]})
-        memory.action = np.clip(actions[0].astype(np.float64), -MOST, MOST)
-        memory.targets = STANCE + ACTION_SCALE * memory.action
+        control.action = np.clip(actions[0].astype(np.float64), -MOST, MOST)
+        control.targets = STANCE + ACTION_SCALE * control.action
 
     def _take_over(self, former: Walker) -> None:
         for name in ("qpos", "qvel", "qacc_warmstart", "ctrl"):
             getattr(self.data, name)[:] = getattr(former.data, name)
-        self._memory = copy.deepcopy(former._memory)
+        self._control = copy.deepcopy(former._control)
 
     def _settle(self) -> None:
         """Find the contacts at the current pose, among the movers where they are now."""
         import mujoco
 
-        self._scene.place(self.data)
-        mujoco.mj_forward(self._scene.model, self.data)
-        self.contact = self._scene.touching(self.data)
+        self._arena.place(self.data)
+        mujoco.mj_forward(self._arena.model, self.data)
+        self.contact = self._arena.touching(self.data)
 
 
 @lru_cache(maxsize=1)
 def _standing() -> Walker:
     """A robot that stands still on an empty floor, `STANDING_TIME` after it was put there."""
-    walker = Walker(Scene(World(), Crowd(())), trimmed=True)
+    walker = Walker(Arena(World(), Crowd(())), trimmed=True)
     data = walker.data
     data.qpos[:7], data.qpos[7:] = (0.0, 0.0, DROP_HEIGHT, 1.0, 0.0, 0.0, 0.0), STANCE
     walker._settle()

@@ -5,7 +5,7 @@ import pytest
 
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco import body
-from lme.simulation.mujoco.scene import Scene
+from lme.simulation.mujoco.arena import Arena
 from lme.worlds.world import World
 
 pytest.importorskip("mujoco", reason="sim=mujoco needs MuJoCo")
@@ -13,7 +13,7 @@ pytest.importorskip("mujoco", reason="sim=mujoco needs MuJoCo")
 
 @pytest.fixture(scope="module")
 def model():
-    return Scene(World(), Crowd(())).model
+    return Arena(World(), Crowd(())).model
 
 
 def test_it_has_the_mass_of_a_go2(model):

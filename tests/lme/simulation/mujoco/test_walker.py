@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lme.simulation.crowd import Crowd
-from lme.simulation.mujoco.scene import Scene
+from lme.simulation.mujoco.arena import Arena
 from lme.simulation.mujoco.walker import POLICY, STEPS, TICK, Walker, standing_height
 from lme.types import Pose, Twist
 from lme.worlds.world import World
@@ -21,7 +21,7 @@ PUBLISHED = (
 
 
 def walker(trimmed=True, start=START):
-    made = Walker(Scene(World(), Crowd(())), trimmed)
+    made = Walker(Arena(World(), Crowd(())), trimmed)
     made.stand(start)
     return made
 

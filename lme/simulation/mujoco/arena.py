@@ -32,7 +32,7 @@ def require_mujoco() -> None:
         ) from error
 
 
-class Scene:
+class Arena:
     """The model of a world and what in it is which. `model` has the floor, the obstacles and the robot, in this order.
 
     The movers of a crowd are bodies without dynamics; `place` puts them at their poses.
