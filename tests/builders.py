@@ -198,7 +198,7 @@ def assert_same(one, two):
 
 def episode_record(world, run=0, **columns):
     """A successful episode of LME. columns: what is not as usual; `world_measures` among them."""
-    texts = dict.fromkeys(("global_map", "subset"), "") | {
+    texts = dict.fromkeys(("global_map", "subset", "contact_part"), "") | {
         "ablation": "none",
         "weights": "published",
         "people": "truth",

@@ -38,8 +38,9 @@ class Episode:
 
     time: traversal time [s]; the clock starts when the robot has left the start by the task's clock distance.
     path_length, min_clearance, final_distance: [m]. switches: subgoal switches. no_free_candidate: steps at which
-    the guide was blocked. trajectory: (T, 10), columns TRAJECTORY_COLUMNS in the world frame, one row per decision
-    and one for the end. decision_us: (steps,) computing time of each decision [µs].
+    the guide was blocked. contact_part: see `lme.simulation.simulator.State`. trajectory: (T, 10), columns
+    TRAJECTORY_COLUMNS in the world frame, one row per decision and one for the end. decision_us: (steps,) computing
+    time of each decision [µs].
     """
 
     outcome: Outcome
@@ -50,6 +51,7 @@ class Episode:
     no_free_candidate: int
     min_clearance: float
     final_distance: float
+    contact_part: str
     trajectory: Floats
     decision_us: Floats
 
@@ -181,6 +183,7 @@ class RunningEpisode:
             no_free_candidate=self._no_free_candidate,
             min_clearance=self._progress.min_clearance,
             final_distance=math.dist(state.pose[:2], self._task.goal),
+            contact_part=state.contact_part,
             trajectory=np.array([*self._rows, self._row(np.full(2, np.nan), False)]),
             decision_us=np.array(self._decisions_us),
         )

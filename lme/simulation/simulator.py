@@ -25,12 +25,15 @@ from lme.simulation.mid360 import mid360_of
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
 
+FALL = "fall"  # in place of a part: the robot fell, which counts as contact
+
 
 class State(NamedTuple):
     """The true state after a reset or a step.
 
     time: since reset [s]. travel: (K, 3) poses passed in the last period; the last one is `pose`.
-    clearance: least distance from footprint to obstacle over the period [m]; 0 in contact.
+    clearance: least distance from footprint to obstacle over the period [m]; 0 in contact. contact_part: the part of a
+    legged robot that is in contact, trunk, thigh, calf or foot, or `FALL` if it fell; empty for other robots.
     """
 
     pose: Pose
@@ -40,6 +43,7 @@ class State(NamedTuple):
     clearance: float
     contact: bool
     arrived: bool
+    contact_part: str = ""
 
 
 class Simulator(Protocol):
@@ -117,15 +121,17 @@ class Sensors:
         edges: Floats,
         crowd: Crowd | None = None,
         scan_pose: Pose | None = None,
+        ranges: NDArray[np.float32] | None = None,
     ) -> Observation:
         """Return the observation. twist, odometry: those of exact encoders.
 
         circles (C, 3), edges (E, 4): the current obstacles, static ones first; crowd: the movers among them.
-        scan_pose: where the newest scan was taken, if not at the current pose.
+        scan_pose: where the newest scan was taken, if not at the current pose. ranges (num_beams,): of that scan [m],
+        with the lidar's own noise, if the simulator makes it itself.
         """
         scan_pose = scan_pose or state.pose
         config, walking = self._config, is_walking(twist)
-        scan = self._scan(scan_pose, circles, edges, config.tilt if walking else 0.0)
+        scan = self._scan(scan_pose, circles, edges, config.tilt if walking else 0.0, ranges)
         # Twist and odometry as measured: with the ripple of the gait, and the errors of the encoders.
         if walking and (config.ripple_v or config.ripple_omega):
             twist = rippled(twist, config.ripple_v, config.ripple_omega, self._ripple_rng)
@@ -153,15 +159,24 @@ class Sensors:
         self._grid, self._lattice = task.world.grid, task.world.lattice
         self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
 
-    def _scan(self, pose: Pose, circles: Floats, edges: Floats, tilt: float) -> LaserScan:
+    def _scan(
+        self,
+        pose: Pose,
+        circles: Floats,
+        edges: Floats,
+        tilt: float,
+        ranges: NDArray[np.float32] | None,
+    ) -> LaserScan:
         """Return a planar scanner's beams, interpolated for `native_beams`, or the projection of a levelled cloud.
 
-        tilt: standard deviation of the pitch [rad], which a levelled cloud does not have.
+        tilt: standard deviation of the pitch [rad], which a levelled cloud does not have. ranges: None: cast here.
         """
         lidar, fired, config = self._robot.lidar, self._fired, self._config
         moving_edges = edges[self._in_grid :]
         # Exact ranges: the projection of a cloud, or the beams of a planar lidar, which may meet the floor.
-        if self._mid360:
+        if ranges is not None:
+            sensor_noise = 0.0
+        elif self._mid360:
             ranges, sensor_noise = self._mid360.scan(lidar, pose, circles, moving_edges, self._grid), 0.0
         else:
             angles = (fired.angle_min, fired.angle_increment, fired.num_beams)

@@ -96,6 +96,7 @@ class EpisodeRecord(RunLabels):
     last_minute_m: float
     reversals: int
     collision_in_reverse: int
+    contact_part: str
     start_x_m: float
     start_y_m: float
     start_yaw_rad: float

@@ -165,6 +165,7 @@ def record_of(
         collision_in_reverse=int(
             episode.outcome is Outcome.COLLISION and episode.speeds[-1] < -metrics.REVERSE_MPS
         ),
+        contact_part=episode.contact_part,
         start_x_m=task.start.x,
         start_y_m=task.start.y,
         start_yaw_rad=task.start.yaw,

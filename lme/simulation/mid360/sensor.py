@@ -22,6 +22,7 @@ from lme.types import Floats, Pose
 from lme.worlds.world import World
 
 Cloud = NDArray[np.float32]
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,26 +109,41 @@ class Mid360:
 
         pose: of the base in the world. A beam that hits nothing, or hits within the blind zone, gives no point.
         """
+        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
+        planes = (float(extruded.ground), float(extruded.ceiling))
+        return self.returns(sensor, duration, *extruded.obstacles(), planes).astype(np.float32)
+
+    def returns(
+        self,
+        sensor: Floats,
+        duration: float,
+        circles: Floats,
+        edges: Floats,
+        solids: Floats,
+        planes: tuple[float, float],
+        up: Floats = _UP,
+        highest: float = 1.0,
+    ) -> Floats:
+        """Returns of the next `duration` [s] of the pattern for any pose of the sensor: (N, 3) [m] in its frame.
+
+        sensor: (4, 4) from its frame to the world. circles, edges, solids, planes: see
+        `lme.simulation.mid360.raycast3d.cast_rays`. Beams whose direction has a part along the unit vector `up`, in the
+        sensor's frame, that is greater than `highest` are left out.
+        """
         config = self._config
         first, number = self._fire(duration)
         beams = beam_pattern(first, number, self._phase, (config.elevation_min, config.elevation_max))
-        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
-        circles, edges, solids = extruded.obstacles()
-        planes = (float(extruded.ground), float(extruded.ceiling))
-        # Exact distances of the beams, rotated into the world.
-        distances = cast_rays(
-            np.ascontiguousarray(sensor[:3, 3]),
-            np.ascontiguousarray(beams @ sensor[:3, :3].T),
-            circles,
-            edges,
-            solids,
-            planes,
-            config.range_max,
-        )
-        # Noise, and the limits of the range.
-        distances += config.noise_std * beam_noise(first, number, self._seed)
+        noise = config.noise_std * beam_noise(first, number, self._seed)
+        if highest < 1.0:
+            is_cast = up[0] * beams[:, 0] + up[1] * beams[:, 1] + up[2] * beams[:, 2] <= highest
+            beams, noise = beams[is_cast], noise[is_cast]
+        # Exact distances of the beams, rotated into the world; then noise, and the limits of the range.
+        directions = np.ascontiguousarray(beams @ sensor[:3, :3].T)
+        origin = np.ascontiguousarray(sensor[:3, 3])
+        distances = cast_rays(origin, directions, circles, edges, solids, planes, config.range_max) + noise
         is_return = (distances >= config.range_min) & (distances < math.inf)
-        return (beams[is_return] * distances[is_return, None]).astype(np.float32)
+        points: Floats = beams[is_return] * distances[is_return, None]
+        return points
 
     def scan(
         self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats, grid: EdgeGrid = NO_EDGES

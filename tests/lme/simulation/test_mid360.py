@@ -14,6 +14,7 @@ from lme.simulation.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config, mi
 from lme.types import Pose
 from lme.worlds.world import World
 from tests.builders import shipped
+from tests.tolerances import RANGE
 
 SEEDS = st.integers(0, 2**32 - 1)
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -270,3 +271,17 @@ def test_bad_scenes_are_named(arguments, says):
 def test_bad_sensors_are_named(key, value, says):
     with says.raises(InputError):
         Mid360Config(**{"mount": LEVEL, key: value})
+
+
+@given(SEEDS)
+def test_beams_that_are_left_out_do_not_change_the_others(seed):
+    rng = np.random.default_rng(seed)
+    pose = rigid_transform([0.0, 0.0, 0.45, *rng.uniform(-0.2, 0.2, 2), rng.uniform(-3, 3)])
+    circles, edges = np.array([[1.0, 0.5, 0.3, 0.0, 2.0]]), np.empty((0, 6))
+    up, highest = pose[2, :3], rng.uniform(-0.1, 0.5)
+    scene = circles, edges, np.empty((0, 4)), (0.0, 2.5)
+    every, some = (
+        sensor(noise_std=0.02, seed=seed).returns(pose, 0.01, *scene, up, most) for most in (1.0, highest)
+    )
+    kept = every[every @ up <= highest * np.linalg.norm(every, axis=1)]
+    np.testing.assert_allclose(some, kept, rtol=0, atol=RANGE)

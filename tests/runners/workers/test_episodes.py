@@ -72,6 +72,15 @@ def test_backing_up_is_counted_and_so_is_a_collision_on_the_way():
     assert (frame["collision_in_reverse"] == 1).all()
     ahead = driven("map.worlds=[200]")
     assert (ahead["collision_in_reverse"] == 0).all()
+    assert (ahead["contact_part"] == "").all()
+
+
+def test_the_part_of_a_legged_robot_that_touches_is_in_the_record():
+    pytest.importorskip("mujoco", reason="sim=mujoco needs MuJoCo")
+    backwards = "planner._target_=tests.runners.workers.test_episodes.Backwards"
+    frame = driven("robot=go2", "map=real2", "map.worlds=[0]", "sim=mujoco", "guide=target", backwards)
+    assert (frame["outcome"] == "collision").all()
+    assert frame["contact_part"].isin(["trunk", "thigh", "calf", "foot", "fall"]).all()
 
 
 def test_worlds_with_people_have_them():

@@ -49,7 +49,7 @@ def test_records_come_back_to_the_last_bit(run, capsys):
     here = read(shown.out)
     assert list(here.columns) == list(there.columns)
     assert here["path_length_m"].to_numpy().tobytes() == there["path_length_m"].to_numpy().tobytes()
-    empty = {"global_map": "", "subset": ""}
+    empty = {"global_map": "", "subset": "", "contact_part": ""}
     here = here.astype(dict.fromkeys(empty, object)).fillna(empty)
     pd.testing.assert_frame_equal(here, there, check_exact=True, check_dtype=False)
 

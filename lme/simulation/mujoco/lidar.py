@@ -1,0 +1,120 @@
+"""Scans of a Mid-360 on a body that moves and tilts while the cloud is taken."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.geometry.collision import sweep
+from lme.perception.point_cloud import CLEARED, Projection, rigid_transform, to_scan, without_unmeasured
+from lme.robots import Lidar
+from lme.simulation.mid360 import mid360_of
+from lme.simulation.mid360.cloud_scan import MOST_NOISE
+from lme.simulation.substeps import nearby
+from lme.types import Floats, Pose
+from lme.worlds.world import World
+
+_NO_SOLIDS = np.empty((0, 4))
+_LEVEL = np.array([0.0, 0.0, 1.0])
+_TILTED_SHARE = (
+    0.9  # [-] of a distance on the floor, at least, in the plane of a body that tilts by up to 25°
+)
+
+
+class TiltingLidar:
+    """A Mid-360 fixed to the trunk. `fire` takes a piece of the cloud, `ranges` makes a scan of the newest pieces.
+
+    Registered, every point is where it was hit, as in the cloud of lidar-inertial odometry. Otherwise the points stay
+    in the sensor's frame, as its driver publishes them, and are taken for those of a level body that stands still.
+    """
+
+    def __init__(self, lidar: Lidar, registered: bool, trunk_height: float, rng: np.random.Generator) -> None:
+        """trunk_height: of the standing robot's trunk above the floor [m]."""
+        assert lidar.cloud is not None
+        self._lidar, self._cloud, self._registered = lidar, lidar.cloud, registered
+        # Mount in the trunk's frame, and in the base frame below it on the floor.
+        planar = [0.0, 0.0, lidar.yaw]
+        self._mount = rigid_transform([lidar.x, lidar.y, self._cloud.height - trunk_height, *planar])
+        self._level_mount = rigid_transform([0.0, 0.0, self._cloud.height, 0.0, 0.0, 0.0])
+        self._mid360 = mid360_of(lidar)
+        self._mid360.reset(rng)
+        self._pieces: deque[tuple[float, Floats, Floats]] = deque()  # time [s], points, sensor to world
+        self._projection = Projection(
+            min_height=self._cloud.min_height,
+            max_height=self._cloud.max_height,
+            angle_increment=lidar.angle_increment,
+            range_min=lidar.range_min,
+            range_max=lidar.range_max,
+        )
+
+    def fire(
+        self, time: float, duration: float, trunk: Floats, world: World, circles: Floats, edges: Floats
+    ) -> None:
+        """Take the cloud of the last `duration` [s], all from where the sensor is at `time` [s].
+
+        trunk: (4, 4) from its frame to the world; circles (C, 3) and edges (E, 4): the current obstacles, those of the
+        world first.
+        """
+        sensor = trunk @ self._mount
+        up = sensor[2, :3] if self._registered else _LEVEL
+        height = float(sensor[2, 3]) if self._registered else self._cloud.height
+        points = self._mid360.returns(
+            sensor,
+            duration,
+            _upright(circles),
+            _upright(edges),
+            _NO_SOLIDS,
+            (0.0, math.inf),
+            up,
+            self._highest(height, sensor, world, circles, edges),
+        )
+        self._pieces.append((time, points, sensor))
+        while self._pieces[0][0] <= time - self._cloud.duration + 1e-9:
+            self._pieces.popleft()
+
+    def ranges(self, base: Pose) -> NDArray[np.float32]:
+        """Project the pieces to a scan (num_beams,) [m], seen from the lidar of a level base at this pose.
+
+        Inf means that nothing is there, NaN that nothing is known (`lme.perception.point_cloud.without_unmeasured`).
+        """
+        half_bin = rigid_transform([0.0, 0.0, 0.0, 0.0, 0.0, self._lidar.angle_increment / 2])
+        if self._registered:
+            lidar = rigid_transform([base.x, base.y, 0.0, 0.0, 0.0, base.yaw]) @ rigid_transform(
+                [self._lidar.x, self._lidar.y, 0.0, 0.0, 0.0, self._lidar.yaw]
+            )
+            to_lidar = np.linalg.inv(lidar)
+            transforms = [to_lidar @ sensor for _, _, sensor in self._pieces]
+        else:
+            transforms = [self._level_mount] * len(self._pieces)
+        # The beams of the lidar are the middles of its bins.
+        transforms = [half_bin @ transform for transform in transforms]
+        points = np.vstack(
+            [
+                points @ transform[:3, :3].T + transform[:3, 3]
+                for (_, points, _), transform in zip(self._pieces, transforms, strict=True)
+            ]
+        )
+        scan = to_scan(points, self._projection)
+        return without_unmeasured(scan, points, transforms[-1][:3, 3], self._projection).ranges
+
+    def _highest(self, height: float, sensor: Floats, world: World, circles: Floats, edges: Floats) -> float:
+        """Sine of the elevation above which a beam leaves the heights that count before it can hit anything."""
+        poses, point = np.array([[sensor[0, 3], sensor[1, 3], 0.0]]), (0.0, 0.0, 0.0)
+        gap, _ = sweep(poses, point, circles, nearby(world, poses, point, edges))
+        noise = MOST_NOISE * self._lidar.noise_std
+        # Rays that are between the heights for less than CLEARED tell nothing either.
+        reach = _TILTED_SHARE * min(gap, CLEARED) - noise
+        if reach <= 0.0:
+            return 1.0
+        return math.sin(math.atan2(max(self._cloud.max_height - height, 0.0) + noise, reach))
+
+
+def _upright(shapes: Floats) -> Floats:
+    """Circles or edges with their heights, from the floor up to above every beam, in two more columns."""
+    count, columns = shapes.shape
+    upright = np.empty((count, columns + 2))
+    upright[:, :columns], upright[:, columns], upright[:, columns + 1] = shapes, 0.0, math.inf
+    return upright
