@@ -169,6 +169,7 @@ def test_the_real_metadata_name_every_requirement():
         "gp",
         "gym",
         "learn",
+        "mujoco",
         "play",
         "replay",
         "rerun",
