@@ -27,7 +27,8 @@ GUIDES, PLANNERS = (
     [name for name in CATALOGUE.options(group) if name != CUSTOM] for group in ("guide", "planner")
 )
 LME = ("lme", "lme_printed")
-GOES_ON = (*LME, "lme_plus")  # after arrival
+LME_PLUS = ("lme_plus", "lme_plus_gazebo")
+GOES_ON = (*LME, *LME_PLUS)  # after arrival
 LEARNED = {
     name for name in PLANNERS if {"weights", "path"} & set(CATALOGUE.values(f"planner/{name}"))
 }  # random networks here
@@ -45,6 +46,7 @@ ONNX, RANDOM = "onnx.onnx", "random_"
 TUNED_FOR = {
     "tuned": "jackal",
     "skid": "jackal",
+    "gazebo": "jackal",
     "barn": "jackal",
     "global": "jackal",
     "run": "jackal",  # *_as_run
@@ -230,7 +232,7 @@ def test_commands_keep_the_limits(crossing):
 def test_a_mirrored_world_is_driven_through_mirrored(guide, planner, crossing, monkeypatch):
     if planner in HANDED:
         pytest.skip(HANDED[planner])
-    if guide == "lme_plus":
+    if guide in LME_PLUS:
         pytest.skip(
             "cells do not mirror: tests/lme/guides/lme_plus/test_guide_lme_plus.py mirrors its criteria"
         )
