@@ -61,6 +61,12 @@ class Crowd:
     def __len__(self) -> int:
         return len(self.poses)
 
+    def among(self, circles: Floats, edges: Floats) -> tuple[Floats, Floats]:
+        """Return static circles (C, 3) and edges (E, 4), followed by those of the movers at their current poses."""
+        if not len(self):
+            return circles, edges
+        return np.vstack([circles, self.circles]), np.vstack([edges, self.edges])
+
     @property
     def people(self) -> tuple[Floats, Floats]:
         """Discs (C, 3) and their velocities (C, 2), in the order of `circles` [m, m/s]."""

@@ -93,10 +93,7 @@ class Substepper:
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
         """Circles (C, 3) and edges (E, 4) at their current poses."""
-        circles, edges = self._static
-        if not len(self.crowd):
-            return circles, edges
-        return np.vstack([circles, self.crowd.circles]), np.vstack([edges, self.crowd.edges])
+        return self.crowd.among(*self._static)
 
     def start(self) -> State:
         """Return the state before the next command."""

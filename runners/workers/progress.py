@@ -22,6 +22,7 @@ from rich.progress import (
 )
 
 from lme import numba_cache
+from runners.config.escaping import counted
 
 _WIDTH = 100  # [characters]
 _EVERY_S = 0.2  # minimum time between updates of the bar
@@ -154,10 +155,10 @@ class RaceProgress(_Bar):
 
     def begin(self, episodes: int, candidates: int) -> None:
         """Start a rung, or the missing episodes of the search's worlds."""
-        field = f"{candidates} candidate{'s' if candidates != 1 else ''}"
+        field = counted(candidates, "candidate")
         console = self._bar.console
         if not (console.is_terminal or console.is_jupyter):
-            console.print(f"race: {field}, {episodes} episodes")
+            console.print(f"race: {field}, {counted(episodes, 'episode')}")
         if self._has_begun:
             self._task = self._bar.add_task("race", total=episodes, field=field)
         else:

@@ -73,10 +73,7 @@ class MujocoSimulator:
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
         """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
-        circles, edges = self._static
-        if not len(self._crowd):
-            return circles, edges
-        return np.vstack([circles, self._crowd.circles]), np.vstack([edges, self._crowd.edges])
+        return self._crowd.among(*self._static)
 
     @property
     def people(self) -> tuple[Floats, Floats]:
