@@ -93,7 +93,8 @@ def test_the_installation_for_robots_leaves_out_what_only_experiments_need():
 
 def test_the_installation_for_robots_requires_what_the_library_imports():
     optional = ROBOTS["optional-dependencies"]
-    packages = [*ROBOTS["dependencies"], *optional["gym"], *optional["onnx"]]
+    extras = [*optional["gym"], *optional["mujoco"], *optional["onnx"]]
+    packages = [*ROBOTS["dependencies"], *extras]
     assert imported(ROOT / "lme") == {MODULES.get(name(each), name(each)) for each in packages}
 
 
