@@ -4,7 +4,7 @@
 
 Changes one value at a time: LME on lab100, three seeds of three runs, 900 episodes. With --baselines, halves and
 doubles every number that a baseline's YAML marks ASSUMED, on 200 fresh worlds. Prints a table of
-docs/research/assumptions.md. Skips results that are already in FOLDER. About a minute and a half per row on two cores.
+research/assumptions.md. Skips results that are already in FOLDER. About a minute and a half per row on two cores.
 """
 
 import argparse

@@ -4,7 +4,7 @@
     python -m benchmarks.collisions many [RUN ...]
 
 Each collision is driven again. Its class is that of the step after the last state from which the robot could stop
-without touching anything that was seen (docs/safety.md):
+without touching anything that was seen (docs/understand/safety.md):
 
 - command: the robot could not stop any more after the command;
 - not seen: no point was known where the robot then collided;

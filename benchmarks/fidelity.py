@@ -2,7 +2,7 @@
 
     python -m benchmarks.fidelity [--episodes 300] [--record]
 
-Uses fresh BARN worlds, none of the official ones. Prints the tables of docs/research/fidelity.md.
+Uses fresh BARN worlds, none of the official ones. Prints the tables of research/fidelity.md.
 """
 
 import itertools

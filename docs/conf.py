@@ -28,6 +28,7 @@ include_patterns = [
     "integrations/*/README.md",
     "integrations/*/*/README.md",
     "maps/README.md",
+    "research/*.md",
 ]
 
 html_theme = "furo"
@@ -52,23 +53,17 @@ nb_execution_raise_on_error = True
 
 
 def setup(app):
-    """Before the pages are read, write the config reference into docs/config/, which git ignores."""
-    app.connect("builder-inited", lambda app: write_config_reference(Path(app.confdir) / "config"))
+    """Write the config reference before the pages are read; leave the research record out of the search."""
+    app.connect("builder-inited", lambda app: reference.write(Path(app.confdir) / "reference" / "config"))
     app.connect("doctree-read", leave_out_of_search)
     app.connect("autodoc-process-docstring", drop_of_modules)
     app.connect("autodoc-process-docstring", add_fields)
     app.connect("autodoc-skip-member", skip_told_elsewhere)
 
 
-def write_config_reference(folder):
-    folder.mkdir(exist_ok=True)
-    for name, text in reference.pages().items():
-        (folder / f"{name}.md").write_text(text, encoding="utf-8")
-
-
 def leave_out_of_search(app, doctree):
     """The research record is read from the pages that link it."""
-    if app.env.docname.startswith("docs/research/"):
+    if app.env.docname.startswith("research/"):
         app.env.metadata[app.env.docname]["nosearch"] = True
 
 

@@ -4,7 +4,7 @@
     python train_sb3.py [MINUTES]
 
 It trains 64 robots in fresh worlds, then drives the learned policy through fifty other fresh worlds. barn_ppo.onnx is
-the policy for planner=onnx (docs/envs.md).
+the policy for planner=onnx (docs/howto/environments.md).
 """
 
 import sys

@@ -30,8 +30,8 @@ PAGES = sorted(
     for pattern in (
         "*.md",
         "docs/*.md",
-        "docs/research/*.md",
-        "docs/tutorials/*.md",
+        "docs/*/*.md",
+        "research/*.md",
         "*/README.md",
         "*/*/README.md",
         "benchmarks/results/*.md",
@@ -39,8 +39,8 @@ PAGES = sorted(
     for path in ROOT.glob(pattern)
 )
 NEEDS_FILES = {  # runs, and the published worlds
-    Path("docs/records.md"),
-    Path("docs/tutorials/on_a_cluster.md"),
+    Path("docs/reference/records.md"),
+    Path("docs/howto/cluster.md"),
     Path("maps/README.md"),
 }
 COMPOSED = (
@@ -86,11 +86,11 @@ COMMANDS = {
 
 @pytest.mark.parametrize(("file", "key"), ASSUMED, ids=lambda part: str(part))
 def test_every_assumed_value_is_listed(file, key):
-    listed = (ROOT / "docs" / "research" / "assumptions.md").read_text(encoding="utf-8")
+    listed = (ROOT / "research" / "assumptions.md").read_text(encoding="utf-8")
     sections = re.split(r"\n(?=## )", listed)
     assert any(
         f"conf/{file}" in section and re.search(rf"`[\w.]*{key}\b", section) for section in sections
-    ), f"conf/{file} marks {key} ASSUMED: docs/research/assumptions.md must list it"
+    ), f"conf/{file} marks {key} ASSUMED: research/assumptions.md must list it"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=str)
@@ -102,11 +102,18 @@ def test_every_link_leads_somewhere(page):
         assert not anchor or anchor[1:] in _anchors(linked), f"{page} links {target}{anchor}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_a_decimal_begins_with_a_digit(page):
+    """0.98, not .98: one style in prose and tables."""
+    text = re.sub(r"\]\([^)]*\)|https?://\S+", "", _without_code((ROOT / page).read_text(encoding="utf-8")))
+    assert not re.findall(r".*(?<![\w.])\.\d.*", text)
+
+
 def test_every_page_that_the_search_weighs_is_there():
-    """Each name in the patterns of docs/static/scorer.js; docs/config/ is made when the site is built."""
+    """Each name in the patterns of docs/static/scorer.js."""
     scorer = (ROOT / "docs" / "static" / "scorer.js").read_text(encoding="utf-8")
     weighed = [re.compile(pattern) for pattern in re.findall(r"\[/(\^.*)/, ", scorer)]
-    pages = [*(str(page.with_suffix("")) for page in PAGES), "docs/config/robot"]
+    pages = [*(str(page.with_suffix("")) for page in PAGES), "docs/reference/config/robot"]
     assert len(weighed) > 2
     for pattern in weighed:
         assert any(pattern.match(page) for page in pages), pattern.pattern

@@ -12,7 +12,7 @@ import pytest
 import lme
 from tests.places import ROOT
 
-PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| (.+?) \| `(.+)` \|$", PAGE, re.MULTILINE)
 HEAVY = {"hydra", "omegaconf", "numba", "numpy", "pandas", "scipy", "mlflow", "matplotlib", "optuna", "yaml"}
 

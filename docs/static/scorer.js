@@ -2,10 +2,11 @@
 
 var Scorer = {
   pages: [
-    [/^docs\/(start|tutorials\/)/, 3],
-    [/^docs\/(commands|faq)/, 1.5],
+    [/^docs\/learn\//, 3],
+    [/^docs\/howto\//, 2],
+    [/^docs\/reference\/commands/, 1.5],
     [/^(CHANGELOG|CONTRIBUTING|SECURITY|benchmarks\/)/, 0.1],
-    [/^docs\/config\//, 0.6],
+    [/^docs\/reference\/config\//, 0.6],
   ],
   score: function ([page, , , , score]) {
     const found = this.pages.find(([pattern]) => pattern.test(page));

@@ -4,7 +4,7 @@
     env = gym.make("lme:lme/Barn-v0", robot="jackal", map_config={"subset": "fresh"})
     envs = gym.make_vec("lme:lme/Barn-v0", num_envs=64)
 
-docs/envs.md describes them. `Fleet` needs no Gymnasium; names are imported on first use.
+docs/howto/environments.md describes them. `Fleet` needs no Gymnasium; names are imported on first use.
 """
 
 from __future__ import annotations

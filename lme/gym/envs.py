@@ -37,7 +37,7 @@ from lme.worlds.world import MapSet
 class NavigationEnv(gym.Env[Any, Any]):
     """Drive a robot to its goal past obstacles that it sees with a lidar.
 
-    See docs/envs.md for observation, action, reward and info. Each episode takes place in a world drawn at random
+    See docs/howto/environments.md for observation, action, reward and info. Each episode takes place in a world drawn at random
     from the map set, or in the one that `reset(options={"world": 42})` chooses.
     """
 

@@ -114,7 +114,7 @@ def _check_pair(key: str, given: list[float] | None) -> None:
 
 
 class OnnxPolicy:
-    """Follows the policy in an ONNX file (docs/envs.md).
+    """Follows the policy in an ONNX file (docs/howto/environments.md).
 
     The policy maps the parts of the observation that the config names to two numbers, for v and ω. Its target is the
     guide's subgoal. The command is limited to what the robot can reach in a period.
@@ -124,7 +124,9 @@ class OnnxPolicy:
 
     def __init__(self, config: OnnxConfig, robot: Robot) -> None:
         if config.path is None:
-            raise argument_error("path is null: must be the path of an .onnx file (docs/envs.md)")
+            raise argument_error(
+                "path is null: must be the path of an .onnx file (docs/howto/environments.md)"
+            )
         self._config, self._robot = config, robot
         self._features = OnnxFeatures(config, robot)
         self._network = Network(expanded(config.path), self._features.sizes)

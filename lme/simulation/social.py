@@ -1,7 +1,7 @@
 """Social measures of an episode, named and defined as in HuNavSim and by Francis et al.
 
 Pérez-Higueras, Otero, Caballero and Merino 2023, "HuNavSim", DOI 10.1109/LRA.2023.3316072, whose evaluator also has
-the measures of SEAN 2.0 and SocNavBench; Francis et al. 2025, DOI 10.1145/3700599. docs/social.md gives each
+the measures of SEAN 2.0 and SocNavBench; Francis et al. 2025, DOI 10.1145/3700599. docs/understand/social.md gives each
 definition. People are all discs that move. Distances are from the robot's outline to a person's disc.
 """
 

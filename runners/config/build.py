@@ -59,7 +59,7 @@ def _checked(key: str, part: Any, *members: str) -> Any:
     if missing:
         raise InputError(
             f"{key}._target_: {type(part).__name__} has no {missing[0]}; it must have {' and '.join(members)} "
-            "(docs/adding.md)"
+            "(docs/howto/planner.md)"
         )
     return part
 

@@ -1,6 +1,7 @@
 """The reference of the documentation: every config key and every field of a dataclass, with type, default and meaning.
 
 `pages` gives the keys of `conf/` as Markdown; `fields` and `as_rst` those of one class, for the Python reference.
+`python -m runners.config.reference` writes the pages anew into `docs/reference/config/`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from lme.config import composer
@@ -25,6 +27,7 @@ _NOTES = {
     "where the folder may be left out: `lme figure experiment=task`.",
     "space": "Without `space=`, `lme train` takes the file of the guide, and for another guide than LME the planner's.",
 }
+FOLDER = Path(__file__).parents[2] / "docs" / "reference" / "config"
 MARKS = "*|_"  # markup of reStructuredText, which comments do not mean
 HEADER = ("Name", "Type", "Default", "Meaning")
 
@@ -33,6 +36,15 @@ def pages() -> dict[str, str]:
     """Return the reference: a page for the commands, and one for each config group, by name."""
     configs = shipped()
     return {"commands": _commands(configs)} | {group: _group(configs, group) for group in groups(configs)}
+
+
+def write(folder: Path) -> None:
+    """Write the pages into a folder, where those of former groups go."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for page in folder.glob("*.md"):
+        page.unlink()
+    for name, text in pages().items():
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
 
 
 def groups(configs: Catalogue) -> list[str]:
@@ -199,3 +211,7 @@ def _comments(schema: type) -> dict[str, str]:
 
 def _literal(text: str) -> str:
     return f"``{text}``" if text else ""
+
+
+if __name__ == "__main__":
+    write(FOLDER)

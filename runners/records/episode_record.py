@@ -71,7 +71,7 @@ class RunLabels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeRecord(RunLabels):
-    """One row of `episodes.parquet`. `docs/records.md` explains each column.
+    """One row of `episodes.parquet`. `docs/reference/records.md` explains each column.
 
     world_measures: the map set's measures of the world; each is a column `world_NAME`. social: measures of a world with
     people; each is a column. Records of other worlds have no such columns.

@@ -1,4 +1,4 @@
-"""`python -m tests.torture KIND`: what must not break lme. docs/research/reliability.md tells what was tried."""
+"""`python -m tests.torture KIND`: what must not break lme. research/reliability.md tells what was tried."""
 
 from __future__ import annotations
 

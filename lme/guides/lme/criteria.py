@@ -76,7 +76,7 @@ def c_t(candidates: Floats, view: View) -> Floats:
 def a_mount(candidates: Floats, view: View) -> Floats:
     """Surmount feature: minus the distance to B, past the end of the blocking obstacle [m]; 0 if none blocks.
 
-    Which candidates have it depends on how the paper is read (docs/research/surmount.md): `view.surmount` says which.
+    Which candidates have it depends on how the paper is read (research/surmount.md): `view.surmount` says which.
     """
     return SURMOUNT[view.surmount](candidates, view)
 

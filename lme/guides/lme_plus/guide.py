@@ -1,4 +1,4 @@
-"""LME+: subgoals by expected time, from scans, twist and the target's position alone (docs/lme_plus.md)."""
+"""LME+: subgoals by expected time, from scans, twist and the target's position alone (docs/understand/lme_plus.md)."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class LmePlusConfig:
 
 
 class LmePlus:
-    """The successor of LME: candidates scored by expected time (docs/lme_plus.md).
+    """The successor of LME: candidates scored by expected time (docs/understand/lme_plus.md).
 
     The parameters are a weight for each criterion, d1 [m], and d2, in the unit of the score.
     """

@@ -36,7 +36,7 @@ def python_of(version):
 
 def missing(version):
     """Why the tests with this version of ROS are skipped."""
-    return f"ROS {version} is not installed (docs/live.md); {_NAMES[version]} may name a Python that has it"
+    return f"ROS {version} is not installed (docs/howto/live.md); {_NAMES[version]} may name a Python that has it"
 
 
 class Ros:

@@ -22,6 +22,14 @@ def test_there_is_a_page_for_every_group_of_conf(pages):
     assert set(pages) == {"commands", *folders - {"network", "weight_set"}}
 
 
+def test_the_pages_of_the_checkout_are_up_to_date(pages):
+    """They are committed so that the reference can be read without building the site."""
+    written = {page.stem: page.read_text(encoding="utf-8") for page in reference.FOLDER.glob("*.md")}
+    assert written == pages, "python -m runners.config.reference writes them anew"
+    listed = (reference.FOLDER.parent / "config.md").read_text(encoding="utf-8")
+    assert all(f"(config/{name}.md)" in listed for name in pages)
+
+
 @pytest.mark.parametrize("command", schema.COMMANDS)
 def test_every_key_of_a_command_is_in_its_section(pages, command):
     section = _sections(pages["commands"])[f"lme {command}"]
