@@ -13,9 +13,9 @@ Any system of `lme eval` as one object, for another simulator or a robot:
     command = navigator.act(observation)  # an lme.Twist
 
 To drive in simulation, combine a task of `Barn`, a `Navigator` and a `FastSimulator` in `run_episode`; or call
-`evaluate`, which is `lme eval` as a function. docs/reference/python.md describes every name, and `examples/` uses them. Frames
-follow REP-103: x ahead, y left, angles counter-clockwise. Units are metres, seconds and radians. Invalid input raises
-`InputError`.
+`evaluate`, which is `lme eval` as a function. docs/reference/python.md describes every name, and `examples/` uses them.
+Frames follow REP-103: x ahead, y left, angles counter-clockwise. Units are metres, seconds and radians. Invalid input
+raises `InputError`.
 
 Names are imported on first use, since importing Numba alone takes a second.
 """

@@ -1,4 +1,4 @@
-"""Random robots, obstacle points and states for the invariant of docs/understand/safety.md, and random drives that start there."""
+"""Random robots, obstacle points, states and drives for the invariant of docs/understand/safety.md."""
 
 import math
 from typing import NamedTuple

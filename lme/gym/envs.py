@@ -37,8 +37,8 @@ from lme.worlds.world import MapSet
 class NavigationEnv(gym.Env[Any, Any]):
     """Drive a robot to its goal past obstacles that it sees with a lidar.
 
-    See docs/howto/environments.md for observation, action, reward and info. Each episode takes place in a world drawn at random
-    from the map set, or in the one that `reset(options={"world": 42})` chooses.
+    See docs/howto/environments.md for observation, action, reward and info. Each episode takes place in a world drawn
+    at random from the map set, or in the one that `reset(options={"world": 42})` chooses.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012

@@ -1,7 +1,8 @@
-"""The criteria of LME+ (docs/understand/lme_plus.md). Each is a time [s], an angle [rad] or a yes or no; larger is better.
+"""The criteria of LME+ (docs/understand/lme_plus.md).
 
-Each takes (N, 2) candidates in the robot frame and a `Perception`, and returns (N,) unweighted values. The first line
-of each docstring is shown in explainer pages. They are compiled, and `ranked` computes all of them in one call.
+Each takes (N, 2) candidates in the robot frame and a `Perception`, and returns (N,) unweighted values: a time [s], an
+angle [rad] or a yes or no, of which larger is better. The first line of each docstring is shown in explainer pages.
+They are compiled, and `ranked` computes all of them in one call.
 """
 
 from __future__ import annotations

@@ -100,7 +100,8 @@ class MinTime:
     known, decisions start from where the robot will be after it. Tracked people are predicted at their current
     velocity.
 
-    A robot that can stop without touching a point never gets a command after which it could not (docs/understand/safety.md).
+    A robot that can stop without touching a point never gets a command after which it could not
+    (docs/understand/safety.md).
     """
 
     Config = MinTimeConfig

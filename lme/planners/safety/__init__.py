@@ -1,4 +1,4 @@
-"""Commands after which a robot can still stop (docs/understand/safety.md): the check, and a filter around any planner."""
+"""Commands after which a robot can still stop: the check, and a filter (docs/understand/safety.md)."""
 
 from lme.planners.safety.filter import SafetyFilter
 

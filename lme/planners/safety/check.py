@@ -1,4 +1,4 @@
-"""Invariant of docs/understand/safety.md: from a state in which it can stop in time, the robot reaches another such state."""
+"""Invariant of docs/understand/safety.md: from a state in which it can stop, the robot reaches another such state."""
 
 from __future__ import annotations
 

@@ -67,8 +67,9 @@ def main(argv: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     notes = (
         "Columns are those of episodes.parquet, or with --steps of trajectories.parquet; units are in their names\n"
-        "(docs/reference/records.md). Several runs, or a sweep, go into one file, with the column run_dir before the others,\n"
-        "and with a column for every key that differs. CSV holds every digit; an empty field is a missing value.\n"
+        "(docs/reference/records.md). Several runs, or a sweep, go into one file, with the column run_dir before the\n"
+        "others, and with a column for every key that differs. CSV holds every digit; an empty field is a missing\n"
+        "value. "
         "A run without trajectories.parquet has its episodes driven once more, and they must repeat what was recorded."
     )
     parser = argparse.ArgumentParser(prog="lme export", **texts(__doc__, EXAMPLES, notes))

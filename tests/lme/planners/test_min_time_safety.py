@@ -1,4 +1,4 @@
-"""The invariant of docs/understand/safety.md: from a state in which the robot can stop, the command leads to another one."""
+"""The invariant of docs/understand/safety.md: from where the robot can stop, the command leads to such a state."""
 
 import numpy as np
 import pytest
