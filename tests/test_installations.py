@@ -86,10 +86,9 @@ def test_the_library_alone_has_nothing_that_only_experiments_need(library):
     assert library("pip", "check").returncode == 0
 
 
-def test_the_library_alone_runs_the_example_of_the_readme(library):
-    (code,) = re.findall(
-        r"## From Python\n+```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.S | re.M
-    )
+def test_the_library_alone_makes_a_decision(library):
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n([^`]*escaper\.decide[^`]*)^```$", page, re.M)
     done = library("python", "-c", code)
     assert (done.returncode, done.stderr) == (0, "")
     assert "first subgoal" in done.stdout
