@@ -15,6 +15,7 @@ import numpy as np
 
 from lme import metrics
 from lme.errors import InputError
+from lme.geometry.contact_side import contact_side
 from lme.navigation.episode import Episode, Observer, run_episode
 from lme.navigation.navigator import Navigator
 from lme.robots import Robot
@@ -74,7 +75,9 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
             observers = [observer for observer in (recorder, company) if observer is not None]
             rng = episode_rng(seed, key.world, key.run)
             observer = _Observers(observers) if observers else None  # telling one the state takes time
-            episode = run_episode(task, navigator, simulator, rng, observer)
+            episode = with_contact_side(
+                run_episode(task, navigator, simulator, rng, observer), robot, simulator
+            )
         record = record_of(payload.labels, key, seed, task, episode, perf_counter() - start_s)
         # Social measures compare with a second drive, from the same random numbers but without people.
         if company is not None:
@@ -86,6 +89,14 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
         return EpisodeResult(record, episode.trajectory)
 
     return run
+
+
+def with_contact_side(episode: Episode, robot: Robot, simulator: Simulator) -> Episode:
+    """Return the episode that has just ended, with the side of the robot that collided if no part is known."""
+    if episode.outcome is not Outcome.COLLISION or episode.contact_part:
+        return episode
+    side = contact_side(simulator.state.pose, robot.footprint.box, *simulator.obstacles)
+    return replace(episode, contact_part=side)
 
 
 def _system(config: DriveConfig) -> tuple[Navigator, Simulator]:

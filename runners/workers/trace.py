@@ -33,7 +33,7 @@ from runners.records.episode_record import EpisodeKey, EpisodeResult, RunLabels
 from runners.records.launch_record import LAUNCH, read_launch
 from runners.records.parquet import TRAJECTORIES, trajectory_table
 from runners.records.records import log_of, read_record
-from runners.workers.episodes import EpisodePayload, episode_rng, initialise
+from runners.workers.episodes import EpisodePayload, episode_rng, initialise, with_contact_side
 from runners.workers.executor import Map, ProcessConfig, ProcessExecutor
 
 if TYPE_CHECKING:
@@ -106,7 +106,8 @@ def rerun(config: DriveConfig, world: int, run: int) -> Trace:
     config, task, _ = build.setting(config, build.map_set(config, [world]), world)
     navigator, simulator = build.navigator(config), build.simulator(config)
     tracer = _Tracer(simulator, navigator)
-    episode = run_episode(task, navigator, simulator, episode_rng(config.seed, world, run), tracer)
+    rng = episode_rng(config.seed, world, run)
+    episode = with_contact_side(run_episode(task, navigator, simulator, rng, tracer), config.robot, simulator)
     return Trace(config, world, run, config.robot, task, tuple(tracer.steps), tracer.end, episode)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -41,6 +41,21 @@ class Decision(NamedTuple):
     blocked: bool
 
 
+class Way(NamedTuple):
+    """The fastest way that a guide expects, and what it goes around; distances in [m].
+
+    points: (P, 2) in the robot frame, empty if no way is known. narrow: how far along it the first passage is that
+    leaves less than the margin, inf if none. obstacle: distance of the nearest obstacle on the straight way to the
+    target, inf if none is within the reach of a candidate. side: on which the way passes this obstacle, as seen from
+    the robot: 1 left, −1 right, 0 if that cannot be told.
+    """
+
+    points: Floats
+    narrow: float
+    obstacle: float
+    side: int
+
+
 class Explanation(NamedTuple):
     """All quantities behind one decision; N candidates, C criteria, M scan points, K sectors.
 
@@ -48,7 +63,8 @@ class Explanation(NamedTuple):
     old, old_features, old_score: the old subgoal in the current robot frame (2,), its (C,) features and its score;
     None at the first step. view: input of the criteria. sectors: (K, 2) first and last scan point of each;
     closed: they form one closed ring. E1, E2, A, B are in `view.blockage`. parameters: weights in the order of
-    `names`.
+    `names`. way: of a guide whose score is minus a time [s], apart from c_o, such as LME+; None for other guides.
+    tell: makes the sentence for decisions of such a guide as `reasons` does, from them and the decision before them.
     """
 
     decision: Decision
@@ -64,6 +80,8 @@ class Explanation(NamedTuple):
     sectors: Ints
     closed: bool
     parameters: Parameters
+    way: Way | None = None
+    tell: Callable[[Sequence[Explanation], Explanation | None], str] | None = None
 
 
 def explain(
@@ -115,18 +133,10 @@ def reason(current: Explanation, previous: Explanation | None = None) -> str:
     previous: the decision one control period earlier, for naming what has changed; None at the first step.
     Source: second half of Algorithm 1.
     """
-    choice = current.decision.choice
-    if choice is Choice.FIRST:
-        sentence = _explain_first(current)
-    elif choice is Choice.REACHED:
-        sentence = _explain_reached(current)
-    elif choice is Choice.BETTER:
-        sentence = _explain_better(current, previous)
-    else:
-        sentence = f"kept: the best new one scores {_against_d2(current)}"
+    sentence = _sentence([current], previous)
     if not current.decision.blocked:
         return sentence
-    outcome = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
+    outcome = "the old one stays" if current.decision.choice is Choice.KEPT else "the best of them is taken"
     return f"{sentence}. No candidate is reachable: {outcome}"
 
 
@@ -140,9 +150,32 @@ def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
         begin, *later = [step for step, _ in group]
         end = later[-1] if later else begin
         previous = steps[begin - 1] if begin else None
-        text = _shared_sentence(steps[begin : end + 1]) if later else reason(steps[begin], previous)
+        text = _shared_reason(steps[begin : end + 1]) if later else reason(steps[begin], previous)
         spans.append((begin, end, text))
     return spans
+
+
+def _shared_reason(steps: Sequence[Explanation]) -> str:
+    blocked = sum(step.decision.blocked for step in steps)
+    note = f". No candidate was reachable at {blocked} of them" if blocked else ""
+    return _sentence(steps, None) + note
+
+
+def _sentence(steps: Sequence[Explanation], previous: Explanation | None) -> str:
+    """Sentence for one decision, or for several that are all KEPT or all REACHED."""
+    current = steps[0]
+    if current.tell is not None:
+        return current.tell(steps, previous)
+    if len(steps) > 1:
+        return _shared_sentence(steps)
+    choice = current.decision.choice
+    if choice is Choice.FIRST:
+        return _explain_first(current)
+    if choice is Choice.REACHED:
+        return _explain_reached(current)
+    if choice is Choice.BETTER:
+        return _explain_better(current, previous)
+    return f"kept: the best new one scores {_against_d2(current)}"
 
 
 def difference_terms(explanation: Explanation) -> list[Term]:
@@ -173,18 +206,16 @@ def _group_key(step: int, explanation: Explanation) -> Choice | int:
 
 def _shared_sentence(steps: Sequence[Explanation]) -> str:
     """One sentence for two or more decisions that are all KEPT or all REACHED."""
-    blocked = sum(step.decision.blocked for step in steps)
-    note = f". No candidate was reachable at {blocked} of them" if blocked else ""
     if steps[0].decision.choice is Choice.KEPT:
         closest = max(steps, key=_gain)
-        return (
-            f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}{note}"
-        )
+        return f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}"
     d1 = steps[0].parameters.d1
     if math.isinf(d1):
-        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{note}"
-    distance = _fewest_digits(max(_old_distance(step) for step in steps), d1)
-    return f"switched at {len(steps)} steps: the old one was reached, at most {distance} m away (d1 {d1:.6g} m){note}"
+        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained"
+    distance = fewest_digits(max(map(old_distance, steps)), d1)
+    return (
+        f"switched at {len(steps)} steps: the old one was reached, at most {distance} m away (d1 {d1:.6g} m)"
+    )
 
 
 def _explain_first(explanation: Explanation) -> str:
@@ -203,7 +234,7 @@ def _explain_reached(explanation: Explanation) -> str:
     replacement = f"the best new one, which scores {_relative_score(gain)}, takes its place"
     if math.isinf(d1):
         return f"switched: d1 is infinite, so no subgoal is maintained; {replacement}"
-    distance = _fewest_digits(_old_distance(explanation), d1)
+    distance = fewest_digits(old_distance(explanation), d1)
     return f"switched: the old one is reached, {distance} m away (d1 {d1:.6g} m); {replacement}"
 
 
@@ -211,7 +242,7 @@ def _explain_better(current: Explanation, previous: Explanation | None) -> str:
     leading_terms = main_terms(difference_terms(current))
     change = _describe_changes(current, previous, leading_terms)
     d2 = current.parameters.d2
-    scores = f"new subgoal scores {_fewest_digits(_gain(current), d2)} higher (d2 {d2:.6g})"
+    scores = f"new subgoal scores {fewest_digits(_gain(current), d2)} higher (d2 {d2:.6g})"
     return f"switched: {scores}, {_list_terms(leading_terms)}{f'; the old one {change}' if change else ''}"
 
 
@@ -221,10 +252,10 @@ def _against_d2(explanation: Explanation, at_most: str = "") -> str:
         return f"{at_most.replace('most', 'least') if gain else at_most}{_relative_score(gain)}"
     if math.isinf(d2):
         return f"{at_most}{_text(gain)} higher, and d2 is infinite"
-    return f"{at_most}{_fewest_digits(gain, d2)} higher, {_text(d2 - gain)} short of d2 ({d2:.6g})"
+    return f"{at_most}{fewest_digits(gain, d2)} higher, {_text(d2 - gain)} short of d2 ({d2:.6g})"
 
 
-def _old_distance(explanation: Explanation) -> float:
+def old_distance(explanation: Explanation) -> float:
     """Distance from the robot to the old subgoal [m]."""
     assert explanation.old is not None
     return math.hypot(explanation.old[0], explanation.old[1])
@@ -236,15 +267,20 @@ def _gain(explanation: Explanation) -> float:
     return float(explanation.scores[explanation.new] - explanation.old_score)
 
 
+def chosen_features(explanation: Explanation) -> Floats:
+    """Features (C,) of the subgoal that was chosen."""
+    if explanation.decision.choice is Choice.KEPT and explanation.old_features is not None:
+        return explanation.old_features
+    return explanation.features[:, explanation.new]
+
+
 def _describe_changes(
     current: Explanation, previous: Explanation | None, leading_terms: Sequence[Term]
 ) -> str:
     """Describe how the old subgoal's features fell since the last step, for criteria that favour the new one."""
     if previous is None or current.old_features is None:
         return ""
-    features = previous.features[:, previous.new]  # of the subgoal that it chose
-    if previous.decision.choice is Choice.KEPT and previous.old_features is not None:
-        features = previous.old_features
+    features = chosen_features(previous)
     words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[current.view.surmount]}
     falls = []
     for term in leading_terms:
@@ -290,7 +326,7 @@ def _text(value: float, whole_from: float = 100.0) -> str:
     return f"{value:.2g}" if value < 1.0 else f"{value:.{0 if value >= whole_from else 1}f}"
 
 
-def _fewest_digits(value: float, bound: float) -> str:
+def fewest_digits(value: float, bound: float) -> str:
     """Format a number with the fewest digits that keep it on its side of the bound."""
     digits = 0 if value >= 100.0 else 1 if value >= 1.0 else 2
     while digits < 9 and np.sign(round(value, digits) - bound) != np.sign(value - bound):

@@ -20,6 +20,7 @@ from lme.guides.lme.weight_files import PUBLISHED, learned_parameters
 from lme.guides.lme_plus.criteria import CRITERIA, NARROW_SHARE, Perception, ranked
 from lme.guides.lme_plus.learned_times import OTHER_TARGET, LearnedTimes, StuckPlaces
 from lme.guides.lme_plus.memory import Memory
+from lme.guides.lme_plus.reasons import with_way
 from lme.guides.lme_plus.travel import NARROW, Field, Travel, TravelConfig, apart
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Pose
@@ -131,9 +132,9 @@ class LmePlus:
         decision, scan = Decision(subgoal, choice, blocked), observation.scan
         radius = robot.footprint.inscribed_radius + config.margin
         view = View(memory.seen, observation.target, radius, _NO_POINTS, None, "every")
-        self._explain = partial(
-            explain, decision, _NAMES, parameters, scan, view, pool, features, scores, new, old
-        )
+        told = partial(explain, decision, _NAMES, parameters, scan, view, pool, features, scores, new, old)
+        half_width = robot.footprint.inscribed_radius
+        self._explain = partial(with_way, told, route, ahead, points, half_width, self._reach(observation))
         # The robot is stuck if it stands, nobody is near and no candidate is reachable.
         stands = abs(observation.ramp_start.v) < _STANDS and not len(memory.people)
         if config.parts.stuck and blocked and stands and len(route):

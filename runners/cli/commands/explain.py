@@ -1,18 +1,18 @@
-"""Show why the robot went where it went: a page for each episode, or sentences."""
+"""Show why the robot went where it went: failures worst first, a page for each episode, or sentences."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
+import shutil
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from runners.cli.help import add_trust, texts
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from runners.records.episode_record import EpisodeKey
     from runners.workers.trace import Trace, TracedStep
 
@@ -27,7 +27,7 @@ EXAMPLES = (
 
 
 def main(argv: list[str]) -> int:
-    """List the failures of a run, or explain the named episodes or a recording. Raises InputError."""
+    """List the failures of a run, worst first, or explain the named episodes or a recording. Raises InputError."""
     arguments = _parser().parse_args(argv)
     if arguments.run.suffix == ".mcap":
         _recording(arguments.run, arguments.episodes, arguments.output, arguments.text)
@@ -51,7 +51,8 @@ def _parser() -> argparse.ArgumentParser:
         "episodes",
         nargs="*",
         metavar="EPISODE",
-        help="WORLD (its run 0), WORLD/RUN or failures; none: list the failed episodes of the run",
+        help="WORLD (its run 0), WORLD/RUN or failures; none: say what happened in those that "
+        "failed, worst first: collisions by speed, then falls, then time-outs by the distance to the goal",
     )
     output_choice = parser.add_mutually_exclusive_group()
     output_choice.add_argument(
@@ -82,7 +83,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     # Repeat the decisions of the recording, then print or draw them.
     trace = retrace(path)
     if text:
-        print("\n".join(_episode_lines(episode_title(trace).capitalize(), trace)))
+        print("\n".join(_episode_lines(episode_title(trace).capitalize(), trace, {})))
         return
     page_path = path.with_suffix(".html")
     if output is not None:
@@ -109,40 +110,49 @@ def _one_run(path: Path) -> Path:
 
 
 def _list(run_dir: Path) -> None:
-    """Print the failed episodes, the number of the other episodes, and the commands that explain them."""
+    """Print what happened in the failed episodes, worst first, and the commands that explain them."""
     from runners.config.quoting import lme_command
     from runners.records.launch_record import trust_flags
     from runners.records.records import read_episodes
-    from runners.reports.analysis.failures import is_failure
+    from runners.reports.analysis.failures import episode_rows, is_failure
+    from runners.reports.analysis.what_happened import ORDER
 
     episodes = read_episodes([run_dir])
-    failed = episodes[is_failure(episodes)]
-    for line in _lines(failed) if len(failed) else []:
-        print(line)
+    failed = [episode for _, episode in episode_rows(episodes[is_failure(episodes)])]
+    if failed:
+        print("\n".join([*_lines(failed), ORDER]))
     successes = len(episodes) - len(failed)
     if successes:
         num_successes = f"{successes} episodes" if successes > 1 else "1 episode"
-        print(f"{num_successes} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
-    # Print commands for an example, which is a failed episode if there is one.
-    example = (failed if len(failed) else episodes).iloc[0]
+        print(f"{num_successes} reached the goal" + "; you can explain any of them, too" * bool(failed))
+    # Print commands for an example, which is the worst failure if there is one.
+    example = failed[0] if failed else episodes.iloc[0]
     episode = f"{example['world']}/{example['run']}"
     trust = trust_flags(run_dir)
-    print(f"\nOne of them:        {lme_command('explain', run_dir, episode, *trust)}")
+    print(
+        f"\n{'The worst:' if failed else 'One of them:':<19} {lme_command('explain', run_dir, episode, *trust)}"
+    )
     print(f"In words:           {lme_command('explain', run_dir, episode, '--text', *trust)}")
-    if len(failed):
+    if failed:
         print(f"All that failed:    {lme_command('explain', run_dir, 'failures', *trust)}")
 
 
-def _lines(episodes: pd.DataFrame) -> list[str]:
-    """Return the episodes as an aligned table."""
+def _lines(episodes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the episodes as an aligned table, whose last column is wrapped to the terminal."""
     from runners.reports.analysis.tables import aligned
 
-    rows = [("episode", "outcome", "time [s]", "switches")]
-    for episode in episodes.to_dict("records"):
-        name = f"{episode['world']}/{episode['run']}"
-        time, switches = episode.get("time_s", math.nan), episode.get("switches", "")
-        rows.append((name, episode["outcome"], f"{time:.1f}", f"{switches}"))
-    return aligned(rows, right=(2, 3))
+    rows = [("episode", "outcome", "time [s]", "")]
+    for episode in episodes:
+        time = episode.get("time_s", math.nan)
+        rows.append((f"{episode['world']}/{episode['run']}", episode["outcome"], f"{time:.1f}", ""))
+    lines = aligned(rows, right=(2,))
+    indent = max(map(len, lines)) + 2
+    width = max(shutil.get_terminal_size((10_000, 0)).columns, indent + 40)
+    texts = ["what happened", *(episode["what_happened"] for episode in episodes)]
+    return [
+        line.ljust(indent) + textwrap.fill(text, width - indent).replace("\n", "\n" + " " * indent)
+        for line, text in zip(lines, texts, strict=True)
+    ]
 
 
 def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
@@ -195,16 +205,20 @@ def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:
     from runners.workers.trace import rerun_recorded
 
     trajectories = read_trajectories([run_dir])
-
-    for number, key in enumerate(keys_of(select_episodes(read_episodes([run_dir]), words))):
+    episodes = select_episodes(read_episodes([run_dir]), words)
+    records = episodes.to_dict("records")
+    for number, (key, record) in enumerate(zip(keys_of(episodes), records, strict=True)):
         trace = rerun_recorded(run_dir, key.world, key.run, trajectories)
-        print("\n" * (number > 0) + "\n".join(_episode_lines(str(key).capitalize(), trace)))
+        print("\n" * (number > 0) + "\n".join(_episode_lines(str(key).capitalize(), trace, record)))
 
 
-def _episode_lines(name: str, trace: Trace) -> list[str]:
-    """Return lines that say how a drive ended and why each decision was made."""
+def _episode_lines(name: str, trace: Trace, record: Mapping[str, Any]) -> list[str]:
+    """Return lines that say how a drive ended, what happened in it, and why each decision was made."""
+    from runners.reports.explainer.write import account
+
     outcome = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
-    return [f"{name}: {outcome}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
+    lines = [f"{name}: {outcome}, {len(trace.steps)} decisions", f"It {account(trace, record)}."]
+    return [*lines, *_sentences(trace.steps)]
 
 
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:

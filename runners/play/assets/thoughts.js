@@ -80,7 +80,7 @@ class Thoughts {
     const old = oldTermsOf(trace, step, weights);
     const chosen = choice === "kept" ? old : termsOf(trace, step, weights, best);
     this.bars.show({ picked: termsOf(trace, step, weights, index), chosen, old });
-    byId("candidate").textContent = (picked === null ? "The best candidate. " : "") + candidateText(trace, step, index, scores);
+    byId("candidate").textContent = (picked === null ? "The best candidate. " : "") + candidateText(trace, step, index, scores, weights);
   }
 }
 

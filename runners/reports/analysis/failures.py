@@ -1,4 +1,4 @@
-"""The section of a results table on failed episodes: how time-outs end, and links to explainer pages."""
+"""The sections of a results table on failed episodes: what happened in each, worst first, and how time-outs end."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lme.errors import InputError
-from lme.types import Outcome
+from lme.navigation.episode import TRAJECTORY_COLUMNS
+from lme.types import Floats, Outcome
 from runners.config.escaping import html_address, markdown_table, markdown_text
 from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories
 from runners.reports.analysis.summary import DASH, as_text, row_keys
+from runners.reports.analysis.what_happened import ORDER, UP_TO_M, what_happened
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 FOLDER, INDEX = "explain", "index.html"
-HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # headers of `cells`
+HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]", "What happened")  # headers of `cells`
 _EPISODE = ["run_dir", *KEY_COLUMNS]
-_TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
+_TEXT = ("Outcome", "Page", "Job", "What happened")  # left-aligned columns
 _MAX_SETTINGS = 3  # in the name of a job
 EXTENT, LAST_S = "last_minute_m", 60.0
 CLASSES = ("stands", "to and fro", "on its way")
-# Extent of the last minute of all classes but the last. ASSUMED: a robot's size, a room's.
-UP_TO_M = (0.5, 3.0)
 
 
 def page_path(run_dir: Path, key: EpisodeKey) -> Path:
@@ -74,15 +74,33 @@ def failed_section(frame: pd.DataFrame, directory: Path) -> str:
     rule = ["---" if name in _TEXT else "---:" for name in header]
     table = markdown_table([header, rule, *lines]) if lines else "None."
     indexes = ", ".join(_link(run_dir / FOLDER / INDEX, directory) for run_dir in with_pages)
-    return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
+    order = f"{ORDER} " if lines else ""
+    return f"\n## Failed episodes\n\n{table}\n\n{order}All pages: {indexes}\n"
 
 
 def episode_rows(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Yield the run directory and the row of each episode, with its smallest distance to the goal, `closest_m` [m]."""
-    closest = _closest_m(frame)
+    """Yield the run directory and the row of each episode, worst first.
+
+    Each row also has its smallest distance to the goal, `closest_m` [m], and `what_happened`.
+    """
+    if frame.empty:
+        return
+    # The control steps of all episodes, which a run may have deleted.
+    keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
+    trajectories = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()], keys)
+    columns = list(TRAJECTORY_COLUMNS)
+    steps = {
+        key: group.reindex(columns=columns).to_numpy(float)
+        for key, group in trajectories.groupby(_EPISODE, sort=False)
+    }
+    rows = []
     for episode in frame.to_dict("records"):
-        key = tuple(episode[name] for name in _EPISODE)
-        yield Path(episode["run_dir"]), {**episode, "closest_m": closest.get(key, np.nan)}
+        trajectory = steps.get(tuple(episode[name] for name in _EPISODE), np.empty((0, len(columns))))
+        account = what_happened(episode, trajectory)
+        row = {**episode, "closest_m": _closest_m(episode, trajectory), "what_happened": account.sentence}
+        rows.append((account.rank, row["world"], row["run"], row))
+    for *_, row in sorted(rows, key=lambda ranked: ranked[:3]):
+        yield Path(row["run_dir"]), row
 
 
 def cells(episode: Mapping[str, Any]) -> list[str]:
@@ -94,19 +112,16 @@ def cells(episode: Mapping[str, Any]) -> list[str]:
         str(episode["outcome"]),
         f"{episode['time_s']:.1f}",
         DASH if np.isnan(closest) else f"{closest:.2f}",
+        str(episode["what_happened"]),
     ]
 
 
-def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
-    """Return the smallest distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
-    if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
-        return {}
-    keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
-    steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()], keys)
-    # The distance to the goal at every control step, and its minimum over each episode.
-    steps = steps.merge(frame[[*_EPISODE, "goal_x_m", "goal_y_m"]], on=_EPISODE)
-    steps["distance_m"] = np.hypot(steps["x_m"] - steps["goal_x_m"], steps["y_m"] - steps["goal_y_m"])
-    return dict(steps.groupby(_EPISODE)["distance_m"].min())
+def _closest_m(episode: Mapping[str, Any], trajectory: Floats) -> float:
+    """Return the smallest distance to the goal [m]; NaN without control steps or without a goal in the record."""
+    if "goal_x_m" not in episode or not len(trajectory):
+        return float("nan")
+    x, y = (trajectory[:, TRAJECTORY_COLUMNS.index(name)] for name in ("x_m", "y_m"))
+    return float(np.hypot(x - episode["goal_x_m"], y - episode["goal_y_m"]).min())
 
 
 def _page_link(episode: Mapping[str, Any], run_dir: Path, directory: Path) -> str:

@@ -47,8 +47,8 @@ class Stretch(NamedTuple):
     movers: Sequence[tuple[Floats, Floats]]
 
 
-def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str = "") -> str:
-    """Return an episode, with one sentence per decision, as base64 text. system, play: see `write.write_page`."""
+def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str = "", story: str = "") -> str:
+    """Return an episode, with one sentence per decision, as base64 text. system, play, story: see `write.page`."""
     packer = Packer()
     movers = [trace.moving(frame) for frame in trace.frames]
     stretch = Stretch(trace.robot, trace.steps, trace.frames, trace.episode.trajectory, movers)
@@ -59,7 +59,7 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str =
     _movers(packer, stretch)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
     _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
-    header = _header(trace, system) | ({"play": play} if play else {})
+    header = _header(trace, system) | {"story": story} | ({"play": play} if play else {})
     header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
     return packer.text(header)
 
@@ -118,11 +118,15 @@ def robot_header(robot: Robot) -> dict[str, Any]:
 
 
 def policy(explanation: Explanation) -> dict[str, Any]:
-    """Return what the page needs to decide. Infinity is written as a word, since JSON has none."""
+    """Return what the page needs to decide. Infinity is written as a word, since JSON has none.
+
+    timed: whether the score is minus a time [s], apart from c_o.
+    """
     weights = dict(zip(explanation.names, explanation.parameters.weights.tolist(), strict=True))
     parameters = {**weights, "d1": explanation.parameters.d1, "d2": explanation.parameters.d2}
     return {
         "explained": True,
+        "timed": explanation.way is not None,
         "names": explanation.names,
         "about": {name: _first_line(name, explanation) for name in explanation.names},
         "parameters": {name: value if math.isfinite(value) else "inf" for name, value in parameters.items()},

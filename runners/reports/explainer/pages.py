@@ -39,14 +39,14 @@ class Page(NamedTuple):
 class PagePayload:
     """The input of a worker that makes pages of a run.
 
-    places: path of each page. marks: identify the episode of each page. systems: names in tables. trusted: whether
-    code that the run names may be executed.
+    places: path of each page. marks: identify the episode of each page. records: rows of `episodes.parquet`. trusted:
+    whether code that the run names may be executed.
     """
 
     run_dir: Path
     places: Mapping[EpisodeKey, Path]
     marks: Mapping[EpisodeKey, str]
-    systems: Mapping[EpisodeKey, str]
+    records: Mapping[EpisodeKey, Mapping[str, Any]]
     trusted: bool
 
 
@@ -121,8 +121,8 @@ def make_pages(
     for path in {paths[key].parent for key in remaining}:
         refuse_link(path, run_dir)
         make_folder(path)
-    systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
-    payload = PagePayload(run_dir, dict(paths), marks, systems, trust.is_trusted(run_dir))
+    records = dict(zip(keys_of(episodes), episodes.to_dict("records"), strict=True))
+    payload = PagePayload(run_dir, dict(paths), marks, records, trust.is_trusted(run_dir))
     if len(remaining) <= 1:
         yield from SerialExecutor(SerialConfig()).map(initialise, payload, remaining)
         return
@@ -146,7 +146,8 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
             mark = _MARK.format(payload.marks[key])
             with trust.trusting(run_dir) if payload.trusted else nullcontext():
                 trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
-            write_page(trace, path, payload.systems[key], mark, f"RUN {key.world}/{key.run}")
+            record = payload.records[key]
+            write_page(trace, path, record["system"], mark, f"RUN {key.world}/{key.run}", record)
         except (InputError, OSError) as error:
             return Page(key, path, str(error))
         return Page(key, path, "")

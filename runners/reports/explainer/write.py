@@ -1,6 +1,6 @@
 """Write the trace of an episode as one HTML file that needs no server, network or other file, and a run's index.
 
-The index has the results, and a link to each page, failures first.
+The index has the results, and a link to each page, worst first, with what happened.
 """
 
 from __future__ import annotations
@@ -11,13 +11,16 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from lme.errors import InputError
 from lme.guides.lme.explanation import reason
 from runners.config.escaping import html_address, html_text
 from runners.records.atomic_write import write_atomically
-from runners.records.episode_record import EpisodeKey
+from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.reports.analysis.failures import (
     FOLDER,
     HEADER,
@@ -29,6 +32,7 @@ from runners.reports.analysis.failures import (
 )
 from runners.reports.analysis.summary import summarise
 from runners.reports.analysis.tables import title, to_html
+from runners.reports.analysis.what_happened import ORDER, what_happened
 from runners.reports.explainer.encode import encode, episode_title
 from runners.workers.trace import Trace
 
@@ -62,13 +66,21 @@ SCRIPTS = (  # in this order: each may use those before it
 LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 
 
-def write_page(trace: Trace, path: Path, system: str = "", ending: str = "", play: str = "") -> None:
+def write_page(
+    trace: Trace,
+    path: Path,
+    system: str = "",
+    ending: str = "",
+    play: str = "",
+    record: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
     """Write the explainer page of an episode. Raises InputError if the file cannot be written.
 
     system: its name in tables. ending: text after the page. play: argument of `lme play`: "RUN 282/1", or the name of
-    a recording beside the page, which finds out its own location; "" for none.
+    a recording beside the page, which finds out its own location; "" for none. record: its row of `episodes.parquet`,
+    if there is one.
     """
-    write_html(path, page(trace, sentences(trace), system, play) + ending)
+    write_html(path, page(trace, sentences(trace), system, play, account(trace, record)) + ending)
 
 
 def write_html(path: Path, text: str) -> None:
@@ -86,8 +98,27 @@ def sentences(trace: Trace) -> list[str]:
     return [reason(explanation, history) for history, explanation in pairs if explanation is not None]
 
 
-def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "") -> str:
-    """Return the HTML of the page. reasons: one sentence per decision. system, play: as in `write_page`."""
+def account(trace: Trace, record: Mapping[str, Any] = MappingProxyType({})) -> str:
+    """Return the sentence about what happened in the episode. record: as in `write_page`."""
+    drive, goal = trace.episode, np.asarray(trace.task.goal)
+    path = drive.trajectory[:, 1:3]
+    row = {
+        "outcome": drive.outcome,
+        "steps": len(trace.steps),
+        "no_free_candidate": sum(step.guidance.blocked for step in trace.steps),
+        "contact_part": getattr(drive, "contact_part", ""),
+        "final_distance_m": float(np.hypot(*(path[-1] - goal))),
+        "path_length_m": float(np.hypot(*np.diff(path, axis=0).T).sum()),
+        "shortest_path_length_m": trace.task.shortest_path_length,
+    }
+    return what_happened({**row, **record}, drive.trajectory).sentence
+
+
+def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "", story: str = "") -> str:
+    """Return the HTML of the page.
+
+    reasons: one sentence per decision. system, play: as in `write_page`. story: a sentence about the episode.
+    """
     style = "\n".join(asset(name) for name in STYLES)
     scripts = "\n".join(asset(name) for name in SCRIPTS)
     script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
@@ -95,7 +126,7 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "")
         "TITLE": html_text(episode_title(trace)),
         "POLICY": content_security_policy(style, script),
         "STYLE": style,
-        "DATA": encode(trace, reasons, system, play),
+        "DATA": encode(trace, reasons, system, play, story),
         "SCRIPT": script,
     }
     return fill("page.html", fields)
@@ -139,22 +170,23 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
     """
     directory = run_dir / FOLDER
     refuse_link(directory, run_dir)
-    worst_first = frame.sort_values(["outcome", "world", "run"], key=_worst_first)
     # A row for each episode that has a page.
+    keys = map(EpisodeKey.of, frame[list(KEY_COLUMNS)].to_dict("records"))
+    with_page = frame[[page_path(run_dir, key).is_file() for key in keys]]
     lines = [
         f"<tr><td>{_anchor(episode, run_dir, directory)}</td>"
         + "".join(f"<td>{html_text(cell)}</td>" for cell in cells(episode)[2:])
-        + f"<td>{episode['switches']}</td></tr>"
-        for _, episode in episode_rows(worst_first)
-        if page_path(run_dir, EpisodeKey.of(episode)).is_file()
+        + "</tr>"
+        for _, episode in episode_rows(with_page)
     ]
-    header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:], "Switches"))
+    header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:]))
     fields = {
         "TITLE": html_text(title(frame)),
         "STYLE": asset("index.css"),
         "RUN": html_text("/".join(run_dir.resolve().parts[-2:])),  # the name in MLflow
         "RESULTS": to_html(summarise(frame)),
-        "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
+        "ORDER": ORDER,
+        "PAGES": f'<table class="accounts">\n<tr>{header}</tr>\n' + "\n".join(lines) + "\n</table>",
     }
     write_html(directory / INDEX, fill("index.html", fields))
     return directory / INDEX
@@ -164,7 +196,3 @@ def _anchor(episode: Mapping[str, Any], run_dir: Path, directory: Path) -> str:
     key = EpisodeKey.of(episode)
     path = page_path(run_dir, key)
     return f'<a href="{html_address(os.path.relpath(path, directory))}">{key}</a>'
-
-
-def _worst_first(column: pd.Series) -> pd.Series:
-    return column == "success" if column.name == "outcome" else column

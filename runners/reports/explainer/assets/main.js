@@ -57,7 +57,7 @@ class App {
     const order = Array.from(scores.keys()).sort((a, b) => scores[b] - scores[a] || a - b);
     const now = this.chosenByHand === null ? -Math.sign(places) : order.indexOf(this.chosenByHand);
     this.pick(order[Math.min(Math.max(now + places, 0), order.length - 1)]);
-    this.#speak(candidateText(this.trace, this.playback.step, this.chosenByHand, scores));
+    this.#speak(candidateText(this.trace, this.playback.step, this.chosenByHand, scores, this.panel.parameters.weights));
     return true;
   }
 
@@ -226,7 +226,7 @@ class App {
     const chosen = choice === "kept" ? old : termsOf(trace, step, weights, best);
     this.bars.show({ picked: termsOf(trace, step, weights, index), chosen, old });
     const which = picked === null ? "The best candidate. " : "";
-    byId("candidate").textContent = which + candidateText(trace, step, index, scores);
+    byId("candidate").textContent = which + candidateText(trace, step, index, scores, weights);
   }
 
   #whatIf() {
@@ -281,10 +281,15 @@ function dress(trace) {
   byId("title").textContent = head.title;
   const ablation = head.ablation ? [`ablation ${head.ablation}`] : [];
   const ending = `${head.outcome} after ${seconds(head.time)}`;
+  byId("story").textContent = head.story ? `It ${head.story}.` : "";
   byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
   document.body.classList.add(trace.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
   byId("truth").disabled = byId("truth").parentElement.hidden = !head.mapped;
   byId("play-here").hidden = !head.play;
+  if (head.timed) {
+    byId("key-best").textContent = "expected time to the target by way of the best: lower is better";
+    byId("key-old").textContent = "by way of the old";
+  }
   byId("key-people").hidden = !head.tracked;
   byId("key-blocking").hidden = !trace.arrays.blocking?.some((sector) => sector >= 0);
   byId("key-history").hidden = !trace.arrays["history.count"]?.some(Boolean);
@@ -304,6 +309,7 @@ readTrace().then((trace) => {
   document.body.classList.add("ready");
 }).catch((error) => {
   byId("title").textContent = "This page cannot be shown";
+  byId("story").textContent = head.story ? `It ${head.story}.` : "";
   byId("subtitle").textContent = `${error.message}. The page needs a browser of May 2024 or later.`;
   throw error;
 });

@@ -2,7 +2,7 @@
 
 /**
  * @typedef {{weights: Float64Array, d1: number, d2: number}} Parameters
- * @typedef {{best: number, bestScore: number, oldScore: number, choice: string}} Verdict
+ * @typedef {{best: number, bestScore: number, oldScore: number, bestTime: number, oldTime: number, choice: string}} Verdict
  */
 
 /** Algorithm 1, lines 9–13. Either distance may be infinite. */
@@ -52,7 +52,13 @@ function decide(trace, step, parameters) {
   const oldScore = terms ? sum(terms) : NaN;
   const distance = trace.arrays.old_distance[step];
   const choice = choose(terms !== null, distance, oldScore, scores[best], parameters.d1, parameters.d2);
-  return { best, bestScore: scores[best], oldScore, choice };
+  const bestTime = timeOf(trace, termsOf(trace, step, parameters.weights, best));
+  return { best, bestScore: scores[best], oldScore, bestTime, oldTime: terms ? timeOf(trace, terms) : NaN, choice };
+}
+
+/** Expected time to the target [s], which is minus the score without c_o; NaN if the score is none. */
+function timeOf({ head }, terms) {
+  return head.timed ? terms[head.names.indexOf("c_o")] - sum(terms) : NaN;
 }
 
 /** Whether two verdicts choose the same subgoal, for any reason. */

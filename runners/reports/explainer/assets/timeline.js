@@ -1,4 +1,4 @@
-// Scores and clearance over the steps, with marks at switches and at decisions that would differ.
+// Scores, or expected times, and clearance over the steps, with marks at switches and at decisions that would differ.
 
 const MARK_PX = 7;
 const STRIDES = [1, 2, 5].flatMap((digit) => [1, 10, 100, 1000].map((ten) => digit * ten)).sort((a, b) => a - b);
@@ -20,12 +20,14 @@ class Timeline {
     this.recolour();
   }
 
-  /** Scores of the best candidate and of the old subgoal, by step, and the steps that would choose another subgoal. */
+  /** The best candidate and the old subgoal, by step, and the steps that would choose another subgoal. */
   judge(verdicts, changed) {
     this.changed = changed;
-    verdicts.forEach(({ bestScore, oldScore }, step) => {
-      this.data[1][step] = bestScore;
-      this.data[2][step] = Number.isNaN(oldScore) ? null : oldScore;
+    const { timed } = this.trace.head;
+    verdicts.forEach(({ bestScore, oldScore, bestTime, oldTime }, step) => {
+      this.data[1][step] = timed ? bestTime : bestScore;
+      const old = timed ? oldTime : oldScore;
+      this.data[2][step] = Number.isNaN(old) ? null : old;
     });
     this.plot.setData(this.data);
   }
@@ -71,7 +73,7 @@ class Timeline {
       stroke: colours.ink, font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
       grid: { stroke: colours.line, width: 0.5 }, ticks: { stroke: colours.line, width: 0.5, size: 4 },
     };
-    const { explained } = this.trace;
+    const { explained, head } = this.trace;
     return {
       ...this.#size(),
       padding: [10, explained ? null : 24, 0, 0],
@@ -81,9 +83,9 @@ class Timeline {
       series: [{}, ...(explained ? scores : []), clearance],
       axes: [
         { ...axis, size: 22, gap: 2, incrs: STRIDES },
-        ...(explained ? [{ ...axis, scale: "S", size: 48, gap: 3 }] : []),
+        ...(explained ? [{ ...axis, scale: "S", size: 48, gap: 3, ...(head.timed ? { values: inUnit("s") } : {}) }] : []),
         { ...axis, scale: "m", side: explained ? 1 : 3, size: 40, gap: 3, grid: { show: !explained },
-          values: (_, ticks) => ticks.map((metre) => `${metre} m`) },
+          values: inUnit("m") },
       ],
       hooks: { draw: [(plot) => this.#marks(plot)] },
     };
@@ -124,6 +126,11 @@ class Timeline {
       if (over.hasPointerCapture(event.pointerId)) pick(event);
     });
   }
+}
+
+/** The labels of an axis. */
+function inUnit(unit) {
+  return (_, ticks) => ticks.map((value) => `${value} ${unit}`);
 }
 
 /** Indices of true flags. */

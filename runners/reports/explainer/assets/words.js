@@ -46,14 +46,20 @@ function sceneText(trace, step) {
   return `The robot seen from above at step ${step} of ${trace.last}: ${facts}.${ending}${weighed}`;
 }
 
-/** A candidate: its index, rank, score and position. */
-function candidateText(trace, step, index, scores) {
+/** A candidate: its index, rank, score or expected time, and position. */
+function candidateText(trace, step, index, scores, weights) {
   const rank = 1 + scores.reduce((above, score, i) => above + (score > scores[index] || (score === scores[index]
     && i < index)), 0);
   const place = whereabouts(trace.candidate(step, index));
   const free = trace.arrays["feature.c_o"][trace.starts.candidates[step] + index];
   const reach = free >= 1 ? "" : free > 0 ? ", reachable with less margin" : ", not reachable";
-  return `Candidate ${index}: rank ${rank} of ${scores.length}, S ${number(scores[index])}, ${place}${reach}`;
+  const worth = worthText(scores[index], timeOf(trace, termsOf(trace, step, weights, index)));
+  return `Candidate ${index}: rank ${rank} of ${scores.length}, ${worth}, ${place}${reach}`;
+}
+
+/** The score of a subgoal, or its expected time if the score is one. */
+function worthText(score, time) {
+  return Number.isNaN(time) ? `S ${number(score)}` : `${seconds(time)} to the target`;
 }
 
 /** What the parameters would change here and in the whole episode. */
@@ -63,9 +69,9 @@ function whatIfText(trace, step, verdict, changed, moved) {
   if (!moved && !count) return "These are the parameters of the record. Move one to see what it would change.";
   if (step >= trace.decisions) return all;
   if (!changed[step]) return `At this step the choice stays the same. ${all}`;
-  const candidate = `candidate ${verdict.best} (S ${number(verdict.bestScore)}), ${
+  const candidate = `candidate ${verdict.best} (${worthText(verdict.bestScore, verdict.bestTime)}), ${
     whereabouts(trace.candidate(step, verdict.best))}`;
-  const here = verdict.choice === "kept" ? `would keep the old subgoal (S ${number(verdict.oldScore)})`
+  const here = verdict.choice === "kept" ? `would keep the old subgoal (${worthText(verdict.oldScore, verdict.oldTime)})`
     : `would choose ${candidate}`;
   return `At this step it ${here}. ${all}`;
 }
