@@ -11,9 +11,12 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from lme.config.composer import register_resolvers
+from lme.errors import argument_error
 from lme.perception.people.source import People
 from lme.robots import Cap, Robot
 from lme.types import Feedback
+
+PUBLISHED_MARK = " (published)"  # end of the name of a row with published figures
 
 
 class Record(StrEnum):
@@ -29,6 +32,26 @@ class Explain(StrEnum):
     none = auto()
     failures = auto()
     all = auto()
+
+
+@dataclass(slots=True)
+class SystemNames:
+    """Names of the system in tables and pictures. label: None for the pair's own; ablated: that of the ablation."""
+
+    label: str | None = None
+    ablated: str = ""
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a name that cannot be read, or that passes for a published row."""
+        label = self.label
+        if label is None:
+            return
+        if not label.strip() or not label.isprintable():
+            raise argument_error(f"label is {label!r}: must be a name of one line")
+        if label.endswith(PUBLISHED_MARK):
+            raise argument_error(
+                f"label is {label}: must not end with{PUBLISHED_MARK}, which marks published figures"
+            )
 
 
 @dataclass(slots=True, kw_only=True)
@@ -48,7 +71,7 @@ class SystemConfig:
     feedback: Feedback = Feedback.OPEN_LOOP
     cap: Cap = field(default_factory=Cap)
     ablation: dict[str, float] = field(default_factory=dict)
-    system: dict[str, Any] = field(default_factory=dict)
+    system: SystemNames = field(default_factory=SystemNames)
 
 
 @dataclass(slots=True, kw_only=True)

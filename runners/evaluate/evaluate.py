@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lme.errors import InputError
 from lme.worlds.world import DrawsRobots, MapSet, Named
 from runners.config import build, instantiate, systems
+from runners.config.catalogue import Catalogue
 from runners.config.changes import describe_changes
 from runners.config.composer import CUSTOM
 from runners.config.job import Job
@@ -195,7 +196,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
     system = next(iter(_own_system(guide, planner, job).values()), None)
     has_changes = any(key.startswith(("guide.", "planner.")) for key in job.changes)
     return RunLabels(
-        system=systems.label(guide, planner, system, has_changes),
+        system=_own_label(job) or systems.label(guide, planner, system, has_changes),
         guide=guide,
         planner=planner,
         global_map=str(config.guide.get("global_map", "")),
@@ -207,6 +208,13 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
         people=str(build.people_of(config)),
     )
+
+
+def _own_label(job: Job[DriveConfig]) -> str | None:
+    """Return the name that the user gives the system; None without one: the file of a system names its own pair."""
+    settings = systems.system_settings(job.choices.get("system", ""), Catalogue(job.folders))
+    label = job.config.system.label
+    return None if label == settings.get("system", {}).get("label") else label
 
 
 def _own_system(guide: str, planner: str, job: Job[DriveConfig]) -> dict[str, System]:
@@ -324,7 +332,7 @@ def _track(
 
 def _row_name(row: Row) -> str:
     words = [
-        row.label.removesuffix(" (ours)"),
+        row.label,
         *(f"{key} {value}" for key, value in row.keys.items() if value),
     ]
     return " ".join(words)

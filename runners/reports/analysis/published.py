@@ -117,7 +117,9 @@ def notes(rows: Sequence[Row]) -> list[str]:
     if maps:
         simulators = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
         own_simulators = " and ".join(sorted({_simulator(row.sim) for row in rows if not row.published_map}))
-        lines.append(f"Ours ran in this project's {own_simulators}, the published ones in {simulators}.")
+        lines.append(
+            f"Published figures are from {simulators}; all others from this project's {own_simulators}."
+        )
     lines += dict.fromkeys(
         f"{row.label}: published figures are left out, because {row.unpublished}."
         for row in rows
@@ -125,7 +127,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
     )
     if "barn" in maps:
         lines.append(
-            f"The paper does not list its hundred worlds; ours are {BARN_SUBSET}, those of its lab's test script."
+            f"The paper does not list its hundred worlds; those here are {BARN_SUBSET}, from its lab's test script."
         )
     return lines
 

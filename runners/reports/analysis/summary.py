@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
 from lme.perception.people.source import People
+from runners.config.schema import PUBLISHED_MARK
 from runners.config.systems import System, ablation_labels, describe_ablation
 from runners.config.systems import systems as named_systems
 from runners.records.records import PLANNED_EPISODES, PLANNED_WORLDS, planned
@@ -81,7 +82,7 @@ class Row:
     ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` includes it.
     changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
     much of the plan was driven, such as "12 of 100 worlds"; empty if all of it. source: where published figures are
-    from; empty for ours, and for the paper's. sim: the simulator; empty for published figures. unpublished:
+    from; empty for driven rows, and for the paper's. sim: the simulator; empty for published figures. unpublished:
     why the published figures of its system do not follow it; empty where there are none.
     """
 
@@ -104,8 +105,7 @@ class Row:
     @property
     def name(self) -> str:
         """The row's name in the table: its label, with its ablation and the share that was driven."""
-        system, _, source = self.label.rpartition(" ")
-        label = f"{system} {self.ablated} {source}" if self.ablated else self.label
+        label = f"{self.label} {self.ablated}" if self.ablated else self.label
         return f"{label}, {self.unfinished}" if self.unfinished else label
 
 
@@ -115,7 +115,7 @@ def summarise(
     systems: Mapping[str, System] | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> list[Row]:
-    """Return the rows of the table for `frame` (one line per episode): for each system ours, then the published ones.
+    """Return the rows of the table for `frame` (one line per episode): each system's own, then its published ones.
 
     order: names of systems whose rows come first, in this order. A system without episodes has only its published
     figures. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by
@@ -169,7 +169,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
             mean, std = mean_std_over_runs(column, group["run"], is_counted)
             stats[metric.key] = mean, std if runs > 1 else math.nan
     return Row(
-        label=f"{system} (ours)",
+        label=system,
         keys=keys,
         stats=stats,
         global_planner=_global_planner(group),
@@ -264,18 +264,24 @@ def _with_published(
 
 
 def _system_name(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
-    """Return the name of the system: among those with its label, the one of its guide and planner, if any."""
+    """Return the name of the system with this label and pair; the label if there is none.
+
+    A user may give another pair the label of a shipped system. Records without the pair have the label alone.
+    """
     episode = group.iloc[0]
     label, pair = str(episode["system"]), (episode.get("guide"), episode.get("planner"))
-    names = [name for name, system in systems.items() if system.label == label]
-    namesakes = [name for name in names if (systems[name].guide, systems[name].planner) == pair]
-    return [label, *names, *namesakes][-1]
+    names = [
+        name
+        for name, system in systems.items()
+        if system.label == label and pair in ((system.guide, system.planner), (None, None))
+    ]
+    return [label, *names][-1]
 
 
 def _published_row(source: published.Figures, setting: published.DrivenSetting, own_row: Row) -> Row:
     keys = {key: value if key in ("map", "subset") else "" for key, value in own_row.keys.items()}
     return Row(
-        label=f"{source.label} (published)",
+        label=source.label + PUBLISHED_MARK,
         keys=keys,
         stats=source.stats,
         global_planner=GLOBAL_PLANNER["observed" if source.global_planner else ""],

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from lme.metrics import interval_over_worlds
 from lme.worlds.cold_trial import STAND_IN
 from runners.config.escaping import csv_value, html_text, latex_text, markdown_table, markdown_text, visible
+from runners.config.schema import PUBLISHED_MARK
 from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import published
 from runners.reports.analysis.failures import failed_section, timeouts_section
@@ -219,7 +220,7 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
 
 def _compares_planners(rows: Sequence[Row]) -> bool:
     """Return whether to show the column on global planners: with several systems, or if one used such a planner."""
-    names = {row.label.rpartition(" ")[0] for row in rows}
+    names = {row.label.removesuffix(PUBLISHED_MARK) for row in rows}
     return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 

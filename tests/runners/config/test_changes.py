@@ -1,9 +1,14 @@
 """Keys that differ from the files of the chosen options, and what tables make of them."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from lme.errors import InputError
 from runners.cli.main import main
+from runners.config.build import map_set
+from runners.evaluate.evaluate import run_labels
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
 from runners.reports.analysis.tables import title
@@ -133,7 +138,37 @@ def test_a_system_of_ones_own_has_its_label_and_a_place_in_the_table(tmp_path, m
     capsys.readouterr()
     assert main(["table", "out", "--format", "csv"]) == 0  # finds the folder again
     labels = [line.split(",")[0] for line in capsys.readouterr().out.splitlines()]
-    assert labels == ["label", "Simple (ours)", "Mine (ours)"]
+    assert labels == ["label", "Simple", "Mine"]
+
+
+@pytest.mark.parametrize(
+    ("words", "label"),
+    [
+        (["system.label='My policy'"], "My policy"),
+        (["system.label=2"], "2"),
+        (["system=dwa", "planner.v_samples=5", "system.label=Mine"], "Mine"),
+        (["system=dwa", "planner.v_samples=5"], "DWA (changed)"),
+        (["system=lme", "guide=lme_plus"], "LME+-Simple"),
+    ],
+)
+def test_a_label_on_the_command_line_names_the_system(words, label):
+    with jobs_of() as job_of:
+        job = job_of(*words)
+    assert run_labels(job, map_set(job.config)).system == label
+
+
+def test_every_file_of_a_run_shows_its_label(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["eval", *QUICK, "system.label=Mine", "hydra.run.dir=out"]) == 0
+    assert re.search(r"^Mine\s", capsys.readouterr().out, re.MULTILINE)
+    assert read_episodes(["out"])["system"].unique().tolist() == ["Mine"]
+    assert "| Mine |" in Path("out/table.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("label", ["'LME (published)'", "' '", "'a\nb'", "[a]"])
+def test_a_label_that_no_table_can_show(label, capsys, says):
+    assert main(["eval", *QUICK, f"system.label={label}"]) == 2
+    says(capsys.readouterr().err)
 
 
 def test_a_broken_system_of_ones_own_is_named(tmp_path, monkeypatch, capsys, says):

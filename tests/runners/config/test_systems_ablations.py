@@ -86,12 +86,12 @@ def test_a_key_that_an_ablation_sets_is_not_searched():
 @pytest.mark.parametrize(
     ("system", "ablation", "name"),
     [
-        ("LME", "none", "LME (ours)"),
-        ("LME+", "no_memory", "LME+ without memory (ours)"),
-        ("LME", "no_c_o+no_c_t", "LME without c_o and without c_t (ours)"),
-        ("LME+ without a_dev", "no_a_dev", "LME+ without a_dev (ours)"),  # as once recorded
-        ("LME+ without memory", "none", "LME+ without memory (ours)"),
-        ("LME", "no_longer_there", "LME (ours)"),
+        ("LME", "none", "LME"),
+        ("LME+", "no_memory", "LME+ without memory"),
+        ("LME", "no_c_o+no_c_t", "LME without c_o and without c_t"),
+        ("LME+ without a_dev", "no_a_dev", "LME+ without a_dev"),  # as once recorded
+        ("LME+ without memory", "none", "LME+ without memory"),
+        ("LME", "no_longer_there", "LME"),
     ],
 )
 def test_tables_name_a_system_with_its_ablation(tmp_path, system, ablation, name):
@@ -103,7 +103,7 @@ def test_tables_name_a_system_with_its_ablation(tmp_path, system, ablation, name
 def test_a_table_of_systems_of_which_one_is_gone(tmp_path):
     write_run(tmp_path, system="LME+ without memory")
     rows = summarise(read_episodes([tmp_path]), ["lme_plus", "lme_plus_no_memory"])
-    assert [row.name for row in rows] == ["LME+ without memory (ours)"]
+    assert [row.name for row in rows] == ["LME+ without memory"]
 
 
 def test_a_resumed_run_keeps_the_names_of_its_records(tmp_path):

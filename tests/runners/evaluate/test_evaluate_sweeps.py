@@ -39,7 +39,7 @@ def test_without_factors_or_ablations_there_are_no_reports_of_them(sweep):
 
 def test_rows_in_the_order_of_the_config(sweep):
     lines = (sweep[0] / "table.csv").read_text().splitlines()
-    assert [line.split(",")[0] for line in lines] == ["label", "LME (ours)", "Simple (ours)"]
+    assert [line.split(",")[0] for line in lines] == ["label", "LME", "Simple"]
 
 
 def test_the_chart_is_there_and_table_redraws_it(sweep, capsys):

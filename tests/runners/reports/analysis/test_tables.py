@@ -65,7 +65,7 @@ def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
 def test_figures_by_hand():
     """Ten worlds, two runs: 9 + 8 successes, a collision in each, a time-out in the second."""
     ours = summarise(records(), systems=SYSTEMS)[0]
-    assert (ours.label, ours.episodes, ours.worlds, ours.runs) == ("LME (ours)", 20, 10, 2)
+    assert (ours.label, ours.episodes, ours.worlds, ours.runs) == ("LME", 20, 10, 2)
     expected = {
         "success": (0.85, 0.05),
         "collision": (0.1, 0.0),
@@ -141,22 +141,22 @@ ENV1 = {
         ({"robot_like": "go2"}, False, "the robot stage is not the shipped one"),
         ({"robot": "mine", "robot_like": ""}, False, ""),
         ({"map_like": ""}, False, ""),
-        ({"guide": "mine", "planner": "simple"}, True, ""),
+        ({"guide": "mine", "planner": "simple"}, False, ""),
     ],
 )
 def test_published_figures_need_the_papers_robot_and_map_by_value(columns, published, why):
     rows = summarise(records(**{**ENV1, **columns}), systems=SYSTEMS)
     assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
     lines = [line for line in notes(rows) if "left out" in line]
-    assert lines == ([f"LME (ours): published figures are left out, because {why}."] if why else [])
+    assert lines == ([f"LME: published figures are left out, because {why}."] if why else [])
 
 
 def test_a_system_of_ones_own_with_a_shipped_label_has_its_own_figures():
     mine = {"a_mine": System("LME", "mine", "simple"), **SYSTEMS}
     own = summarise(records(guide="mine", planner="simple"), systems=mine)
-    assert [row.label for row in own] == ["LME (ours)"]
+    assert [row.label for row in own] == ["LME"]
     shipped = summarise(records(guide="lme", planner="simple"), systems={**SYSTEMS, "mine": mine["a_mine"]})
-    assert [row.label for row in shipped] == ["LME (ours)", "LME (published)"]
+    assert [row.label for row in shipped] == ["LME", "LME (published)"]
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_a_system_of_ones_own_with_a_shipped_label_has_its_own_figures():
 )
 def test_the_note_names_the_simulator(sim, named):
     said = "\n".join(notes(summarise(records(sim=sim), systems=SYSTEMS)))
-    assert re.search(rf"Ours ran in .*{named}.* \(sim={sim}\), the published ones in Gazebo", said)
+    assert re.search(rf"from Gazebo; all others from this project's .*{named}.* \(sim={sim}\)\.", said)
 
 
 def test_figures_of_a_log_say_where_they_are_from():
@@ -182,7 +182,7 @@ def test_figures_of_a_log_say_where_they_are_from():
     assert logged[1].stats == {"success": (0.98, pytest.approx(np.nan, nan_ok=True))}
     said = "LME (published): a log; BARN metric: OT/clip(AT, 4·OT, 8·OT)."
     assert said in notes(logged)
-    assert "in Gazebo" in "".join(notes(logged))
+    assert "from Gazebo" in "".join(notes(logged))
     assert "does not list its hundred worlds" not in "".join(notes(logged))
     papers = summarise(records(), systems=systems)
     assert papers[1].stats["success"][0] == 0.7
@@ -191,7 +191,7 @@ def test_figures_of_a_log_say_where_they_are_from():
 
 def test_the_projects_own_published_figures():
     rows = summarise(records())
-    assert [row.label for row in rows] == ["LME (ours)", "LME (published)"]
+    assert [row.label for row in rows] == ["LME", "LME (published)"]
     assert rows[1].stats["success"] == (0.883, 0.0094)
     assert rows[1].stats["barn_metric"] == (0.419, 0.0084)
 
@@ -217,7 +217,7 @@ def test_a_swept_key_that_no_record_holds_is_a_column():
         for value, changes in (("0.0", ""), ("0.1", "sim.latency=0.1"))
     ]
     rows = summarise(pd.concat(frames), systems=SYSTEMS)
-    assert [row.label for row in rows] == ["LME (ours)", "LME (published)", "LME (ours)"]
+    assert [row.label for row in rows] == ["LME", "LME (published)", "LME"]
     assert [row.keys for row in rows] == [{"sim.latency": "0.0"}, {"sim.latency": ""}, {"sim.latency": "0.1"}]
     assert not any(row.changes for row in rows)  # the column says it
 
@@ -226,10 +226,10 @@ def test_the_published_row_follows_the_run_without_filter_and_crowd():
     others = [records(filter="stopping", run_dir="two"), records(crowd="orca", run_dir="three")]
     rows = summarise(pd.concat([records(), *others]), systems=SYSTEMS)
     assert [(row.label, *row.keys.values()) for row in rows] == [
-        ("LME (ours)", "", ""),
+        ("LME", "", ""),
         ("LME (published)", "", ""),
-        ("LME (ours)", "stopping", ""),
-        ("LME (ours)", "", "orca"),
+        ("LME", "stopping", ""),
+        ("LME", "", "orca"),
     ]
 
 
@@ -238,7 +238,7 @@ def test_a_key_changed_in_all_runs_is_named_and_hides_the_published_rows():
         changes="robot.v_max=1.0, sim.latency=0.1", **{"robot.v_max": "1.0", "sim.latency": "0.1"}
     )
     rows = summarise(frame, systems=SYSTEMS)
-    assert [(row.label, row.keys) for row in rows] == [("LME (ours)", {})]
+    assert [(row.label, row.keys) for row in rows] == [("LME", {})]
     assert "robot.v_max=1.0 · sim.latency=0.1" in title(frame)
     for text in (to_markdown(rows), to_latex(rows), to_html(rows)):
         assert "Changed: robot.v_max=1.0, sim.latency=0.1." in text.replace(r"\_", "_")
@@ -255,7 +255,7 @@ def test_a_key_changed_in_some_rows_is_named_with_them():
         records(run_dir="two", system="Other", changes="planner.kp=8.0", **{"planner.kp": "8.0"}),
     ]
     lines = notes(summarise(pd.concat(frames), systems=SYSTEMS))
-    assert "Changed in Other (ours): planner.kp=8.0." in lines
+    assert "Changed in Other: planner.kp=8.0." in lines
 
 
 def test_the_title_names_no_key_that_only_some_rows_have():
@@ -301,7 +301,7 @@ def test_whom_the_system_sees_is_a_column_unless_it_is_everybody():
     both = pd.concat([*seen.values(), *(part.assign(system="Other") for part in seen.values())])
     rows = summarise(both, systems={})
     assert [(row.label, row.keys) for row in rows] == [
-        (f"{system} (ours)", {"people": people}) for system in ("LME", "Other") for people in seen
+        (f"{system}", {"people": people}) for system in ("LME", "Other") for people in seen
     ]
     assert "| System | People |" in to_markdown(rows)
 
@@ -314,11 +314,11 @@ def test_an_ablation_alone_is_still_named():
 @pytest.mark.parametrize(
     ("kept", "planned", "name"),
     [
-        (20, {}, "LME (ours)"),
-        (20, {"planned_worlds": 10, "planned_episodes": 20}, "LME (ours)"),
-        (19, {}, "LME (ours), 19 of 20 episodes"),
-        (20, {"planned_worlds": 10, "planned_episodes": 30}, "LME (ours), 20 of 30 episodes"),
-        (4, {"planned_worlds": 10, "planned_episodes": 20}, "LME (ours), 4 of 10 worlds"),
+        (20, {}, "LME"),
+        (20, {"planned_worlds": 10, "planned_episodes": 20}, "LME"),
+        (19, {}, "LME, 19 of 20 episodes"),
+        (20, {"planned_worlds": 10, "planned_episodes": 30}, "LME, 20 of 30 episodes"),
+        (4, {"planned_worlds": 10, "planned_episodes": 20}, "LME, 4 of 10 worlds"),
     ],
 )
 def test_a_row_says_how_much_of_an_unfinished_run_was_driven(kept, planned, name):
@@ -359,7 +359,7 @@ def test_markdown():
     cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in text.splitlines()[:4]]
     lines = [[cell.strip() for cell in line] for line in cells]
     table = dict(zip(lines[0], zip(*lines[2:], strict=True), strict=True))
-    assert table["System"] == ("LME (ours)", "LME (published)")
+    assert table["System"] == ("LME", "LME (published)")
     assert table["Success"] == ("0.850 ± 0.050", "0.883 ± 0.009")
     assert table["95 % CI"] == (f"0.575{DASH}0.960", DASH)
     assert table["Time [s]"] == ("14.2", DASH)
@@ -513,7 +513,7 @@ def test_rows_stand_in_the_order_asked_for_and_systems_not_driven_show_what_was_
     frame = pd.concat([records(), records(system="Other", global_map="known", run_dir="two")])
     rows = summarise(frame, ["other", "mapper", "lme"], systems)
     assert [row.label for row in rows] == [
-        "Other (ours)", "Mapper (published)", "LME (ours)", "LME (published)",
+        "Other", "Mapper (published)", "LME", "LME (published)",
     ]  # fmt: skip
     assert [row.global_planner for row in rows] == ["yes, true map", "yes", "no", "no"]
     assert rows[1].stats["success"][0] == 0.653
@@ -523,7 +523,7 @@ def test_rows_stand_in_the_order_asked_for_and_systems_not_driven_show_what_was_
 
 def test_published_figures_of_systems_not_driven_need_the_same_worlds():
     rows = summarise(records(subset="official50"), ["lme"], SYSTEMS)
-    assert [row.label for row in rows] == ["LME (ours)"]
+    assert [row.label for row in rows] == ["LME"]
 
 
 def test_the_last_column_says_who_used_a_global_planner_once_systems_are_compared():

@@ -101,7 +101,7 @@ def test_the_page_is_of_the_episode_and_needs_no_other_file(driven):
     assert not re.search(r'(src|href)="(https?:)?//', page)
     index = (driven / "explain" / "index.html").read_text(encoding="utf-8")
     assert [other for _, other in links(index)] == ["207-0.html"]
-    assert "<td>LME (ours)</td><td>0.500</td>" in index
+    assert "<td>LME</td><td>0.500</td>" in index
     assert not re.search(r"https?:|<script", index)
 
 

@@ -102,8 +102,8 @@ def test_a_page_that_cannot_be_written_is_named(tmp_path, says):
 
 def test_the_episode_lasts_as_its_record_says(trace):
     late = trace._replace(episode=dataclasses.replace(trace.episode, time=3.25))
-    assert unpacked(encode(late, [], "LME (ours)"))[0]["time"] == 3.25
-    assert unpacked(encode(late, [], "LME (ours)"))[0]["system"] == "LME (ours)"
+    assert unpacked(encode(late, [], "LME"))[0]["time"] == 3.25
+    assert unpacked(encode(late, [], "LME"))[0]["system"] == "LME"
 
 
 def test_every_script_is_part_of_a_page():
