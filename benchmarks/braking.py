@@ -1,4 +1,4 @@
-"""Measures how far Jackal slides in sim=gazebo, by how hard its wheels are braked: a table of docs/understand/table2.md.
+"""Measures how far Jackal slides in sim=gazebo, by how hard its wheels are braked: a table of research/table2.md.
 
     python -m benchmarks.braking
 
