@@ -1,4 +1,4 @@
-"""Measure how far Jackal slides in sim=gazebo by how hard its wheels are braked (docs/understand/table2.md).
+"""Measure how far Jackal slides in sim=gazebo by how hard its wheels are braked (research/table2.md).
 
     python -m benchmarks.braking
 
