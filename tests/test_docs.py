@@ -109,6 +109,18 @@ def test_a_decimal_begins_with_a_digit(page):
     assert not re.findall(r".*(?<![\w.])\.\d.*", text)
 
 
+def test_pages_are_short_enough_to_be_read_to_the_end():
+    """In words, code and tables included; the reference is looked up, and the research record counts apart."""
+    docs = [page for page in PAGES if page.parts[0] == "docs"]
+    words = {
+        page: len((ROOT / page).read_text(encoding="utf-8").split()) for page in [*docs, Path("README.md")]
+    }
+    assert words.pop(Path("README.md")) <= 900
+    assert sum(words.values()) <= 40_000
+    long = {page: count for page, count in words.items() if count > 1_500 and "reference" not in page.parts}
+    assert not long
+
+
 def test_every_page_that_the_search_weighs_is_there():
     """Each name in the patterns of docs/static/scorer.js."""
     scorer = (ROOT / "docs" / "static" / "scorer.js").read_text(encoding="utf-8")
