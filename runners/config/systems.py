@@ -21,6 +21,7 @@ from runners.config.instantiate import unknown_key
 PAIR = ("guide", "planner")  # the groups that a system chooses
 ABLATION = "ablation"
 SEVERAL = "+"  # joins the names of ablations that are chosen together
+_MOST_VALUES = 3  # of an ablation without a label, in tables
 
 
 @dataclass(slots=True)
@@ -129,6 +130,8 @@ def ablation_labels(
 ) -> Mapping[str, str]:
     """Return the text that tables add to a system's name, such as "without memory", by ablation.
 
+    An ablation without a label is named by what it sets: "with c_t=0.0".
+
     choices: ablations, or several joined by +, whose labels are needed; None for all. Raises InputError for a label
     that is not text.
     """
@@ -146,9 +149,16 @@ def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
 
 @cache  # read once, so that all jobs of a sweep have the same
 def _label(name: str, folders: tuple[Path, ...]) -> str:
+    from runners.config.changes import describe_changes, flatten  # which imports this module
+
     catalogue = Catalogue(folders)
-    node = ablation_settings(name, catalogue).get("system")
+    settings = ablation_settings(name, catalogue)
+    node = settings.pop("system", {})
     label = node.get("ablated", "") if isinstance(node, dict) else ""
     if not isinstance(label, str):
         raise InputError(f"{catalogue.file(f'{ABLATION}/{name}')}: system.ablated is {label!r}: must be text")
-    return label
+    # A file that sets parameters alone has no room for a label; nor has every other one.
+    values = {key.removeprefix(f"{ABLATION}."): value for key, value in flatten(settings)}
+    if label or not values:
+        return label
+    return f"with {describe_changes(values) if len(values) <= _MOST_VALUES else name}"

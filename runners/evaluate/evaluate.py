@@ -158,11 +158,10 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     from runners.reports.analysis.tables import write_tables
     from runners.reports.figures.paths import draw_run
 
-    # One run needs no other names than those of its own system and ablation.
+    # One run needs no other name than that of its own system.
     run_dir, labels = job.run_dir, run_labels(job, maps)
     frame = read_episodes([run_dir])
-    ablations = systems.ablation_labels(job.folders, [labels.ablation])
-    rows = summarise(frame, systems=_own_system(labels.guide, labels.planner, job), labels=ablations)
+    rows = summarise(frame, systems=_own_system(labels.guide, labels.planner, job))
     tables = write_tables(frame, rows, run_dir)
     picture = draw_run(frame, run_dir, maps, run_dir / "trajectories.png")
     return frame, rows, [*tables, *picture, run_dir / EPISODES]
@@ -255,9 +254,7 @@ def finish_sweep(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     frame = read_episodes(run_dirs)
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
-    rows = summarise(
-        frame, job.config.table, systems.systems(job.folders), systems.ablation_labels(job.folders)
-    )
+    rows = summarise(frame, job.config.table, systems.systems(job.folders))
     artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in lines:
@@ -321,7 +318,7 @@ def _track(
     shared |= {key: frame[key].iloc[0] for key in LABELS if frame[key].nunique() == 1}
     tracking.start(parameters(shared), sweep_dir, {"command": "sweep", "changes": describe_changes(changes)})
     with closed_by(tracking):
-        rows = [row for row in summarise(frame, systems={}, labels={}) if row.episodes]
+        rows = [row for row in summarise(frame, systems={}) if row.episodes]
         names = fitting_names([_row_name(row) for row in rows])
         named_rows = zip(names, map(numbers, rows), strict=True)
         tracking.finish(

@@ -19,7 +19,7 @@ from lme.errors import InputError
 from runners.config.catalogue import Catalogue
 from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
 from runners.config.job import scale_in_words
-from runners.config.systems import system_settings
+from runners.config.systems import ablation_labels, describe_ablation, system_settings
 from runners.records.atomic_write import what_is_full
 from runners.records.episode_record import (
     APPEND_LOG,
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 
 # Columns with the same value in all episodes of a run.
 PLANNED_WORLDS, PLANNED_EPISODES = "planned_worlds", "planned_episodes"
+ABLATED = "ablated"
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
 
 
@@ -297,17 +298,20 @@ def _columns_of(launch: Launch, changed_keys: Iterable[str]) -> dict[str, object
     """Return the columns that a launch record adds to the episodes of its run.
 
     sim: the simulator. filter: that of the commands, if there is one. crowd: people added to the worlds, if any.
-    scale: factors on parameters. changes: keys whose values differ from those in the files of the chosen options, as
-    text. Every key that some run has changed is a column too, by its dotted name. So are the numbers of worlds and
-    episodes that the run was planned to drive, and the columns of `_likeness`.
+    scale: factors on parameters. ablated: the ablation in words, "without c_o". changes: keys whose values differ
+    from those in the files of the chosen options, as text. Every key that some run has changed is a column too, by its
+    dotted name. So are the numbers of worlds and episodes that the run was planned to drive, and the columns of
+    `_likeness`.
     """
     values = dict(flatten(launch.configs[0]))
     config, choices = launch.configs[0], launch.choices[0]
     added = {group: choices[group] for group in ("filter", "crowd") if config.get(group)}
+    ablation = choices.get("ablation", "")
     return {
         "sim": launch.choices[0].get("sim", ""),
         **added,
         "scale": scale_in_words(launch.configs[0].get("scale", {})),
+        ABLATED: describe_ablation(ablation, ablation_labels(launch.folders, [ablation])),
         **_likeness(launch),
         "changes": describe_changes(launch.changes[0]),
         **{key: str(values.get(key, "")) for key in changed_keys},

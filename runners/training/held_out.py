@@ -14,7 +14,7 @@ from runners.config.changes import HELD_OUT, TRAINING, TRAINING_ROBOTS
 from runners.config.job import Job
 from runners.config.schema import DriveConfig, EvalConfig, HeldOutConfig, TrainConfig
 from runners.config.space import PARAMETERS, with_values
-from runners.config.systems import ablation_labels, systems
+from runners.config.systems import systems
 from runners.evaluate.evaluate import drive, report, run_labels
 from runners.records import inputs
 from runners.records.launch_record import launch_of
@@ -86,7 +86,7 @@ def write_table(job: Job[HeldOutConfig], run_dir: Path) -> None:
 def _rows(job: Job[HeldOutConfig], frame: pd.DataFrame) -> list[Row]:
     from runners.reports.analysis.summary import summarise
 
-    return summarise(frame, systems=systems(job.folders), labels=ablation_labels(job.folders))
+    return summarise(frame, systems=systems(job.folders))
 
 
 def _evaluation(

@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     """Return the rows of the table, in the order that the config of a sweep sets."""
-    from runners.config.systems import ablation_labels, systems
+    from runners.config.systems import systems
     from runners.records.launch_record import read_launch
     from runners.reports.analysis.summary import summarise
 
@@ -64,7 +64,7 @@ def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     if launch is None:
         return summarise(frame)
     order = launch.configs[0].get("table", []) if is_sweep else []
-    return summarise(frame, order, systems(launch.folders), ablation_labels(launch.folders))
+    return summarise(frame, order, systems(launch.folders))
 
 
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:

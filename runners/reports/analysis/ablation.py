@@ -7,6 +7,7 @@ rules in `NOTES` decide from our paired differences whether we agree.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,6 +73,7 @@ WIDTH_IN, STUDY_IN, AROUND_IN = 7.2, 4.0, 0.75
 VARIANT_IN = 0.8  # least width of a variant; many variants widen the figure
 STUDIES = 4  # at most: more cannot be read on a page
 BAR = 0.72
+LETTERS = 11  # in a line of a variant's name
 GAP = 0.08  # between panels, in panels
 CAPTION = (
     f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}\n"
@@ -94,6 +96,11 @@ class Variant:
     claim: str = ""
     agrees: str = ""
     words: str = ""
+
+    @property
+    def label(self) -> str:
+        """The name in tables: "No c_o" for a shipped ablation, and the label of any other, "With few candidates"."""
+        return variant_label(self.ablation, self.row.ablated)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +145,12 @@ class AblationStudy(SweepStudy):
 
     def sentences(self) -> list[str]:
         """Return a line for each of the paper's statements: whether our results agree with it."""
-        lines = [f"{variant_label(variant.ablation)}: {variant.words}" for variant in self.judged]
+        lines = [f"{variant.label}: {variant.words}" for variant in self.judged]
         return [f"{self.heading}, {self.setting}: the paper's ablation and ours.", *lines] if lines else []
 
     def tables(self) -> list[str]:
         """Return the table, and a list of verdicts if there are any."""
-        lines = (
-            f"- {markdown_text(variant_label(variant.ablation))}: {variant.words}" for variant in self.judged
-        )
+        lines = (f"- {markdown_text(variant.label)}: {variant.words}" for variant in self.judged)
         verdicts = "\n".join(lines)
         heading = f"**{markdown_text(f'{self.heading} · {self.setting}')}**"
         return [heading, _table(self), *([verdicts] if verdicts else ())]
@@ -201,11 +206,23 @@ class AblationStudy(SweepStudy):
         return save(figure, folder / cls.name, ("png", "pdf"))
 
 
-def variant_label(ablation: str) -> str:
-    """Return a label such as "No a_close" for no_a_close, and "No c_o, c_t" for two parts at once."""
+def variant_label(ablation: str, ablated: str = "") -> str:
+    """Return a label such as "No a_close" for no_a_close, and "No c_o, c_t" for two parts at once.
+
+    ablated: the ablation in words, for one that is not named for what it removes.
+    """
     if ablation == COMPLETE:
         return "Complete"
-    return f"No {', '.join(removed.removeprefix('no_') for removed in ablation.split(SEVERAL))}"
+    removed = removed_parts(ablation)
+    return f"No {', '.join(removed)}" if removed else (ablated[:1].upper() + ablated[1:] or ablation)
+
+
+def removed_parts(ablation: str) -> list[str]:
+    """Return ["c_o", "c_t"] for "no_c_o+no_c_t"; empty if one of several has another name."""
+    names = ablation.split(SEVERAL)
+    return (
+        [name.removeprefix("no_") for name in names] if all(name.startswith("no_") for name in names) else []
+    )
 
 
 def _is_the_papers(block: Block) -> bool:
@@ -302,7 +319,7 @@ def _table(study: AblationStudy) -> str:
 
 def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
     unfinished = f", {variant.row.unfinished}" if variant.row.unfinished else ""
-    cells = [variant_label(variant.ablation) + unfinished]
+    cells = [variant.label + unfinished]
     for measure in measures:
         mean, std = variant.row.stats.get(measure, (math.nan, math.nan))
         spread = "" if math.isnan(std) else f" ± {std:.3f}"
@@ -370,9 +387,7 @@ def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
                 column, change.mean, yerr=error_bar, color=INK, elinewidth=0.9, capsize=3.5, capthick=0.9
             )
         _difference(axes, column, change)
-    axes.set_xticks(
-        range(len(variants)), [_label(variant.ablation) for variant in variants], fontsize=8, color=INK
-    )
+    axes.set_xticks(range(len(variants)), [_label(variant) for variant in variants], fontsize=8, color=INK)
     axes.margins(y=0.25)
     axes.set_ylabel("difference\nin success", fontsize=8.5, color=INK)
     _style_axes(axes, variants)
@@ -395,12 +410,12 @@ def _difference(axes: Axes, column: int, change: Difference) -> None:
     )
 
 
-def _label(ablation: str) -> str:
+def _label(variant: Variant) -> str:
     """Return the name in several lines, with features written as in the paper."""
-    if ablation == COMPLETE:
-        return "Complete"
-    removals = [removed.removeprefix("no_") for removed in ablation.split(SEVERAL)]
-    return "\n".join(["No", *(symbol(removed) for removed in removals)])
+    removed = removed_parts(variant.ablation)
+    if removed:
+        return "\n".join(["No", *map(symbol, removed)])
+    return plot_text("\n".join(textwrap.wrap(variant.label, LETTERS)))
 
 
 def _style_axes(axes: Axes, variants: Sequence[Variant]) -> None:

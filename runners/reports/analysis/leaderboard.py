@@ -23,7 +23,7 @@ from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import EPISODES
 from runners.records.run_directories import NOT_AS_WRITTEN, not_as_written
 from runners.reports.analysis.paired import METRIC, interval_of_mean
-from runners.reports.analysis.summary import Row, as_text, measure, numbers, usual
+from runners.reports.analysis.summary import Row, ablated, as_text, measure, numbers, usual
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,9 +190,12 @@ def _text(frame: pd.DataFrame, column: str) -> str:
 
 
 def _unusual_values(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
-    """Return the columns whose value a name has to show, each as text, such as "filter stopping"."""
+    """Return the columns whose value a name has to show, each as text, such as "filter stopping" or "without c_o"."""
     values = {key: _text(frame, key) for key in columns}
-    return tuple(f"{key} {value}" for key, value in values.items() if value not in usual(key))
+    words = {"ablation": ablated(frame)}
+    return tuple(
+        words.get(key) or f"{key} {value}" for key, value in values.items() if value not in usual(key)
+    )
 
 
 def _changed_settings(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> tuple[str, ...]:

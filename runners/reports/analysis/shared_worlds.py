@@ -14,7 +14,7 @@ from lme.types import Bools
 from runners.config.changes import flatten
 from runners.config.escaping import visible
 from runners.records.launch_record import Launch
-from runners.reports.analysis.summary import changed_columns, usual
+from runners.reports.analysis.summary import ablated, changed_columns, usual
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -208,6 +208,8 @@ def _columns(runs: Sequence[ComparedRun]) -> list[str]:
 
 def _column_text(run: ComparedRun, column: str) -> str:
     value = run.text(column)
+    if column == "ablation" and value:
+        return ablated(run.frame) or ("complete" if value in usual(column) else f"{column} {value}")
     if column in _BARE:
         return value
     return f"{column} {value}" if value else "" if "." in column else f"no {column}"

@@ -16,7 +16,7 @@ from lme.perception.people.source import People
 from runners.config.schema import PUBLISHED_MARK
 from runners.config.systems import System, ablation_labels, describe_ablation
 from runners.config.systems import systems as named_systems
-from runners.records.records import PLANNED_EPISODES, PLANNED_WORLDS, planned
+from runners.records.records import ABLATED, PLANNED_EPISODES, PLANNED_WORLDS, planned
 from runners.reports.analysis import published
 
 if TYPE_CHECKING:
@@ -113,16 +113,13 @@ def summarise(
     frame: pd.DataFrame,
     order: Sequence[str] = (),
     systems: Mapping[str, System] | None = None,
-    labels: Mapping[str, str] | None = None,
 ) -> list[Row]:
     """Return the rows of the table for `frame` (one line per episode): each system's own, then its published ones.
 
     order: names of systems whose rows come first, in this order. A system without episodes has only its published
-    figures. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by
-    default those of `conf/ablation/`.
+    figures. systems: named systems by name; by default those of `conf/system/`.
     """
     systems = named_systems() if systems is None else systems
-    labels = ablation_labels() if labels is None else labels
     figures = published.figures(systems)
     keys = row_keys(frame)
     grouping = ["system", *keys]
@@ -133,7 +130,7 @@ def summarise(
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
         name, setting = _system_name(group, systems), published.setting_of(group)
         reason = setting.why_none(name, figures) if setting else ""
-        row = replace(row, ablated=_ablated(group, labels), unpublished=reason)
+        row = replace(row, unpublished=reason)
         own_rows.setdefault(name, []).append((row, setting))
     # Put the published figures behind the rows of their system.
     settings = {setting: row for rows in own_rows.values() for row, setting in rows if setting}
@@ -142,7 +139,7 @@ def summarise(
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
     """Return all numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
-    row = summarise(frame, systems={}, labels={})[0]
+    row = summarise(frame, systems={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
@@ -179,6 +176,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
         interval=interval_over_worlds(successes, group["world"]),
         changes=_changes(group, keys),
         unfinished=_unfinished(group, worlds, runs),
+        ablated=ablated(group),
         sim=str(group["sim"].iloc[0]) if "sim" in group else "",
     )
 
@@ -290,9 +288,16 @@ def _published_row(source: published.Figures, setting: published.DrivenSetting, 
     )
 
 
-def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
+def ablated(group: pd.DataFrame) -> str:
+    """Return the ablation of these records in words; empty if there is none, or if the system's name says it.
+
+    Records without a launch record are of the shipped ablations.
+    """
     episode = group.iloc[0]
-    label = describe_ablation(str(episode.get("ablation", "")), labels)
+    label = episode.get(ABLATED)
+    if not isinstance(label, str):
+        choice = str(episode.get("ablation", ""))
+        label = describe_ablation(choice, ablation_labels(choices=[choice]))
     # The label of lme_no_c_t says it already, as do those of systems with an ablation in records made before.
     return "" if str(episode["system"]).endswith(label) else label
 

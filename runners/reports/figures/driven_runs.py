@@ -24,6 +24,7 @@ from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.launch_record import Launch
 from runners.records.records import find_runs, read_episodes, read_trajectories
+from runners.reports.analysis.summary import ablated
 from runners.reports.figures.style import INK, save
 from runners.workers.trace import Trace, rerun_recorded, step_tables
 
@@ -247,10 +248,9 @@ class DrivenRun:
     def label(self) -> str:
         """The name of the system, with its ablation and scale where it has them."""
         episode = self.frame.iloc[0]
-        changes = (str(episode.get("ablation", "none")), str(episode.get("scale", "")))
-        return ", ".join(
-            [str(episode["system"]), *(change for change in changes if change not in ("none", ""))]
-        )
+        name = " ".join(filter(None, (str(episode["system"]), ablated(self.frame))))
+        scale = str(episode.get("scale", ""))
+        return f"{name}, {scale}" if scale else name
 
     @cached_property
     def maps(self) -> MapSet:

@@ -64,9 +64,11 @@ def test_labels_are_what_the_files_say(own):
     assert known["no_random"] == "without random candidates"
     assert known["whole"] == "with ten candidates"
     assert known["inherited"] == "without c_h"
-    assert not {"none", "flat"} & set(known)
+    assert known["flat"] == "with c_o=0.5, d2=1.0"
+    assert "none" not in known
     assert systems.describe_ablation("no_c_o+no_c_t", known) == "without c_o and without c_t"
-    assert systems.describe_ablation("no_c_o+flat", known) == systems.describe_ablation("none", known) == ""
+    assert systems.describe_ablation("no_c_o+flat", known) == "without c_o and with c_o=0.5, d2=1.0"
+    assert systems.describe_ablation("no_c_o+gone", known) == systems.describe_ablation("none", known) == ""
 
 
 def test_a_label_must_be_text(own, says):

@@ -106,8 +106,8 @@ def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(boar
     )
     assert found["usual"].system.traits == ()
     assert found["changed"].system.traits == ("guide.history_length=4",)
-    assert found["ablation"].system == ("LME", ("ablation no_c_o",))
-    assert found["ablation"].system.name == "LME, ablation no_c_o"
+    assert found["ablation"].system == ("LME", ("without c_o",))
+    assert found["ablation"].system.name == "LME, without c_o"
     assert len({entry.setting for entry in found.values()}) == 1
 
 
