@@ -120,7 +120,7 @@ def _list(run_dir: Path) -> None:
     episodes = read_episodes([run_dir])
     failed = [episode for _, episode in episode_rows(episodes[is_failure(episodes)])]
     if failed:
-        print("\n".join([*_lines(failed), ORDER]))
+        print("\n".join([*_lines(failed), *[ORDER] * (len(failed) > 1)]))
     successes = len(episodes) - len(failed)
     if successes:
         num_successes = f"{successes} episodes" if successes > 1 else "1 episode"

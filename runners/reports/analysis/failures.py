@@ -74,7 +74,7 @@ def failed_section(frame: pd.DataFrame, directory: Path) -> str:
     rule = ["---" if name in _TEXT else "---:" for name in header]
     table = markdown_table([header, rule, *lines]) if lines else "None."
     indexes = ", ".join(_link(run_dir / FOLDER / INDEX, directory) for run_dir in with_pages)
-    order = f"{ORDER} " if lines else ""
+    order = f"{ORDER} " if len(lines) > 1 else ""
     return f"\n## Failed episodes\n\n{table}\n\n{order}All pages: {indexes}\n"
 
 

@@ -39,6 +39,7 @@ LEAST_JUMPS, JUMPS_EVERY_S = (
 )  # jumps explain lost time if they are as many and, on average, as frequent
 TIGHT_M = 0.1  # [m] with less space around it, a robot can hardly turn
 BRAKED_MPS = 0.1  # [m/s] of speed lost within the last second that count as braking
+ALIKE = 0.9  # [-] least length of the mean of unit vectors that counts as one direction: about ±25°
 _MOSTLY = 0.5  # share of the steps, or of the turning in one direction
 
 
@@ -201,8 +202,10 @@ def _cause(record: Mapping[str, Any], drive: _Drive, steps: Bools, duration: flo
     known = steps & np.isfinite(distances)
     if not known.any() or np.median(distances[known]) < JUMP_M:
         return ""
-    middle = np.median(np.abs(bearings[known])) * np.sign(np.median(bearings[known]))
-    return f", with the subgoal {np.median(distances[known]):.1f} m away, {_direction(float(middle))}"
+    # Their mean as directions, which is short if they differ.
+    mean = np.exp(1j * bearings[known]).mean()
+    direction = f", {_direction(float(np.angle(mean)))}" if abs(mean) >= ALIKE else ""
+    return f", with the subgoal {np.median(distances[known]):.1f} m away{direction}"
 
 
 def _subgoals(drive: _Drive) -> tuple[Floats, Floats]:

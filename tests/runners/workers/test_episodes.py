@@ -70,6 +70,7 @@ def test_backing_up_is_counted_and_so_is_a_collision_on_the_way():
     assert (frame["outcome"] == "collision").all()
     assert (frame["reversals"] == 1).all()
     assert (frame["collision_in_reverse"] == 1).all()
+    assert frame["contact_part"].str.startswith("rear").all()
     ahead = driven("map.worlds=[200]")
     assert (ahead["collision_in_reverse"] == 0).all()
     assert (ahead["contact_part"] == "").all()

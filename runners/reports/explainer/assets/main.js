@@ -309,7 +309,6 @@ readTrace().then((trace) => {
   document.body.classList.add("ready");
 }).catch((error) => {
   byId("title").textContent = "This page cannot be shown";
-  byId("story").textContent = head.story ? `It ${head.story}.` : "";
   byId("subtitle").textContent = `${error.message}. The page needs a browser of May 2024 or later.`;
   throw error;
 });

@@ -54,7 +54,7 @@ def drawn(monkeypatch):
     """Episodes of which a page is made, and no pages worth the name."""
     made = []
 
-    def write_page(trace, path, system, ending, play):
+    def write_page(trace, path, system, ending, play, record):
         made.append(EpisodeKey(trace.world, trace.run))
         path.write_text(f"<!doctype html>{system}\n{play}\n{ending}")
 
@@ -77,7 +77,9 @@ def test_failures_have_a_page_and_the_table_leads_to_it(driven):
     assert files(driven) == ["207-0.html", "index.html"]
     table = (driven / "table.md").read_text()
     assert re.search(
-        r"\| 207 \| 0 \| timeout \| 8\.0 \| \d+\.\d\d \| \[\S+\]\(explain/207-0\.html\) \|", table
+        r"\| 207 \| 0 \| timeout \| 8\.0 \| \d+\.\d\d \| was still on its way, \d.+ \| "
+        r"\[\S+\]\(explain/207-0\.html\) \|",
+        table,
     )
     assert "| 230 |" not in table
     targets = [one or other for one, other in links(table)]
@@ -122,6 +124,7 @@ def test_explaining_more_continues_the_same_run_and_keeps_its_pages(run, drawn):
     assert (run / "explain" / "207-0.html").read_bytes() == before
     index = (run / "explain" / "index.html").read_text(encoding="utf-8")
     assert [other for _, other in links(index)] == ["207-0.html", "230-0.html"]  # failures first
+    assert index.index("was still on its way") < index.index("reached the goal after")
 
 
 @pytest.mark.parametrize(
@@ -259,11 +262,32 @@ def test_of_a_run_without_failures_the_first_episode_is_named(tmp_path, capsys, 
     assert not any("All that failed" in line for line in lines)
 
 
-def test_records_without_a_count_of_switches_are_listed_too(run, capsys):
+def test_records_without_later_columns_are_listed_too(run, capsys):
     path = run / "episodes.parquet"
-    pd.read_parquet(path).drop(columns=["switches", "time_s"]).to_parquet(path)
+    pd.read_parquet(path).drop(columns=["contact_part", "time_s"]).to_parquet(path)
     assert main(["explain", str(run)]) == 0
-    assert ["207/0", "timeout", "nan"] in map(str.split, capsys.readouterr().out.splitlines())
+    cells = map(str.split, capsys.readouterr().out.splitlines())
+    assert ["207/0", "timeout", "nan"] in [words[:3] for words in cells]
+
+
+def test_failures_are_listed_worst_first_and_wrapped_to_the_terminal(run, monkeypatch, capsys):
+    path = run / "episodes.parquet"
+    rows = [
+        {"world": 207, "outcome": "timeout", "final_distance_m": 9.0},
+        {"world": 208, "outcome": "timeout", "final_distance_m": 9.5},
+        {"world": 209, "outcome": "collision", "contact_part": "front left", "final_distance_m": 1.0},
+    ]
+    template = pd.read_parquet(path).iloc[:1]
+    pd.concat([template.assign(**row) for row in rows]).to_parquet(path)
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["explain", str(run)]) == 0
+    out = capsys.readouterr().out
+    table, order, rest = out.partition("Worst first: ")
+    assert re.findall(r"^(\d+)/0 ", table, re.MULTILINE) == ["209", "208", "207"]
+    assert max(map(len, table.splitlines())) <= 80
+    assert "hit an obstacle with its front left" in table
+    assert order
+    assert f"The worst:          lme explain {run} 209/0" in rest
 
 
 def test_pages_lie_with_the_run_and_in_its_index(run, drawn, capsys):
@@ -293,9 +317,12 @@ def test_two_pages_are_written_by_two_processes(run, tmp_path, capsys):
 
 def test_text_explains_every_decision(driven, capsys, says):
     assert main(["explain", str(driven), "207", "--text"]) == 0
-    title, header, *lines = capsys.readouterr().out.splitlines()
+    title, story, header, *lines = capsys.readouterr().out.splitlines()
     steps = int(read_episodes([driven]).set_index("world").loc[207, "steps"])
     says(title)
+    assert re.fullmatch(
+        r"It was still on its way, .+ m from the goal, after .+ times the shortest way\.", story
+    )
     assert header.split() == ["step", "time", "[s]", "why"]
     spans = [[int(step) for step in line.split()[0].split("–")] for line in lines]
     listed = [step for span in spans for step in range(span[0], span[-1] + 1)]

@@ -7,6 +7,7 @@ import pytest
 
 from lme.guides.lme.maintenance import Choice, choose
 from lme.guides.lme.score import Parameters, score
+from lme.guides.lme_plus.reasons import expected_time
 from runners.reports.explainer.write import write_page
 from tests.builders import PUBLISHED
 from tests.runners.reports.explainer.conftest import settle, traced
@@ -191,6 +192,14 @@ def test_the_page_of_lme_plus_decides_as_it_did_and_shows_what_it_has(open_page,
     assert sliders == [f"p-{name}" for name in ("a_reach", "a_dev", "a_rest", "c_o", "d1", "d2")]
     assert not page.is_visible("#key-blocking")
     assert not page.is_visible("#key-history")
+    # Its scores are times: the chart and the texts show seconds.
+    whys = [step.explanation for step in trace.steps]
+    expected = [expected_time(why, why.features[:, why.new]) for why in whys]
+    times = page.evaluate("explainer.app.timeline.data[1].slice(0, -1)")
+    assert times == pytest.approx(expected, rel=RELATIVE)
+    assert page.text_content("#key-best").startswith("expected time")
+    assert f"{expected[0]:.1f} s to the target" in page.text_content("#candidate")
+    assert page.text_content("#story").startswith("It was still on its way, ")
     assert page.watch.said == []
 
 
