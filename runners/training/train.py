@@ -25,7 +25,7 @@ from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.tracking.tracking import closed_by, parameters
-from runners.training.families import Families, families, too_narrow
+from runners.training.families import Families, check_map_alone, describe_too_narrow, families, too_narrow
 from runners.training.held_out import Places, Verdict, evaluate_held_out, judge, report_held_out, with_rewards
 from runners.training.race import START, check_race
 from runners.training.report import write_training_report
@@ -52,6 +52,8 @@ def validate(job: Job[TrainConfig]) -> None:
     config = job.config
     evaluate.check_report(job)
     trained = families(config, job.choices)
+    if config.map:
+        check_map_alone(job.choices["map"], job.overrides)
     for family in trained.values():
         check_disturbances(family)
         build.check_drive(family)
@@ -107,11 +109,10 @@ def train(job: Job[TrainConfig]) -> None:
 
 
 def _announce(job: Job[TrainConfig], trained: Families) -> None:
-    excluded = too_narrow(job.config)
     print(f"Training on {', '.join(f'{name} ({family.robot.name})' for name, family in trained.items())}")
-    if excluded:
+    if too_narrow(job.config):
         print(
-            f"Not on {', '.join(excluded)}: too narrow for {job.config.robot.name}. "
+            f"{describe_too_narrow(job.config)}. "
             "To train on one map alone: map=NAME, or map=file map.path=FILE for your own"
         )
 
