@@ -54,7 +54,8 @@ def check_map_alone(map_option: str, overrides: Iterable[str]) -> None:
         "training_radius.",
         "robot@training_robots.",
     )
-    ignored = [word.lstrip("+~") for word in overrides if word.lstrip("+~").startswith(prefixes)]
+    words = [word.lstrip("+~") for word in overrides]
+    ignored = [word for word in words if word.startswith(prefixes) and not word.endswith("=null")]
     if ignored:
         raise InputError(
             f"map is {map_option}: trains on that map alone, so {ignored[0]} would have no effect; to train on several,"

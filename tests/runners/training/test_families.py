@@ -83,6 +83,10 @@ def test_a_chosen_map_and_a_family_are_not_both_trained_on(job, word, says):
         check_map_alone(made.choices["map"], made.overrides)
 
 
+def test_a_chosen_map_may_come_with_families_left_out():
+    check_map_alone("env2", ["map=env2", "training.env1=null", "training_numbers=[0,9]"])
+
+
 def test_a_family_that_is_too_narrow_is_trained_on_where_its_radius_allows(job):
     text = describe_too_narrow(job("robot=go2").config)
     word = text.rpartition(" ")[2]
