@@ -13,7 +13,6 @@ from lme.errors import InputError
 from lme.worlds.world import DrawsRobots, MapSet, Named
 from runners.config import build, instantiate, systems
 from runners.config.catalogue import Catalogue
-from runners.config.changes import describe_changes
 from runners.config.composer import CUSTOM
 from runners.config.job import Job
 from runners.config.quoting import resume_command
@@ -24,9 +23,9 @@ from runners.records.episode_record import CUSTOM_SUBSET, EpisodeKey, RunLabels
 from runners.records.parquet import EPISODES
 from runners.records.records import RecordWriter, find_runs, read_episodes
 from runners.reports.analysis import failures
-from runners.reports.analysis.summary import Row, metrics, numbers, summarise
+from runners.reports.analysis.summary import Row, metrics, summarise
 from runners.reports.analysis.tables import print_table, write_tables
-from runners.tracking.tracking import LABELS, Tracking, closed_by, parameters
+from runners.tracking.tracking import Tracking, closed_by, parameters, short_names
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
@@ -46,8 +45,7 @@ def evaluate(job: Job[EvalConfig], *, progress: bool = True, summary: bool = Tru
     labels = run_labels(job, maps)
     tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    config = {**asdict(job.config), "weights": job.weights}
-    tracking.start(parameters(config, labels), run_dir, tags, job.sweep_dir)
+    tracking.start(parameters(job, labels), run_dir, tags, job.sweep_dir)
     with closed_by(tracking):
         # Drive what the records lack; then write pages, tables and pictures from the records alone.
         with resume_hint("eval", run_dir) if summary else nullcontext():
@@ -260,7 +258,7 @@ def finish_sweep(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     for line in lines:
         print(line)
     print(f"The sweep's table and pictures: {sweep_dir}")
-    _track(job.config, frame, artifacts, sweep_dir, run_dirs)
+    _track(job, frame, artifacts, sweep_dir, run_dirs)
 
 
 def report_runs(
@@ -302,34 +300,21 @@ def _studies(frame: pd.DataFrame, folder: Path) -> SweepReport:
 
 
 def _track(
-    config: ReportConfig,
+    job: Job[ReportConfig],
     frame: pd.DataFrame,
     artifacts: Sequence[Path],
     sweep_dir: Path,
     run_dirs: Sequence[Path],
 ) -> None:
-    """Track the sweep: the config that its jobs share, and the metrics of every row by its name."""
-    from runners.tracking.store import fitting_names
-
-    launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
-    tracking = instantiate.build(config.tracking, "tracking")
-    shared = launch_record.common([record.configs[0] for record in launches])
-    changes = launch_record.common([record.changes[0] for record in launches])
-    shared |= {key: frame[key].iloc[0] for key in LABELS if frame[key].nunique() == 1}
-    tracking.start(parameters(shared), sweep_dir, {"command": "sweep", "changes": describe_changes(changes)})
-    with closed_by(tracking):
-        rows = [row for row in summarise(frame, systems={}) if row.episodes]
-        names = fitting_names([_row_name(row) for row in rows])
-        named_rows = zip(names, map(numbers, rows), strict=True)
-        tracking.finish(
-            {f"{name}/{key}": value for name, values in named_rows for key, value in values.items()},
-            artifacts,
-        )
-
-
-def _row_name(row: Row) -> str:
-    words = [
-        row.label,
-        *(f"{key} {value}" for key, value in row.keys.items() if value),
+    """Track the sweep: the config that its jobs share, its table and its pictures. The jobs have the metrics."""
+    launches = {run_dir: record for run_dir in run_dirs if (record := launch_record.read_launch(run_dir))}
+    shared = launch_record.common([record.configs[0] for record in launches.values()])
+    rows = frame.drop_duplicates("run_dir").set_index("run_dir")
+    names = [
+        short_names(rows.loc[str(run_dir)].to_dict(), job.folders, record.choices[0].get("system", ""))
+        for run_dir, record in launches.items()
     ]
-    return " ".join(words)
+    tracking = instantiate.build(job.config.tracking, "tracking")
+    tracking.start({**shared, **launch_record.common(names)}, sweep_dir, {"command": "sweep"})
+    with closed_by(tracking):
+        tracking.finish({}, artifacts)

@@ -64,7 +64,7 @@ def learn(job: Job[LearnConfig]) -> None:
     tracking = instantiate.build(config.tracking, "tracking")
     labels = run_labels(job, build.map_set(config))
     tags = {**asdict(labels), "changes": job.changes_text, "command": "learn"}
-    tracking.start(parameters(asdict(config), labels), run_dir, tags, job.sweep_dir)
+    tracking.start(parameters(job, labels), run_dir, tags, job.sweep_dir)
     with closed_by(tracking):
         with resume_hint("learn", run_dir), locked(run_dir):
             # Learn, and register the best network before its evaluation, which may be stopped.
@@ -79,7 +79,8 @@ def learn(job: Job[LearnConfig]) -> None:
         last = run.rows[-1]
         numbers = {"validation_success": last["best_success"], "hours": last["hours"]}
         series = {f"curve_{key}": [row[key] for row in run.rows] for key in last}
-        tracking.finish({**metrics_by_map(frame), **numbers}, [*files, *pages], series)
+        tables = sorted(run_dir.glob("table.*"))
+        tracking.finish({**metrics_by_map(frame), **numbers}, [*files, *tables, *pages], series)
 
 
 def network_name(job: Job[LearnConfig]) -> str:

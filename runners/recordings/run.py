@@ -18,6 +18,7 @@ from lme.live.scan_source import ScanSource
 from lme.perception.people.source import People
 from lme.robots import Robot
 from runners.config import build, instantiate
+from runners.config.changes import flatten
 from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import ReplayConfig
@@ -26,7 +27,7 @@ from runners.recordings.bags import Bag
 from runners.recordings.driver import Driver, goal_source, topic_of
 from runners.recordings.recording import CLOCKS, Recording, inspect, open_recording
 from runners.recordings.topics import BagTopicsConfig, choose
-from runners.tracking.tracking import closed_by, parameters
+from runners.tracking.tracking import closed_by
 
 _SLOWER = 0.9  # scans at less than this fraction of the robot's control rate set the rate of decisions
 
@@ -74,7 +75,8 @@ def replay(job: Job[ReplayConfig]) -> None:
         config = _as_recorded(job, episode)
         tracking = instantiate.build(config.tracking, "tracking")
         tags = {"command": "replay", "bag": bag.path.name}
-        tracking.start(parameters(asdict(config)), run_dir, tags, job.sweep_dir)
+        values = {**dict(flatten(asdict(config))), "robot": config.robot.name}
+        tracking.start(values, run_dir, tags, job.sweep_dir)
         stack.enter_context(closed_by(tracking))
         results, artifacts = _replay(bag, config, episode, run_dir, stack)
         tracking.finish(results, artifacts)

@@ -7,27 +7,31 @@ Tracking never stops a run: an error becomes a warning of one line, and the resu
 from __future__ import annotations
 
 import contextlib
-import platform
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import yaml
+
 from lme.errors import InputError
-from runners.config.escaping import masked, masked_text
-from runners.records.launch_record import commit, versions
+from runners.config.escaping import masked, masked_text, masked_values
+from runners.tracking.description import SWEEP, note, run_tags
 from runners.tracking.store import (
     DEFAULT_URI,
+    NOTE,
     PARENT,
     RUNNING,
+    TAG_LENGTH,
     check_uri,
     children,
     end_when_jobs_have,
     experiment_id,
+    fitting_text,
     log_metrics,
     log_params,
     log_series,
@@ -46,6 +50,7 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 
+_CONFIG = Path(".hydra") / "config.yaml"  # within a run's directory
 _SHOWN = 8  # names in a message at most
 _CLOSE_S = 25.0  # longest wait of an interrupted run: Slurm kills 30 s after SIGTERM
 _UPLOAD_S = 30.0  # time limit of uploads that fail
@@ -135,6 +140,7 @@ class MlflowTracking:
             run.changed += log_metrics(run.client, run.run_id, metrics)
             log_series(run.client, run.run_id, series or {})
             lost_files = self._log_files(run, artifacts)
+            self._describe(run, artifacts)
             remove_duplicates(run.client, run.run_id)
             run.close(FINISHED)
         except Exception as error:
@@ -173,10 +179,10 @@ class MlflowTracking:
         experiment = experiment_id(client, uri, self._config.experiment)
         if self._stopped:
             return
-        tags = {**environment_tags(), **tags, "run_dir": run_dir.resolve()}
+        tags = run_tags(run_dir, tags, sweep_dir)
         parent = None
         if sweep_dir is not None:
-            parent = run_of(sweep_dir, client, uri, experiment, {"run_dir": sweep_dir.resolve()})
+            parent = run_of(sweep_dir, client, uri, experiment, run_tags(sweep_dir, {"command": SWEEP}))
             tags[PARENT] = parent
         self._run = _OpenRun(client, run_of(run_dir, client, uri, experiment, tags), parent, sweep_dir)
         self._run.changed += log_params(client, self._run.run_id, config)
@@ -188,16 +194,22 @@ class MlflowTracking:
         """
         lost_files: dict[str, Exception] = {}
         wasted_s = 0.0
-        for path, folder in _files(artifacts, self._run_dir):
+        for name, upload in _uploads(run, self._run_dir, artifacts):
             start_s = time.monotonic()
             try:
                 if wasted_s > _UPLOAD_S:
                     raise TimeoutError("the store of files does not answer")
-                run.client.log_artifact(run.run_id, str(path), folder)
+                upload()
             except Exception as error:
-                lost_files[path.name] = error
+                lost_files[name] = error
                 wasted_s += time.monotonic() - start_s
         return lost_files
+
+    def _describe(self, run: _OpenRun, artifacts: Sequence[Path]) -> None:
+        """Add the table to the description, unless somebody has written another one."""
+        tags = run.client.get_run(run.run_id).data.tags
+        if tags.get(NOTE) == fitting_text(note(tags), TAG_LENGTH):
+            run.client.set_tag(run.run_id, NOTE, fitting_text(note(tags, artifacts), TAG_LENGTH))
 
 
 def close_sweep(sweep_dir: Path, state: str) -> None:
@@ -260,6 +272,18 @@ def _in_time(uri: str, close: Callable[[], None]) -> None:
             f"MLflow at {masked(uri)} shows this run as RUNNING until it is resumed ({_reason(failures[0])})",
             stacklevel=4,
         )
+
+
+def _uploads(
+    run: _OpenRun, run_dir: Path, artifacts: Sequence[Path]
+) -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield the name of every file to log, and what logs it: the artifacts, and the config that Hydra composed."""
+    for path, folder in _files(artifacts, run_dir):
+        yield path.name, partial(run.client.log_artifact, run.run_id, str(path), folder)
+    config = run_dir / _CONFIG
+    if config.is_file():
+        values = masked_values(yaml.safe_load(config.read_text(encoding="utf-8")))
+        yield config.name, partial(run.client.log_dict, run.run_id, values, config.name)
 
 
 def _files(paths: Sequence[Path], run_dir: Path) -> Iterator[tuple[Path, str | None]]:
@@ -338,14 +362,3 @@ def _reason(error: Exception) -> str:
 def _listed(names: Sequence[str]) -> str:
     remainder = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return f"{', '.join(names[:_SHOWN])}{remainder}"
-
-
-def environment_tags() -> dict[str, str]:
-    """Return tags of what the results may depend on besides the config: commit, versions, platform."""
-    checkout = commit()  # None in an installed wheel
-    git = (
-        {}
-        if checkout is None
-        else {"mlflow.source.git.commit": checkout.number, "git_changed": str(checkout.changed).lower()}
-    )
-    return {"platform": platform.platform(), **versions("numpy", "numba"), **git}

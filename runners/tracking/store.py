@@ -34,6 +34,11 @@ SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databrick
 RUN_ID_FILE = "mlflow_run.json"
 PARENT = "mlflow.parentRunId"  # MLflow's tag of a child
 RUNNING = "RUNNING"
+NAME, NOTE = "mlflow.runName", "mlflow.note.content"  # tags of a run's name and of a description
+EXPERIMENT_TAGS = {
+    "mlflow.experimentKind": "custom_model_development",  # the pages for runs with metrics, not those for agents
+    NOTE: "Runs of lme. A run is named for its system, map and robot; the jobs of a sweep lie below its run.",
+}
 _CREATED = "lme_created"  # a tag: equal in runs that the same request created
 
 # MLflow's limits.
@@ -135,7 +140,7 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
         store = sqlite_path(uri) or Path("outputs") / "mlflow.db"
         location = (store.parent / "mlartifacts").resolve().as_uri()
     try:
-        return str(client.create_experiment(name, artifact_location=location))
+        return str(client.create_experiment(name, artifact_location=location, tags=EXPERIMENT_TAGS))
     except MlflowException:
         experiment = client.get_experiment_by_name(name)  # another process may have created it meanwhile
         if experiment is None:
@@ -158,9 +163,7 @@ def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tag
             for key, value in zip(fitting_names(list(tags)), tags.values(), strict=True)
         }
         texts[_CREATED] = uuid.uuid4().hex
-        # The run is named for the last two folders: date and time, or sweep and number.
-        name = "/".join(directory.resolve().parts[-2:])
-        run_id = str(client.create_run(experiment, tags=texts, run_name=name).info.run_id)
+        run_id = str(client.create_run(experiment, tags=texts).info.run_id)
         write_atomically(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
 

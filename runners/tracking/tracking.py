@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from runners.config.job import Job
+    from runners.config.schema import SystemConfig
     from runners.records.episode_record import RunLabels
 
 FINISHED, KILLED, FAILED = "FINISHED", "KILLED", "FAILED"  # how a run ended, the worst last
-LABELS = ("system", "robot", "map", "ablation")  # what users search for
-
 Series = Mapping[str, Sequence[float]]
 
 
@@ -86,8 +86,22 @@ class NoTracking:
         """Do nothing."""
 
 
-def parameters(config: Mapping[str, Any], labels: RunLabels | None = None) -> dict[str, Any]:
-    """Return the parameters by dotted key, with labels such as system=LME, robot=jackal, map=barn, ablation=none."""
+def parameters(job: Job[SystemConfig], labels: RunLabels) -> dict[str, Any]:
+    """Return the config by dotted key, and the short names that users search for. labels: those of the records."""
     from runners.config.changes import flatten  # slow to import, and `lme doctor` does not need it
 
-    return dict(flatten(config)) | {key: getattr(labels, key) for key in LABELS if labels is not None}
+    names = short_names(asdict(labels), job.folders, job.choices.get("system", ""))
+    return dict(flatten(asdict(job.config))) | names | {"weights": job.weights}
+
+
+def short_names(labels: Mapping[str, Any], folders: tuple[Path, ...], chosen: str = "") -> dict[str, str]:
+    """Return system, robot, map, ablation and weights of a run, one word each.
+
+    The system is the option that `system=` takes, such as lme_plus; a pair without one has its label.
+    labels: columns of the records. chosen: option of the group `system`.
+    """
+    from runners.config.systems import system_of
+
+    options = system_of(labels["guide"], labels["planner"], folders, chosen)
+    others = {key: str(labels[key]) for key in ("robot", "map", "ablation", "weights")}
+    return {"system": next(iter(options), str(labels["system"])), **others}

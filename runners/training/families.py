@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -28,6 +29,7 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
         if unknown:
             raise InputError(
                 f"{key}.{unknown[0]}: no such family; must be one of {', '.join(config.training)}"
+                "; training.NAME=null leaves a family out"
             )
     suitable = {
         name: replace(config, map=node, robot=_driver(config, name))
@@ -35,8 +37,31 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
         if node is not None and name not in too_narrow(config)
     }
     if not suitable:
-        raise InputError("training has no family of worlds for this robot: give at least one, or choose map=")
+        left_out = f". {describe_too_narrow(config)}" if too_narrow(config) else ""
+        raise InputError(
+            f"training has no family of worlds for {config.robot.name}: give one with map@training.NAME=MAP, or train "
+            f"on one map alone with map=MAP{left_out}"
+        )
     return suitable
+
+
+def check_map_alone(map_option: str, overrides: Iterable[str]) -> None:
+    """Raise InputError for families on the command line if a map is chosen, which is trained on alone."""
+    prefixes = (
+        "map@training.",
+        "training.",
+        "training_robots.",
+        "training_radius.",
+        "robot@training_robots.",
+    )
+    words = [word.lstrip("+~") for word in overrides]
+    ignored = [word for word in words if word.startswith(prefixes) and not word.endswith("=null")]
+    if ignored:
+        raise InputError(
+            f"map is {map_option}: trains on that map alone, so {ignored[0]} would have no effect; to train on several,"
+            f" leave out map= and give map@training.NAME={map_option}, with its keys as training.NAME.KEY=VALUE;"
+            " a robot larger than training_radius.NAME [m] is not trained on that family"
+        )
 
 
 def too_narrow(config: TrainConfig) -> list[str]:
@@ -48,6 +73,18 @@ def too_narrow(config: TrainConfig) -> list[str]:
         for name, radius in config.training_radius.items()
         if config.robot.footprint.circumscribed_radius > radius
     ]
+
+
+def describe_too_narrow(config: TrainConfig) -> str:
+    """Return which families are too narrow, and what trains on them nevertheless; there must be one."""
+    names = too_narrow(config)
+    radius = math.ceil(config.robot.footprint.circumscribed_radius * 100.0) / 100.0
+    limits = " and ".join(f"training_radius.{name} is {config.training_radius[name]:g}" for name in names)
+    words = " ".join(f"training_radius.{name}={radius:.2f}" for name in names)
+    return (
+        f"Not on {', '.join(names)}: too narrow for an outer radius of {radius:.2f} m, {limits}; "
+        f"to train on {'it' if len(names) == 1 else 'them'} nevertheless: {words}"
+    )
 
 
 def _driver(config: TrainConfig, name: str) -> Robot:
@@ -94,8 +131,11 @@ def with_worlds(trained: Families, worlds: Sequence[int]) -> Families:
         try:
             build.map_set(family)
         except InputError as error:
+            chosen = trained[name].map
+            key = f"training.{name}" if family.training.get(name) is chosen else "map"
+            fresh = f"; {key}.subset=fresh has all of them" if "subset" in chosen else ""
             raise InputError(
                 f"training_numbers is {family.training_numbers}: must be worlds that {name} has, such as [0,299] "
-                f"with map=barn and its lab100 held out ({error})"
+                f"with map=barn and its lab100 held out ({error}){fresh}"
             ) from error
     return families_with_worlds

@@ -25,7 +25,7 @@ from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.tracking.tracking import closed_by, parameters
-from runners.training.families import Families, families, too_narrow
+from runners.training.families import Families, check_map_alone, describe_too_narrow, families, too_narrow
 from runners.training.held_out import Places, Verdict, evaluate_held_out, judge, report_held_out, with_rewards
 from runners.training.race import START, check_race
 from runners.training.report import write_training_report
@@ -52,6 +52,8 @@ def validate(job: Job[TrainConfig]) -> None:
     config = job.config
     evaluate.check_report(job)
     trained = families(config, job.choices)
+    if config.map:
+        check_map_alone(job.choices["map"], job.overrides)
     for family in trained.values():
         check_disturbances(family)
         build.check_drive(family)
@@ -79,7 +81,7 @@ def train(job: Job[TrainConfig]) -> None:
     labels = _labels(job, trained)
     tracking = instantiate.build(config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
-    tracking.start(parameters(asdict(config), labels), run_dir, tags, job.sweep_dir)
+    tracking.start(parameters(job, labels), run_dir, tags, job.sweep_dir)
     with closed_by(tracking):
         _announce(job, trained)
         with resume_hint("train", run_dir), locked(run_dir):
@@ -102,15 +104,15 @@ def train(job: Job[TrainConfig]) -> None:
                 job, held_out, search_result, start, frame, verdict, usage, run_dir / _START
             )
         pages = [page for run_path in frame["run_dir"].unique() for page in failures.folder(Path(run_path))]
-        _track(tracking, search_result, frame, [weights, *pictures, *pages])
+        tables = sorted(run_dir.glob("table.*"))
+        _track(tracking, search_result, verdict, frame, [weights, *tables, *pictures, *pages])
 
 
 def _announce(job: Job[TrainConfig], trained: Families) -> None:
-    excluded = too_narrow(job.config)
     print(f"Training on {', '.join(f'{name} ({family.robot.name})' for name, family in trained.items())}")
-    if excluded:
+    if too_narrow(job.config):
         print(
-            f"Not on {', '.join(excluded)}: too narrow for {job.config.robot.name}. "
+            f"{describe_too_narrow(job.config)}. "
             "To train on one map alone: map=NAME, or map=file map.path=FILE for your own"
         )
 
@@ -226,14 +228,16 @@ def _pictures(search_result: SearchResult, run_dir: Path) -> list[Path]:
     return [*tables, *training_figures(trials, search_result.importances, run_dir)]
 
 
-def _track(tracking: Any, search_result: SearchResult, frame: pd.DataFrame, files: list[Path]) -> None:
+def _track(
+    tracking: Any, search_result: SearchResult, verdict: Verdict, frame: pd.DataFrame, files: list[Path]
+) -> None:
     """Track one run with a series of rewards. A tracked run for each trial would take longer than the trial."""
     from runners.reports.analysis.summary import metrics_by_map
 
     rewards = [trial.reward for trial in search_result.trials]
     series = {"reward": rewards, "best_reward": np.maximum.accumulate(rewards).tolist()}
     numbers = {"train_reward": search_result.reward, "trials": float(len(rewards))}
-    numbers |= metrics_by_map(frame)
+    numbers |= {"held_out_reward": verdict.mean_reward, **metrics_by_map(frame)}
     numbers |= {f"best_{key.rpartition('.')[2]}": value for key, value in search_result.values.items()}
     tracking.finish(numbers, files, series)
 

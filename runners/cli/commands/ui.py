@@ -34,9 +34,10 @@ STATE = {
     "selectedColumns": COLUMNS,
     "columnOrder": COLUMNS,
     "searchFilter": "tags.command != 'sweep'",  # the metrics belong to a sweep's jobs
-    "orderByKey": "tags.`mlflow.runName`",  # dates; sorted by creation, jobs are hidden below their sweeps
+    "orderByKey": "tags.`started`",  # sorted by creation, jobs are hidden below their sweeps
     "orderByAsc": False,
 }
+_PAGES = "?workflowType=machine_learning"  # those for runs with metrics, not those for agents
 _TIMEOUT_S = 30.0
 
 
@@ -175,7 +176,7 @@ def addresses(server: str) -> list[RunsPage]:
     return [
         RunsPage(
             str(experiment["name"]),
-            f"{server}/#/experiments/{experiment['experiment_id']}/runs{_shared(server, experiment)}",
+            f"{server}/#/experiments/{experiment['experiment_id']}/runs{_PAGES}{_shared(server, experiment)}",
         )
         for experiment in _ask(server, "experiments/search", max_results=1000).get("experiments", [])
         if _ask(server, "runs/search", experiment_ids=[experiment["experiment_id"]], max_results=1).get(
@@ -191,7 +192,7 @@ def _shared(server: str, experiment: dict[str, Any]) -> str:
         _ask(server, "experiments/set-experiment-tag", experiment_id=experiment["experiment_id"], **tag)
     except OSError:
         return ""
-    return f"?viewStateShareKey={VIEW}"
+    return f"&viewStateShareKey={VIEW}"
 
 
 def _ask(server: str, method: str, **content: Any) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import fmean
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
@@ -144,13 +145,18 @@ def metrics(frame: pd.DataFrame) -> dict[str, float]:
 
 
 def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
-    """Return the metrics of each map, prefixed with its name if there are several, for one tracked run."""
-    map_names = list(dict.fromkeys(frame["map"]))
-    return {
-        f"{map_name}_{key}" if len(map_names) > 1 else key: value
-        for map_name in map_names
-        for key, value in metrics(frame[frame["map"] == map_name]).items()
+    """Return the metrics of one tracked run: of several maps, the means over the maps, and below MAP/ those of each."""
+    by_map = {name: metrics(frame[frame["map"] == name]) for name in dict.fromkeys(frame["map"])}
+    first, *others = by_map.values()
+    if not others:
+        return first
+    means = {
+        metric.key: fmean(values[metric.key] for values in by_map.values())
+        for metric in METRICS
+        if all(metric.key in values for values in by_map.values())
     }
+    each = {f"{name}/{key}": value for name, values in by_map.items() for key, value in values.items()}
+    return {"episodes": float(len(frame)), **means, **each}
 
 
 def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:

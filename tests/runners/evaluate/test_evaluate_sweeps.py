@@ -97,19 +97,26 @@ def test_smoothness_is_that_of_the_executed_turn_rates(sweep):
     assert len(rates) == episode["steps"] + 1
 
 
-def test_the_parent_run_of_a_sweep_holds_all_results(sweep):
+def test_the_parent_run_of_a_sweep_holds_the_table_and_its_jobs_the_metrics(sweep):
     out, uri = sweep
     parent = logged(uri, out)
-    assert parent.data.metrics["LME/success"] == 1.0
-    assert "Simple/success" in parent.data.metrics
+    assert parent.data.metrics == {}
+    assert parent.info.run_name.startswith("sweep · ")
+    assert parent.data.tags["mlflow.note.content"].count("(ours)") == 2
+    assert {key: parent.data.params.get(key) for key in ("system", "robot")} == {
+        "system": None,
+        "robot": "jackal",
+    }
     assert parent.data.params["robot.name"] == "jackal"
     assert "guide._target_" not in parent.data.params  # the jobs differ in it
     files = {file.path for file in MlflowClient(uri).list_artifacts(parent.info.run_id)}
     assert {"table.md", "table.csv", "table.tex", "comparison.png", "side_by_side.png"} <= files
     for number in "01":
         run_id = json.loads((out / number / RUN_ID_FILE).read_text())["run"]
-        tags = MlflowClient(uri).get_run(run_id).data.tags
-        assert tags["mlflow.parentRunId"] == parent.info.run_id
+        run = MlflowClient(uri).get_run(run_id)
+        assert run.data.tags["mlflow.parentRunId"] == parent.info.run_id
+        assert run.data.params["system"] == ("simple", "lme")[int(number)]
+        assert "success" in run.data.metrics
 
 
 def test_a_row_that_is_not_a_system_is_refused(capsys, says):

@@ -16,11 +16,11 @@ import pytest
 from lme.config.presets import load_settings
 from lme.errors import InputError
 from runners.records.launch_record import Launch
+from runners.tracking.description import environment_tags
 from runners.tracking.mlflow import (
     MlflowTracking,
     add_files,
     close_sweep,
-    environment_tags,
 )
 from runners.tracking.store import DEFAULTS, RUN_ID_FILE, experiment_id, log_metrics
 from runners.tracking.tracking import FAILED, FINISHED, KILLED, NoTracking, NoTrackingConfig, closed_by
@@ -82,7 +82,7 @@ def test_a_run_is_logged_with_everything(store, tmp_path, capfd, monkeypatch):
         "text": "x" * 6000,
     }
     assert run.data.metrics == pytest.approx({"success": 0.9, "time_s": float("nan")}, nan_ok=True)
-    assert (run.info.status, run.info.run_name) == ("FINISHED", "day/run")
+    assert (run.info.status, run.info.run_name) == ("FINISHED", "LME")
     assert {"system": "LME", **environment_tags()}.items() <= run.data.tags.items()
     outputs = Path(store.removeprefix("sqlite:///")).parent
     assert [path.read_text() for path in (outputs / "mlartifacts").rglob("table.md")] == ["| a |"]

@@ -26,7 +26,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(bool(postgres.lacking()), reason=postgres.lacking() or "never"),
 ]
-FILES = ["episodes.parquet", "table.csv", "table.md", "table.tex", "trajectories.png"]
+FILES = ["config.yaml", "episodes.parquet", "table.csv", "table.md", "table.tex", "trajectories.png"]
 
 
 class Server:
@@ -103,7 +103,7 @@ def agrees(server, run_dir, run, tmp_path):
         assert yaml.safe_load(run.data.params[key]) == yaml.safe_load(str(value)), key
     files = [file.path for file in client.list_artifacts(run.info.run_id)]
     assert files == FILES
-    for name in files:
+    for name in FILES[1:]:
         copy = client.download_artifacts(run.info.run_id, name, str(tmp_path))
         assert Path(copy).read_bytes() == (run_dir / name).read_bytes()
 
@@ -136,7 +136,6 @@ def test_four_sweeps_at_once_lose_and_double_no_run(server, tmp_path):
     assert set(found) == {*parents, *(parent / job for parent in parents for job in "01")}
     for parent in parents:
         assert found[parent].info.status == "FINISHED"
-        assert found[parent].data.metrics
         assert found[parent].info.run_id == logged(server.uri, parent).info.run_id
         for job in "01":
             run = found[parent / job]

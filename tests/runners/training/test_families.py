@@ -6,7 +6,14 @@ import pytest
 
 from lme.errors import InputError
 from runners.config import build
-from runners.training.families import families, too_narrow, training_worlds, with_worlds
+from runners.training.families import (
+    check_map_alone,
+    describe_too_narrow,
+    families,
+    too_narrow,
+    training_worlds,
+    with_worlds,
+)
 from runners.workers.trials import check_disturbances, disturbed
 from tests.composing import jobs_of
 
@@ -65,6 +72,32 @@ def test_a_robot_of_no_family_is_refused(job, says):
 def test_without_a_family_there_is_nothing_to_train_on(job, says):
     with says.raises(InputError):
         found(job, "training.env1=null", "training.indoor=null", "+robot=go2")
+
+
+@pytest.mark.parametrize(
+    "word", ["+map@training.own=barn", "training.fresh.count=9", "training_radius.fresh=0.5"]
+)
+def test_a_chosen_map_and_a_family_are_not_both_trained_on(job, word, says):
+    made = job("map=env2", word)
+    with says.raises(InputError):
+        check_map_alone(made.choices["map"], made.overrides)
+
+
+def test_a_chosen_map_may_come_with_families_left_out():
+    check_map_alone("env2", ["map=env2", "training.env1=null", "training_numbers=[0,9]"])
+
+
+def test_a_family_that_is_too_narrow_is_trained_on_where_its_radius_allows(job):
+    text = describe_too_narrow(job("robot=go2").config)
+    word = text.rpartition(" ")[2]
+    assert word == "training_radius.fresh=0.41"
+    assert "fresh" in found(job, "robot=go2", word)
+
+
+def test_worlds_that_a_family_has_not_are_said_with_its_own_key(job, says):
+    trained = found(job, "robot=jackal", "+map@training.own=barn")
+    with says.raises(InputError):
+        with_worlds({"own": trained["own"]}, [1_000_000])
 
 
 def test_worlds_of_later_rungs_follow_those_of_the_search_and_none_is_held_out(job):

@@ -411,7 +411,7 @@ def test_a_race_on_any_number_of_workers_or_killed_and_resumed_ends_the_same(rac
 def test_a_robot_that_is_too_large_for_a_family_is_told_so(capsys):
     words = last_of_each(*RACE, "trials=1", "executor=serial")
     assert main(["train", "+robot=go2", *words, "hydra.run.dir=run"]) == 0
-    assert "Not on fresh: too narrow for go2" in capsys.readouterr().out
+    assert "Not on fresh: too narrow for an outer radius of 0.41 m" in capsys.readouterr().out
     assert yaml.safe_load(Path("run/weights.yaml").read_text())["robot"] == "go2"
 
 

@@ -59,7 +59,7 @@ def server():
 def test_an_experiment_with_runs_has_a_table_with_our_columns(server, monkeypatch):
     monkeypatch.setenv("http_proxy", "http://192.0.2.1:9")  # would not answer
     assert is_up(server.address)
-    page = f"{server.address}/#/experiments/1/runs?viewStateShareKey={VIEW}"
+    page = f"{server.address}/#/experiments/1/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"
     assert addresses(server.address) == [RunsPage("lme", page)]
     (tag,) = server.tags
     assert (tag["experiment_id"], tag["key"]) == ("1", f"mlflow.sharedViewState.{VIEW}")
@@ -73,7 +73,9 @@ def test_the_columns_are_metrics_that_runs_have():
 
 def test_a_store_that_cannot_be_written_still_has_its_tables(server, monkeypatch):
     monkeypatch.setattr(Mlflow, "is_read_only", True)
-    assert addresses(server.address) == [RunsPage("lme", f"{server.address}/#/experiments/1/runs")]
+    assert addresses(server.address) == [
+        RunsPage("lme", f"{server.address}/#/experiments/1/runs?workflowType=machine_learning")
+    ]
 
 
 def test_without_runs_the_page_has_no_table(server, monkeypatch):

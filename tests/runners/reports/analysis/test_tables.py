@@ -13,7 +13,7 @@ from lme.inputs.resources import resource_dir
 from lme.metrics import wilson_interval
 from runners.config.systems import System, systems
 from runners.reports.analysis import tables
-from runners.reports.analysis.summary import DASH, metrics, summarise
+from runners.reports.analysis.summary import DASH, metrics, metrics_by_map, summarise
 from runners.reports.analysis.tables import notes, title, to_csv, to_html, to_latex, to_markdown
 
 FIGURES = {
@@ -87,6 +87,15 @@ def test_one_run_has_no_deviation():
     assert "±" not in "".join(notes([row]))
     assert metrics(records(runs=1))["success"] == 0.9
     assert "success_std" not in metrics(records(runs=1))
+
+
+def test_metrics_of_several_maps_are_their_means_and_each_maps_own():
+    hall = records(("success",) * 5, runs=1, map="hall", run_dir="two")
+    values = metrics_by_map(pd.concat([records(runs=1), hall]))
+    assert (values["success"], values["barn/success"], values["hall/success"]) == (0.95, 0.9, 1.0)
+    assert (values["episodes"], values["hall/episodes"]) == (15.0, 5.0)
+    assert "success_low" not in values  # an interval has no mean
+    assert metrics_by_map(hall) == metrics(hall)
 
 
 @pytest.mark.parametrize(
