@@ -142,8 +142,8 @@ def kernel_rows(robot: str, building: MapSet, barn: MapSet, lidar: Lidar) -> Ite
 
     def check(task: Task, in_grid: bool) -> object:
         poses = np.array(task.start) + np.linspace(0.025, 0.2, 8)[:, None] * [1.0, 0.0, 0.0]
-        edges = nearby(task.world, poses, BOX, task.world.edges) if in_grid else task.world.edges
-        return sweep(poses, BOX, task.world.circles, edges)
+        obstacles = task.world.circles, task.world.edges
+        return sweep(poses, BOX, *(nearby(task.world, poses, BOX, *obstacles) if in_grid else obstacles))
 
     kernels: dict[str, Callable[[Task, bool], object]] = {
         f"scan, {angles[2]} beams, {lidar.range_max:g} m": scan,

@@ -181,12 +181,17 @@ def first_event(travel, goal, tolerance, box, circles, edges):
     contact on arrival counts as contact only.
     """
     # Poses after the arrival do not count.
-    num_driven, arrived = len(travel), False
-    for k in range(len(travel)):
-        if math.hypot(travel[k, 0] - goal[0], travel[k, 1] - goal[1]) <= tolerance:
-            num_driven, arrived = k + 1, True
-            break
+    num_driven, arrived = first_arrival(travel, goal, tolerance)
     clearance, contact = sweep(travel[:num_driven], box, circles, edges)
     if contact >= 0:
         return contact + 1, clearance, True, False
     return num_driven, clearance, False, arrived
+
+
+@njit(cache=True, error_model="numpy")
+def first_arrival(travel, goal, tolerance):
+    """Number of poses (K, 3) up to the first within the tolerance of the goal (2,) [m], and whether there is one."""
+    for k in range(len(travel)):
+        if math.hypot(travel[k, 0] - goal[0], travel[k, 1] - goal[1]) <= tolerance:
+            return k + 1, True
+    return len(travel), False

@@ -131,6 +131,25 @@ class Result(NamedTuple):
         }
 
 
+@dataclass(slots=True)
+class Results:
+    """Results of K episodes: arrays (K,) of the fields of `Result`, outcomes as codes. `results[k]` is one of them."""
+
+    outcomes: Ints
+    worlds: Ints
+    times: Floats
+    lengths: Floats
+    steps: Ints
+    optimal_times: Floats
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __getitem__(self, k: int) -> Result:
+        columns = (self.worlds, self.times, self.lengths, self.steps, self.optimal_times)
+        return Result(OUTCOMES[int(self.outcomes[k])], *(column[k].item() for column in columns))
+
+
 def distances(goals: Floats, positions: NDArray[np.float64]) -> Floats:
     """Distances (N,) from positions (N, 2) to goals (N, 2) [m]."""
     return np.hypot(goals[:, 0] - positions[:, 0], goals[:, 1] - positions[:, 1])

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.gym.episodes import OUTCOMES, DrawRobot, Episodes, Result, Reward, distances
-from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, States, WorldArrays, advance, look
-from lme.perception.raycast import beam_table
+from lme.gym.episodes import DrawRobot, Episodes, Results, Reward, distances
+from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, States, advance, look, look_by_lattice
+from lme.gym.threads import Threads
+from lme.gym.worlds import MOST_TASKS, WorldStore, places
+from lme.perception.raycast import add_noise, beam_table
 from lme.robots import Robot
 from lme.simulation.disturbances import Disturbances
 from lme.simulation.fast import FastConfig
@@ -26,6 +28,7 @@ from lme.worlds.world import MapSet, Task
 
 _UNSUPPORTED = tuple(field.name for field in fields(Disturbances) if field.name != "goal_rate")
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
+SAME_STEP, NEXT_STEP, DISABLED = AUTORESETS = "SameStep", "NextStep", "Disabled"  # as Gymnasium calls them
 
 
 class Views(NamedTuple):
@@ -46,18 +49,13 @@ class Views(NamedTuple):
         """Return the observations of some of the robots, in new arrays."""
         return Views._make(array[chosen] for array in self)
 
-    def put(self, chosen: Ints, views: Views) -> None:
-        """Replace the observations of some of the robots."""
-        for name in self._fields:
-            getattr(self, name)[chosen] = getattr(views, name)
-
 
 class Transition(NamedTuple):
     """The result of a step of N robots.
 
-    views: the next observations; a robot whose episode has ended is at the start of its next one. rewards (N,).
-    terminated, truncated (N,): arrived or in contact; out of time. outcomes (N,): codes of `lme.gym.kernels`.
-    ended (K,): the robots whose episode has ended, with their `last_views` and `results` (K).
+    views: the next observations. rewards (N,). terminated, truncated (N,): arrived or in contact; out of time.
+    outcomes (N,): codes of `lme.gym.kernels`. ended (K,): the robots whose episode has ended, with their `last_views`
+    and `results` (K). begun (M,): the robots that `views` shows at the start of an episode.
     """
 
     views: Views
@@ -67,7 +65,8 @@ class Transition(NamedTuple):
     outcomes: Ints
     ended: Ints
     last_views: Views
-    results: list[Result]
+    results: Results
+    begun: Ints
 
 
 class Fleet:
@@ -83,111 +82,168 @@ class Fleet:
         num_envs: int,
         config: FastConfig | None = None,
         reward: Reward | None = None,
+        autoreset: str = SAME_STEP,
+        threads: int | None = None,
     ) -> None:
-        """Raises InputError for anything that the compiled step does not support."""
+        """autoreset: when the next episode begins after an end: "SameStep", "NextStep" instead of a motion, "Disabled".
+
+        threads: see `Threads`. Raises InputError for anything that the compiled step does not support.
+        """
         self._episodes = Episodes(map_set, robot)
         self._config, self._reward = config or load_settings("sim/fast"), reward or Reward()
-        self.robot, self.num_envs = self._episodes.robot, num_envs
+        self.robot, self.num_envs, self._autoreset = self._episodes.robot, num_envs, autoreset
         self._check()
+        self._threads = Threads(threads)
         lidar = self.robot.lidar
         angles = (lidar.angle_min, lidar.angle_increment)
         self._lidar = tuple(map(float, (*lidar.mount, *angles, lidar.range_max)))
         self._table = beam_table(lidar.angle_increment, lidar.num_beams)
         self.tasks: list[Task] = []  # of the current episodes
         self._rngs: list[np.random.Generator] = [np.random.default_rng() for _ in range(num_envs)]
-        self._places, self._bodies, self._states = _places(num_envs), _bodies(num_envs), _states(num_envs)
-        self._steps, self._distances = np.zeros(num_envs, dtype=np.int64), np.zeros(num_envs)
+        self._store, self._rows = WorldStore(), np.zeros(num_envs, np.int64)
+        self._places, self._bodies, self._states = places(num_envs), _bodies(num_envs), _states(num_envs)
+        self._distances, self._all = np.zeros(num_envs), np.arange(num_envs)
         self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
+        self._robots: list[Robot | None] = [None] * num_envs
+        self._over = np.zeros(num_envs, np.bool_)  # robots whose next episode has not begun
 
-    def reset(self, seeds: Sequence[int | None] | None = None, world: int | None = None) -> Views:
+    def reset(
+        self, seeds: Sequence[int | None] | None = None, world: int | None = None, mask: Bools | None = None
+    ) -> Views:
         """Start an episode with every robot, in this world or in worlds drawn at random.
 
-        seeds (N,): new random streams for the robots; None: continue the current ones.
+        seeds (N,): new random streams for the robots; None: continue the current ones. mask (N,): the robots that
+        start, while the others stay as they are; None: all.
         """
         if seeds is not None and len(seeds) != self.num_envs:
             raise InputError(f"seeds has {len(seeds)} numbers: must have {self.num_envs}, one for each robot")
-        for i, seed in enumerate(seeds or []):
-            if seed is not None:
-                self._rngs[i] = np.random.default_rng(seed)
-        self.tasks = [self._begin(i, world) for i in range(self.num_envs)]
-        return self._views(np.arange(self.num_envs))
+        chosen = self._all if mask is None or not self.tasks else np.flatnonzero(mask)
+        for i in chosen.tolist():
+            if seeds is not None and seeds[i] is not None:
+                self._rngs[i] = np.random.default_rng(seeds[i])
+        views = self._room() if len(chosen) == self.num_envs else self._views.of(self._all)
+        self._begin(chosen, world)
+        self._look(chosen, views)
+        return self._shown(views)
 
     def step(self, commands: Floats) -> Transition:
         """Drive every robot for one control period. commands (N, 2): v [m/s] and ω [rad/s].
 
         Raises InputError for commands that are not finite.
         """
-        commands = self._checked(commands)
-        config, states = self._config, self._states
-        timing = (self.robot.dt, float(config.max_step), config.even_ramp)
-        advance(states, self._bodies, self._places, commands, *timing)
-        self._steps += 1
+        commands, states, begun = self._checked(commands), self._states, np.flatnonzero(self._over)
+        driving = np.flatnonzero(~self._over) if len(begun) else self._all
+        states.outcomes[begun] = RUNNING
+        self._drive(driving, commands)
+        if len(begun):
+            self._begin(begun)
+        # Rewards, also of robots that end here; those that begin an episode get none.
         previous, self._distances = self._distances, distances(self._places.goals, states.poses)
         outcomes = states.outcomes.copy()
         rewards = self._reward.of(previous, self._distances, outcomes)
-        views, (ended,) = self._views(np.arange(self.num_envs)), np.nonzero(outcomes)
-        last_views, results = views.of(ended), [self._result(int(i)) for i in ended]
-        if len(ended):
-            for i in ended:
-                self.tasks[i] = self._begin(int(i))
-            views.put(ended, self._views(ended))
+        rewards[begun] = 0.0
+        views = self._room()
+        self._look(self._all, views)
+        # Keep the ends before the next episodes begin.
+        (ended,) = np.nonzero(outcomes)
+        last_views, results = self._shown(views).of(ended), self._results(ended)
+        if len(ended) and self._autoreset == SAME_STEP:
+            self._begin(ended)
+            self._look(ended, views)
+            begun = ended
+        else:
+            self._over[ended] = True
         truncated = outcomes == TIMEOUT
         terminated = (outcomes != RUNNING) & ~truncated
-        return Transition(views, rewards, terminated, truncated, outcomes, ended, last_views, results)
+        ends = (ended, last_views, results)
+        return Transition(self._shown(views), rewards, terminated, truncated, outcomes, *ends, begun)
 
-    def _begin(self, i: int, world: int | None = None) -> Task:
-        """Put robot i at the start of its next episode."""
-        task, robot = self._episodes.draw(self._rngs[i], world)
-        self._copy_world(i, task)
-        hull, bodies, states = robot.footprint, self._bodies, self._states
-        bodies.limits[i], bodies.boxes[i] = robot.limits.bounds, hull.box
-        bodies.reaches[i] = hull.circumscribed_radius
-        self._slowest[i] = robot.limits.v_min
-        states.poses[i], states.twists[i] = task.start, 0.0
-        states.times[i] = states.lengths[i] = 0.0
-        states.clocks[i] = np.nan if task.clock_distance > 0.0 else 0.0
-        self._steps[i] = 0
-        self._distances[i] = distances(self._places.goals[i : i + 1], states.poses[i : i + 1])[0]
-        return task
+    def _begin(self, robots: Ints, world: int | None = None) -> None:
+        """Put robots (K,) at the start of their next episodes, in this world or in worlds drawn at random."""
+        draws = [self._episodes.draw(self._rngs[i], world) for i in robots.tolist()]
+        tasks = [task for task, _ in draws]
+        for task in tasks:
+            if task.world.movers:
+                raise InputError(
+                    f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}"
+                )
+        self._enter(robots, tasks)
+        # The bodies, where they differ from episode to episode.
+        bodies, states = self._bodies, self._states
+        for i, (_, robot) in zip(robots.tolist(), draws, strict=True):
+            if robot is not self._robots[i]:
+                self._robots[i], hull = robot, robot.footprint
+                bodies.limits[i], bodies.boxes[i] = robot.limits.bounds, hull.box
+                bodies.reaches[i], self._slowest[i] = hull.circumscribed_radius, robot.limits.v_min
+        # All else begins at rest at the start.
+        states.poses[robots] = [task.start for task in tasks]
+        for array in (states.twists, states.times, states.lengths, states.steps, states.outcomes, self._over):
+            array[robots] = 0
+        states.clocks[robots] = np.where(self._places.rules[robots, 2] > 0.0, np.nan, 0.0)
+        self._distances[robots] = distances(self._places.goals[robots], states.poses[robots])
 
-    def _copy_world(self, i: int, task: Task) -> None:
-        """Copy the world of robot i into the shared arrays, which grow if it has more obstacles than any before."""
-        obstacles = (task.world.circles, task.world.edges)
-        if task.world.movers:
-            raise InputError(f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}")
-        places = self._places
-        for name, rows in zip(("circles", "edges"), obstacles, strict=True):
-            array = getattr(places, name)
-            if len(rows) > array.shape[1]:
-                array = np.concatenate([array, np.zeros((len(array), len(rows), array.shape[2]))], axis=1)
-                places = places._replace(**{name: array})
-            array[i, : len(rows)] = rows
-        self._places = places
-        places.counts[i] = [len(rows) for rows in obstacles]
-        places.starts[i], places.goals[i] = task.start[:2], task.goal
-        places.rules[i] = task.goal_tolerance, task.time_limit, task.clock_distance
+    def _enter(self, robots: Ints, tasks: list[Task]) -> None:
+        """Give robots (K,) their tasks."""
+        if not self.tasks:
+            self.tasks = list(tasks)
+        for i, task in zip(robots.tolist(), tasks, strict=True):
+            self.tasks[i] = task
+        if len(self._store.tasks) > MOST_TASKS + self.num_envs:
+            self._store, robots = WorldStore(), self._all
+        rows = self._rows[robots] = self._store.rows([self.tasks[i] for i in robots.tolist()])
+        for array, values in zip(self._places, self._store.places(rows), strict=True):
+            array[robots] = values
 
-    def _views(self, robots: Ints) -> Views:
-        """Return the current observations of the chosen robots (K,), in new arrays."""
-        lidar, count = self.robot.lidar, len(robots)
-        std, noise = float(lidar.noise_std), np.empty((0, 0), dtype=np.float32)
+    def _drive(self, robots: Ints, commands: Floats) -> None:
+        config, obstacles = self._config, self._store.obstacles
+        arrays = self._states, self._bodies, self._places, obstacles, commands
+        timing = (self.robot.dt, float(config.max_step), config.even_ramp)
+        self._threads.run(lambda part: advance(part, *arrays, *timing), robots)
+
+    def _look(self, robots: Ints, views: Views) -> None:
+        """Write the current observations of robots (K,) into their rows of the views."""
+        lidar, table, ranges, store = self._lidar, self._table, views.ranges, self._store
+        scene = self._states, self._places, store.obstacles
+        self._threads.run(lambda part: look(part, *scene, lidar, table, ranges, views.targets), robots)
+        for world, members in store.by_lattice(self._rows[robots]):
+            grids = world.grid, world.lattice
+            self._threads.run(
+                lambda part, grids=grids: look_by_lattice(part, self._states, lidar, table, ranges, *grids),
+                robots[members],
+            )
+        std = float(self.robot.lidar.noise_std)
         if std > 0.0:
-            noise = np.empty((count, lidar.num_beams), dtype=np.float32)
-            for row, i in zip(noise, robots, strict=True):
-                self._rngs[i].standard_normal(dtype=np.float32, out=row)
-        ranges, targets = np.empty((count, lidar.num_beams), dtype=np.float32), np.empty((count, 2))
-        look(robots, self._states, self._places, self._lidar, self._table, noise, std, ranges, targets)
+            noise = np.empty(ranges.shape[1:], np.float32)
+            for i in robots.tolist():
+                self._rngs[i].standard_normal(dtype=np.float32, out=noise)
+                add_noise(ranges[i], noise, std, lidar[-1])
         bodies = self._bodies
-        return Views(
-            ranges, targets, self._states.twists[robots], bodies.limits[robots], bodies.boxes[robots]
-        )
+        for array, values in zip(views[2:], (self._states.twists, bodies.limits, bodies.boxes), strict=True):
+            array[robots] = values[robots]
 
-    def _result(self, i: int) -> Result:
-        task, states = self.tasks[i], self._states
-        clock = 0.0 if np.isnan(states.clocks[i]) else states.clocks[i]
-        time, length = min(float(states.times[i] - clock), task.time_limit), float(states.lengths[i])
-        outcome = OUTCOMES[int(states.outcomes[i])]
-        return Result(outcome, task.number, time, length, int(self._steps[i]), task.optimal_time)
+    def _room(self) -> Views:
+        """Return arrays for the observations of all robots."""
+        n = self.num_envs
+        ranges = np.empty((n, self.robot.lidar.num_beams), np.float32)
+        return Views(ranges, np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 4)), np.empty((n, 3)))
+
+    def _shown(self, views: Views) -> Views:
+        """Remember the observations that were shown last."""
+        self._views = views
+        return views
+
+    def _results(self, robots: Ints) -> Results:
+        store, states, rows = self._store, self._states, self._rows[robots]
+        clocks = np.where(np.isnan(states.clocks[robots]), 0.0, states.clocks[robots])
+        times = np.minimum(states.times[robots] - clocks, self._places.rules[robots, 1])
+        return Results(
+            states.outcomes[robots],
+            store.numbers[rows],
+            times,
+            states.lengths[robots],
+            states.steps[robots],
+            store.optimal_times[rows],
+        )
 
     def _checked(self, commands: Floats) -> Floats:
         if not self.tasks:
@@ -200,12 +256,18 @@ class Fleet:
             raise InputError(
                 f"the command of robot {wrong[0]} is {commands[wrong[0]].tolist()}: must be finite"
             )
+        if self._autoreset == DISABLED and self._over.any():
+            raise InputError(
+                f"the episode of robot {int(np.argmax(self._over))} has ended: call reset with a mask before step"
+            )
         return np.column_stack((np.maximum(commands[:, 0], self._slowest), commands[:, 1]))
 
     def _check(self) -> None:
         """Raise InputError for what needs substeps, or for a sensor other than a planar lidar with its own noise."""
         if self.num_envs < 1:
             raise InputError(f"num_envs is {self.num_envs}: must be at least 1")
+        if self._autoreset not in AUTORESETS:
+            raise InputError(f"autoreset is {self._autoreset!r}: must be one of {', '.join(AUTORESETS)}")
         config, lidar = self._config, self.robot.lidar
         values = {f"sim.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
         values |= {"sim.goal_rate": config.goal_rate}
@@ -215,17 +277,6 @@ class Fleet:
                 raise InputError(
                     f"{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
-
-
-def _places(n: int) -> WorldArrays:
-    return WorldArrays(
-        circles=np.zeros((n, 0, 3)),
-        edges=np.zeros((n, 0, 4)),
-        counts=np.zeros((n, 2), dtype=np.int64),
-        starts=np.zeros((n, 2)),
-        goals=np.zeros((n, 2)),
-        rules=np.zeros((n, 3)),
-    )
 
 
 def _bodies(n: int) -> Bodies:
@@ -239,5 +290,6 @@ def _states(n: int) -> States:
         times=np.zeros(n),
         clocks=np.zeros(n),
         lengths=np.zeros(n),
+        steps=np.zeros(n, dtype=np.int64),
         outcomes=np.zeros(n, dtype=np.int64),
     )

@@ -5,25 +5,34 @@ from typing import NamedTuple
 
 from numba import njit
 
-from lme.geometry.collision import first_event
+from lme.geometry.collision import first_arrival, sweep
 from lme.geometry.motion import drive, even_limits, time_beyond, travelled
-from lme.perception.raycast import add_noise, cast_beams
+from lme.grids.lattice import cast_lattice
+from lme.grids.leaves import gaps_to, middle_of, shapes_within
+from lme.perception.raycast import scan_leaves
 from lme.types import Floats, Ints
 
 RUNNING, SUCCESS, COLLISION, TIMEOUT = 0, 1, 2, 3
 
 
-class WorldArrays(NamedTuple):
-    """Worlds and tasks of N robots. Each robot uses the first rows of its part of the arrays.
+class Obstacles(NamedTuple):
+    """Obstacles of all worlds that robots drive in: `Leaves` of the discs and of the edges, one world after another."""
 
-    circles (N, C, 3), edges (N, E, 4): obstacles [m]. counts (N, 2): how many of them are the robot's.
-    starts, goals (N, 2) [m]. rules (N, 3): tolerance of the goal [m], time limit [s], distance from the start [m] at
-    which the clock starts.
+    disc_bounds: Floats
+    discs: Floats
+    wall_bounds: Floats
+    walls: Floats
+
+
+class Places(NamedTuple):
+    """Tasks of N robots.
+
+    spans (N, 5): first leaf and last + 1 of the robot's discs, the same of its edges, and 1 if the lidar meets the
+    edges by their lattice instead. starts, goals (N, 2) [m]. rules (N, 3): tolerance of the goal [m], time limit [s],
+    distance from the start [m] at which the clock starts.
     """
 
-    circles: Floats
-    edges: Floats
-    counts: Ints
+    spans: Ints
     starts: Floats
     goals: Floats
     rules: Floats
@@ -41,7 +50,7 @@ class States(NamedTuple):
     """State of N robots, which the kernels change in place.
 
     poses (N, 3); twists (N, 2); times (N,) since reset [s]; clocks (N,): time at which the clock started [s], NaN
-    before; lengths (N,) of the paths [m]; outcomes (N,).
+    before; lengths (N,) of the paths [m]; steps (N,) since reset; outcomes (N,).
     """
 
     poses: Floats
@@ -49,55 +58,71 @@ class States(NamedTuple):
     times: Floats
     clocks: Floats
     lengths: Floats
+    steps: Ints
     outcomes: Ints
 
 
-@njit(cache=True, error_model="numpy")
-def advance(states, bodies, places, commands, dt, max_step, even_ramp):
-    """Drive every robot for one control period of `dt` [s], or until contact or arrival.
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(chosen, states, bodies, places, obstacles, commands, dt, max_step, even_ramp):
+    """Drive the chosen robots (K,) for one control period of `dt` [s], or until contact or arrival.
 
     commands (N, 2) [m/s, rad/s]; max_step [m] and even_ramp as in `sim=fast`.
     """
-    for i in range(len(commands)):
+    for i in chosen:
         x, y, begin = states.poses[i, 0], states.poses[i, 1], states.times[i]
         travel, twist = _motion(i, states, bodies, commands, dt, max_step, even_ramp)
-        # Cut the motion at the first contact or arrival.
-        circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
+        # Cut the motion at the arrival, then at the first contact before it.
+        driven, arrived = first_arrival(travel, places.goals[i], places.rules[i, 0])
         box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
-        num_driven, _, contact, arrived = first_event(
-            travel, places.goals[i], places.rules[i, 0], box, circles, edges
-        )
+        contact = _first_contact(travel[:driven], box, places.spans[i], obstacles)
+        if contact >= 0:
+            driven, arrived = contact + 1, False
         # Store the state at the last pose that was reached.
-        states.poses[i] = travel[num_driven - 1]
+        states.poses[i] = travel[driven - 1]
         states.twists[i, 0], states.twists[i, 1] = twist
-        states.times[i] = begin + dt * num_driven / len(travel)
-        states.lengths[i] += travelled(x, y, travel[:num_driven])
-        _run_clock(i, states, places, travel[:num_driven], begin)
-        states.outcomes[i] = _outcome(i, states, places, contact, arrived)
+        states.times[i] = begin + dt * driven / len(travel)
+        states.lengths[i] += travelled(x, y, travel[:driven])
+        states.steps[i] += 1
+        _run_clock(i, states, places, travel[:driven], begin)
+        states.outcomes[i] = _outcome(i, states, places, contact >= 0, arrived)
 
 
-@njit(cache=True, error_model="numpy")
-def look(chosen, states, places, lidar, table, noise, noise_std, ranges, targets):
-    """Write the observations of the chosen robots (K,): ranges (K, B) and targets (K, 2) in their frames [m].
+@njit(cache=True, error_model="numpy", nogil=True)
+def look(chosen, states, places, obstacles, lidar, table, ranges, targets):
+    """Write the observations of the chosen robots (K,): their ranges (N, B), and targets (N, 2) in their frames [m].
 
-    lidar: x, y, yaw of the mount, angle_min, angle_increment, range_max; table (2, B): `beam_table`; noise (K, B)
-    standard normal, not read if noise_std [m] is 0.
+    lidar: x, y, yaw of the mount, angle_min, angle_increment, range_max; table (2, B): `beam_table`.
     """
-    mount_x, mount_y, mount_yaw, angle_min, increment, range_max = lidar
-    for k in range(len(chosen)):
-        i = chosen[k]
+    increment, range_max = lidar[4], lidar[5]
+    for i in chosen:
         x, y, yaw = states.poses[i, 0], states.poses[i, 1], states.poses[i, 2]
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        circles, edges = places.circles[i, : places.counts[i, 0]], places.edges[i, : places.counts[i, 1]]
-        # Cast the beams from the pose of the mount in the world.
-        lidar_x, lidar_y = x + cos * mount_x - sin * mount_y, y + sin * mount_x + cos * mount_y
-        heading = wrapped(yaw + mount_yaw) + angle_min
-        ranges[k] = cast_beams(lidar_x, lidar_y, heading, increment, range_max, table, circles, edges)
-        if noise_std > 0.0:
-            add_noise(ranges[k], noise[k], noise_std, range_max)
+        span = places.spans[i]
+        leaves = (
+            obstacles.disc_bounds,
+            obstacles.discs,
+            span[0],
+            span[1],
+            obstacles.wall_bounds,
+            obstacles.walls,
+            span[2],
+            span[2] if span[4] else span[3],
+        )
+        lidar_x, lidar_y, heading = _lidar_pose(x, y, yaw, lidar)
+        scan_leaves(lidar_x, lidar_y, heading, increment, range_max, table, leaves, ranges[i])
         # Rotate the goal into the robot frame.
+        cos, sin = math.cos(yaw), math.sin(yaw)
         dx, dy = places.goals[i, 0] - x, places.goals[i, 1] - y
-        targets[k, 0], targets[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+        targets[i, 0], targets[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def look_by_lattice(chosen, states, lidar, table, ranges, grid, lattice):
+    """Shorten ranges (N, B) to the edges of a grid and its lattice, for the chosen robots (K,) in one world."""
+    for i in chosen:
+        x, y, heading = _lidar_pose(states.poses[i, 0], states.poses[i, 1], states.poses[i, 2], lidar)
+        met = cast_lattice(x, y, heading, lidar[5], table, *grid, *lattice)
+        for beam in range(len(met)):
+            ranges[i, beam] = min(ranges[i, beam], met[beam])
 
 
 @njit(cache=True, error_model="numpy")
@@ -113,6 +138,15 @@ def wrapped(angle):
 
 
 @njit(cache=True, error_model="numpy")
+def _lidar_pose(x, y, yaw, lidar):
+    """Position of the lidar in the world, and the heading of its first beam."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    mount_x, mount_y, mount_yaw, angle_min = lidar[0], lidar[1], lidar[2], lidar[3]
+    lidar_x, lidar_y = x + cos * mount_x - sin * mount_y, y + sin * mount_x + cos * mount_y
+    return lidar_x, lidar_y, wrapped(yaw + mount_yaw) + angle_min
+
+
+@njit(cache=True, error_model="numpy")
 def _motion(i, states, bodies, commands, dt, max_step, even_ramp):
     """Return the motion of robot i, by `drive`."""
     pose = (states.poses[i, 0], states.poses[i, 1], states.poses[i, 2])
@@ -121,6 +155,25 @@ def _motion(i, states, bodies, commands, dt, max_step, even_ramp):
     if even_ramp:
         limits = even_limits(twist, command, limits, dt)
     return drive(pose, twist, command, limits, dt, max_step, bodies.reaches[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _first_contact(travel, box, span, obstacles):
+    """First pose in contact, −1 without contact: that of `lme.geometry.collision.sweep` for the robot's obstacles."""
+    half_length, half_width, rounding = box
+    x, y, reach = middle_of(travel)
+    reach = (reach + math.hypot(half_length, half_width) + rounding) * (1.0 + 1e-6)
+    circles = _within(x, y, reach, obstacles.disc_bounds, obstacles.discs, span[0], span[1])
+    edges = _within(x, y, reach, obstacles.wall_bounds, obstacles.walls, span[2], span[3])
+    if len(circles) == 0 and len(edges) == 0:
+        return -1
+    return sweep(travel, box, circles, edges)[1]
+
+
+@njit(cache=True, error_model="numpy")
+def _within(x, y, reach, bounds, shapes, first, stop):
+    """Shapes of the leaves first…stop − 1 that come within `reach` of (x, y)."""
+    return shapes_within(x, y, reach, shapes, first, gaps_to(x, y, bounds, first, stop))
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,7 +1,6 @@
 """Ray casting of lidar beams against discs and line segments, and the noise of their ranges.
 
-Each obstacle is tested only against the beams in its angular extent. The extent is a cheap polynomial upper bound;
-the beams in it are tested exactly.
+`lme.grids.leaf_scan` has the arithmetic.
 """
 
 from __future__ import annotations
@@ -13,16 +12,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from lme.geometry.fan import BEARING_ERROR, bearing
 from lme.geometry.frames import compose
 from lme.grids.edge_grid import EdgeGrid, first_hit
 from lme.grids.lattice import NO_LATTICE, Lattice, cast_lattice
+from lme.grids.leaf_scan import scan_discs, scan_edges, scan_shapes
+from lme.grids.leaves import Leaves
 from lme.perception.scan_points import beam_directions
 from lme.robots import Lidar
 from lme.types import Floats, LaserScan, Pose
-
-_TWO_PI = 2.0 * math.pi
-_ASIN_CUBIC = math.pi / 2.0 - 1.0  # asin(z) ≤ z + (π/2 − 1) z³ on [0, 1], with equality at both ends
 
 
 def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike = ()) -> LaserScan:
@@ -57,9 +54,30 @@ def cast_shapes(
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
     table = beam_table(increment, num_beams)
-    ranges: NDArray[np.float32] = cast_beams(
+    ranges: NDArray[np.float32] = _cast_shapes(
         float(x), float(y), yaw + angle_min, increment, float(range_max), table, circles, edges
     )
+    return ranges
+
+
+def cast_leaves(
+    lidar_pose: Pose, angles: tuple[float, float, int], range_max: float, discs: Leaves, edges: Leaves
+) -> NDArray[np.float32]:
+    """Distance along each beam to the first disc or edge of the leaves: (B,) [m].
+
+    The result is that of `cast_shapes`, which describes the parameters, for all shapes in the leaves.
+    """
+    x, y, yaw = lidar_pose
+    angle_min, increment, num_beams = angles
+    start = (
+        float(x),
+        float(y),
+        yaw + angle_min,
+        increment,
+        float(range_max),
+        beam_table(increment, num_beams),
+    )
+    ranges: NDArray[np.float32] = _cast_leaves(*start, *discs, *edges)
     return ranges
 
 
@@ -90,18 +108,38 @@ def beam_table(angle_increment: float, num_beams: int) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def cast_beams(x, y, heading, increment, range_max, table, circles, edges):
-    """Return the result of `cast_shapes`. heading: of the first beam in the world [rad]; table: `beam_table`.
+def _cast_shapes(x, y, heading, increment, range_max, table, circles, edges):
+    """Return the result of `cast_shapes`. heading: of the first beam in the world [rad]; table: `beam_table`."""
+    ranges = np.full(table.shape[1], np.float32(range_max))
+    scan_shapes(
+        (x, y, math.cos(heading), math.sin(heading)), increment, range_max, table, circles, edges, ranges
+    )
+    return ranges
 
-    It works in the lidar's frame, rotated so that the first beam is along +x.
+
+@njit(cache=True, error_model="numpy")
+def _cast_leaves(x, y, heading, increment, range_max, table, disc_bounds, discs, edge_bounds, edges):
+    """Return the result of `cast_leaves`."""
+    ranges = np.empty(table.shape[1], np.float32)
+    leaves = disc_bounds, discs, 0, len(discs), edge_bounds, edges, 0, len(edges)
+    scan_leaves(x, y, heading, increment, range_max, table, leaves, ranges)
+    return ranges
+
+
+@njit(cache=True, error_model="numpy")
+def scan_leaves(x, y, heading, increment, range_max, table, leaves, ranges):
+    """Write the ranges (B,) float32. heading: of the first beam in the world [rad]; table: `beam_table`.
+
+    leaves: bounds and shapes of discs, the first leaf and the last + 1, and the same of edges. It works in the lidar's
+    frame, rotated so that the first beam is along +x.
     """
-    ranges = np.full(table.shape[1], range_max)
+    disc_bounds, discs, first_disc, stop_disc, edge_bounds, edges, first_edge, stop_edge = leaves
     frame = (x, y, math.cos(heading), math.sin(heading))
-    if _cast_circles(frame, increment, range_max, table, circles, ranges):
-        ranges[:] = 0.0
-    elif len(edges) > 0:
-        _cast_edges(frame, increment, range_max, table, edges, ranges)
-    return ranges.astype(np.float32)
+    ranges[:] = np.float32(range_max)
+    if scan_discs(frame, increment, range_max, table, disc_bounds, discs, first_disc, stop_disc, ranges):
+        ranges[:] = np.float32(0.0)
+    elif stop_edge > first_edge:
+        scan_edges(frame, increment, range_max, table, edge_bounds, edges, first_edge, stop_edge, ranges)
 
 
 @njit(cache=True, error_model="numpy")
@@ -112,130 +150,6 @@ def _cast_grid(x, y, heading, range_max, table, frame, starts, edges):
     for i in range(len(ranges)):
         ranges[i] = first_hit(x, y, turn, (table[0, i], table[1, i]), range_max, frame, starts, edges)
     return ranges
-
-
-@njit(cache=True, error_model="numpy")
-def _cast_circles(frame, increment, range_max, table, circles, ranges):
-    """Shorten ranges to the discs; return True if the lidar is inside one."""
-    u, v, low, high, inside = _circle_extents(frame, increment, circles)
-    if inside:
-        return True
-    for i in range(len(circles)):
-        # Skip discs that begin beyond range_max.
-        reach = range_max + circles[i, 2]
-        if u[i] * u[i] + v[i] * v[i] >= reach * reach:
-            continue
-        square = circles[i, 2] * circles[i, 2]
-        num_beams, turn = len(ranges), _TWO_PI / increment
-        # Beams within the extent, and within the same extent one turn earlier or later if there are any.
-        _meet_disc(u[i], v[i], square, low[i], high[i], table, ranges)
-        if high[i] >= turn:
-            _meet_disc(u[i], v[i], square, low[i] - turn, high[i] - turn, table, ranges)
-        if low[i] + turn < num_beams:
-            _meet_disc(u[i], v[i], square, low[i] + turn, high[i] + turn, table, ranges)
-    return False
-
-
-@njit(cache=True, error_model="numpy")
-def _circle_extents(frame, increment, circles):
-    """Centres (u, v) in the lidar's frame, extents [low, high] in beams, and whether a disc contains the lidar.
-
-    It has no branches, so the loop is vectorised.
-    """
-    x, y, cos, sin = frame
-    u, v = np.empty(len(circles)), np.empty(len(circles))
-    low, high = np.empty(len(circles)), np.empty(len(circles))
-    inside = 0
-    per_radian = 1.0 / increment
-    for i in range(len(circles)):
-        dx, dy, r = circles[i, 0] - x, circles[i, 1] - y, circles[i, 2]
-        u[i], v[i] = cos * dx + sin * dy, cos * dy - sin * dx
-        square = dx * dx + dy * dy
-        inside += square <= r * r
-        # Upper bound of the half angle asin(r / d).
-        sine = r / math.sqrt(square)
-        half = sine + _ASIN_CUBIC * sine * sine * sine + BEARING_ERROR
-        middle = bearing(u[i], v[i])
-        low[i], high[i] = (middle - half) * per_radian, (middle + half) * per_radian
-    return u, v, low, high, inside > 0
-
-
-@njit(cache=True, error_model="numpy")
-def _meet_disc(u, v, square, low, high, table, ranges):
-    """Test beams low…high against a disc of squared radius `square` centred on (u, v)."""
-    first_beam, last_beam = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
-    for i in range(first_beam, last_beam + 1):
-        c, s = table[0, i], table[1, i]
-        across = u * s - v * c
-        along = u * c + v * s
-        # Near intersection at along − √(r² − across²).
-        depth = square - across * across
-        if depth >= 0.0 and along > 0.0:
-            ranges[i] = min(ranges[i], along - math.sqrt(depth))
-
-
-@njit(cache=True, error_model="numpy")
-def _cast_edges(frame, increment, range_max, table, edges, ranges):
-    """Shorten ranges to the edges."""
-    x, y, cos, sin = frame
-    turn = _TWO_PI / increment
-    for i in range(len(edges)):
-        ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
-        if _beyond(ax, ay, bx, by, range_max):
-            continue
-        # The edge in the lidar's frame, with the first beam along +x.
-        start = (cos * ax + sin * ay, cos * ay - sin * ax)
-        end = (cos * bx + sin * by, cos * by - sin * bx)
-        low, high = _edge_extent(start, end, increment)
-        # Beams within the extent, and within the same extent one turn earlier or later if there are any.
-        _meet_edge(start, end, low, high, table, ranges)
-        if high >= turn:
-            _meet_edge(start, end, low - turn, high - turn, table, ranges)
-        if low + turn < len(ranges):
-            _meet_edge(start, end, low + turn, high + turn, table, ranges)
-
-
-@njit(cache=True, error_model="numpy")
-def _beyond(ax, ay, bx, by, range_max):
-    """Return whether the bounding box of the edge from a to b is farther than range_max from the origin."""
-    gap_x = max(min(ax, bx), -max(ax, bx), 0.0)
-    gap_y = max(min(ay, by), -max(ay, by), 0.0)
-    return gap_x * gap_x + gap_y * gap_y >= range_max * range_max
-
-
-@njit(cache=True, error_model="numpy")
-def _edge_extent(start, end, increment):
-    """Extent [low, high] of an edge in beams; a whole turn if the lidar is on the edge or almost."""
-    cross = start[0] * end[1] - start[1] * end[0]
-    dot = start[0] * end[0] + start[1] * end[1]
-    if abs(cross) <= -1e-6 * dot or start == (0.0, 0.0) or end == (0.0, 0.0):
-        return 0.0, _TWO_PI / increment
-    # Counter-clockwise from low to high, across the bearing 0 if need be.
-    low, high = bearing(start[0], start[1]), bearing(end[0], end[1])
-    if cross < 0.0:
-        low, high = high, low
-    if high < low - 2.0 * BEARING_ERROR:
-        high += _TWO_PI
-    return (low - BEARING_ERROR) / increment, (high + BEARING_ERROR) / increment
-
-
-@njit(cache=True, error_model="numpy")
-def _meet_edge(start, end, low, high, table, ranges):
-    """Test beams low…high against the edge from start to end.
-
-    A beam hits the edge if it passes the two ends on different sides. Edges with a shared corner agree on the
-    corner's side, so no beam passes between them.
-    """
-    first_beam, last_beam = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
-    lever = start[0] * end[1] - start[1] * end[0]
-    for i in range(first_beam, last_beam + 1):
-        c, s = table[0, i], table[1, i]
-        across_start = start[0] * s - start[1] * c
-        across_end = end[0] * s - end[1] * c
-        # Distance along the beam to the line of the edge.
-        distance = lever / (across_start - across_end)
-        if (across_start > 0.0) != (across_end > 0.0) and distance >= 0.0:
-            ranges[i] = min(ranges[i], distance)
 
 
 @njit(cache=True)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.geometry.frames import compose, relative
-from lme.perception.raycast import add_noise, cast_grid, cast_shapes
+from lme.grids.leaves import NO_WALLS
+from lme.perception.raycast import add_noise, cast_grid, cast_leaves, cast_shapes
 from lme.perception.resampling import resampled, tidied
 from lme.robots import Robot, reachable
 from lme.simulation.crowd import Crowd, tracked
@@ -156,8 +157,7 @@ class Sensors:
         return observation._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
 
     def _look_in(self, task: Task) -> None:
-        self._grid, self._lattice = task.world.grid, task.world.lattice
-        self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
+        self._world = task.world
 
     def _scan(
         self,
@@ -172,15 +172,16 @@ class Sensors:
         tilt: standard deviation of the pitch [rad], which a levelled cloud does not have. ranges: None: cast here.
         """
         lidar, fired, config = self._robot.lidar, self._fired, self._config
-        moving_edges = edges[self._in_grid :]
         # Exact ranges: the projection of a cloud, or the beams of a planar lidar, which may meet the floor.
         if ranges is not None:
             sensor_noise = 0.0
         elif self._mid360:
-            ranges, sensor_noise = self._mid360.scan(lidar, pose, circles, moving_edges, self._grid), 0.0
+            grid = self._world.grid
+            moving_edges = edges[len(self._world.edges) if len(grid.edges) else 0 :]
+            ranges, sensor_noise = self._mid360.scan(lidar, pose, circles, moving_edges, grid), 0.0
         else:
             angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
-            ranges = self._cast(compose(pose, self._mount), angles, circles, moving_edges)
+            ranges = self._cast(compose(pose, self._mount), angles, circles, edges)
             if tilt > 0.0:
                 assert lidar.height is not None
                 beams = np.arange(fired.num_beams, dtype=np.float64)
@@ -201,10 +202,14 @@ class Sensors:
     def _cast(
         self, lidar: Pose, angles: tuple[float, float, int], circles: Floats, edges: Floats
     ) -> NDArray[np.float32]:
-        range_max = self._robot.lidar.range_max
-        if not self._in_grid:
-            return cast_shapes(lidar, angles, range_max, circles, edges)
-        ranges = cast_grid(lidar, angles, range_max, self._grid, self._lattice)
-        if len(circles) or len(edges):
-            ranges = np.minimum(ranges, cast_shapes(lidar, angles, range_max, circles, edges))
+        """Cast the beams. circles, edges: the current obstacles, those of the world first."""
+        range_max, world = self._robot.lidar.range_max, self._world
+        # The static obstacles, by leaf or grid, then those that move.
+        is_large = len(world.grid.edges) > 0
+        ranges = cast_leaves(lidar, angles, range_max, world.discs, NO_WALLS if is_large else world.walls)
+        if is_large:
+            ranges = np.minimum(ranges, cast_grid(lidar, angles, range_max, world.grid, world.lattice))
+        moving = circles[len(world.circles) :], edges[len(world.edges) :]
+        if len(moving[0]) or len(moving[1]):
+            ranges = np.minimum(ranges, cast_shapes(lidar, angles, range_max, *moving))
         return ranges

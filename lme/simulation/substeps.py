@@ -11,13 +11,14 @@ import numpy as np
 from lme.geometry.collision import first_event, sweep
 from lme.geometry.frames import compose
 from lme.grids.edge_grid import near_edges
+from lme.grids.leaves import near_discs
 from lme.robots import Footprint, Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
 from lme.simulation.gait import GaitResponse, response_of
 from lme.simulation.simulator import State
 from lme.types import Floats, Limits, Pose, Twist
-from lme.worlds.world import Task, World
+from lme.worlds.world import MANY, Task, World
 
 
 class Body(Protocol):
@@ -150,7 +151,7 @@ class Substepper:
         pose, box = self._body.pose, self._robot.footprint.box
         poses = np.array([pose])
         circles, edges = self._static
-        clearance, _ = sweep(poses, box, circles, nearby(self._world, poses, box, edges))
+        clearance, _ = sweep(poses, box, *nearby(self._world, poses, box, circles, edges))
         if len(self.crowd):
             clearance = min(clearance, sweep(poses, box, self.crowd.circles, self.crowd.edges)[0])
         if self._body.touches(clearance):
@@ -167,7 +168,7 @@ def until_event(
     travel (K, 3); box: the collision footprint; circles (C, 3) and edges (E, 4), those of the task's world first.
     Contact on arrival counts as contact only.
     """
-    edges = nearby(task.world, travel, box, edges)
+    circles, edges = nearby(task.world, travel, box, circles, edges)
     goal = np.asarray(task.goal, dtype=np.float64)
     driven, clearance, contact, arrived = first_event(
         travel, goal, float(task.goal_tolerance), box, circles, edges
@@ -175,15 +176,23 @@ def until_event(
     return travel[:driven], clearance, contact, arrived
 
 
-def nearby(world: World, poses: Floats, box: tuple[float, float, float], edges: Floats) -> Floats:
-    """Drop edges that are too far away to be the nearest one to a motion. edges (E, 4): the world's come first.
+def nearby(
+    world: World, poses: Floats, box: tuple[float, float, float], circles: Floats, edges: Floats
+) -> tuple[Floats, Floats]:
+    """Drop circles and edges that are too far away to be the nearest to a motion; all stay where they are few.
 
-    poses (K, 3) and box (half_length, half_width, rounding) [m] of the footprint. All of a small world's edges stay.
+    circles (C, 3), edges (E, 4): the world's come first. poses (K, 3) and box (half_length, half_width, rounding) [m]
+    of the footprint.
     """
-    if not len(world.grid.edges):
-        return edges
-    near_world, crowd_edges = near_edges(world.grid, poses, box), edges[len(world.edges) :]
-    return np.vstack([near_world, crowd_edges]) if len(crowd_edges) else near_world
+    if len(world.circles) >= MANY:
+        circles = _joined(near_discs(world.discs, poses, box), circles[len(world.circles) :])
+    if len(world.grid.edges):
+        edges = _joined(near_edges(world.grid, poses, box), edges[len(world.edges) :])
+    return circles, edges
+
+
+def _joined(static: Floats, moving: Floats) -> Floats:
+    return np.vstack([static, moving]) if len(moving) else static
 
 
 def track(footprint: Footprint) -> float:

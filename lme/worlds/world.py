@@ -10,11 +10,12 @@ import numpy as np
 
 from lme.grids.edge_grid import NO_EDGES, EdgeGrid, edge_grid
 from lme.grids.lattice import NO_LATTICE, Lattice, lattice_of
+from lme.grids.leaves import Leaves, leaves_of
 from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 
-_MANY = 512  # number of edges from which a grid pays off
+MANY = 512  # number of edges from which a grid pays off, and of discs from which a search by leaf does
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +34,18 @@ class World:
     edges: Floats = field(init=False, repr=False)  # (E, 4) segments and sides of polygons
     grid: EdgeGrid = field(init=False, repr=False)  # of the edges; empty if they are few
     lattice: Lattice = field(init=False, repr=False)  # the same; empty if they do not lie on one
+    discs: Leaves = field(init=False, repr=False)  # the circles
+    walls: Leaves = field(init=False, repr=False)  # the edges
 
     def __post_init__(self) -> None:
         sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
         edges = np.ascontiguousarray(np.vstack([self.segments, *sides]), dtype=np.float64)
         object.__setattr__(self, "edges", edges)
-        are_many = len(edges) >= _MANY
+        are_many = len(edges) >= MANY
         object.__setattr__(self, "grid", edge_grid(edges) if are_many else NO_EDGES)
         object.__setattr__(self, "lattice", lattice_of(edges) if are_many else NO_LATTICE)
+        object.__setattr__(self, "discs", leaves_of(np.asarray(self.circles, dtype=np.float64)))
+        object.__setattr__(self, "walls", leaves_of(edges))
 
     @property
     def people(self) -> tuple[Mover, ...]:

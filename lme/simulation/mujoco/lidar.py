@@ -103,7 +103,7 @@ class TiltingLidar:
     def _highest(self, height: float, sensor: Floats, world: World, circles: Floats, edges: Floats) -> float:
         """Sine of the elevation above which a beam leaves the heights that count before it can hit anything."""
         poses, point = np.array([[sensor[0, 3], sensor[1, 3], 0.0]]), (0.0, 0.0, 0.0)
-        gap, _ = sweep(poses, point, circles, nearby(world, poses, point, edges))
+        gap, _ = sweep(poses, point, *nearby(world, poses, point, circles, edges))
         noise = MOST_NOISE * self._lidar.noise_std
         # Rays that are between the heights for less than CLEARED tell nothing either.
         reach = _TILTED_SHARE * min(gap, CLEARED) - noise

@@ -156,7 +156,7 @@ class MujocoSimulator:
         """The state at the end of these poses. Contact on arrival counts as contact only."""
         walker, poses, box = self._walker, np.array(travel), self._robot.footprint.box
         circles, edges = self.obstacles
-        clearance, _ = sweep(poses, box, circles, nearby(self._task.world, poses, box, edges))
+        clearance, _ = sweep(poses, box, *nearby(self._task.world, poses, box, circles, edges))
         part = walker.contact or (FALL if walker.has_fallen else "")
         v, _, omega = walker.velocity.tolist()
         return State(

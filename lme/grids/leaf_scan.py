@@ -1,0 +1,252 @@
+"""Ray casting against leaves of discs and of edges: each shape is tested against the beams in its angular extent only.
+
+The extent is a cheap polynomial upper bound; the beams in it are tested exactly. Loops over the shapes of a leaf and
+over beams have no branches, so they are vectorised. Near leaves come first, and those that lie behind what the beams
+have met so far are passed over.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, uint64
+
+from lme.geometry.fan import BEARING_ERROR, bearing
+from lme.grids.leaves import FAR, LEAF, near_first
+
+_TWO_PI = 2.0 * math.pi
+_ASIN_CUBIC = math.pi / 2.0 - 1.0  # asin(z) ≤ z + (π/2 − 1) z³ on [0, 1], with equality at both ends
+_LANES = 4  # [beams] of a vector: more of them are tested at once than are in the extent
+_SECTOR = 16  # [beams] whose farthest range is kept
+_BATCH = 16  # [leaves] between two looks at what the beams have met
+_SLACK = 1e-6  # share, and [m], by which a leaf must lie behind; far above rounding errors
+
+
+@njit(cache=True, error_model="numpy")
+def scan_discs(frame, increment, range_max, table, bounds, shapes, first, stop, ranges):
+    """Shorten ranges (B,) float32 to the discs of leaves first…stop − 1; return True if the lidar is inside one.
+
+    frame: x and y of the lidar, cosine and sine of the heading of its first beam; table: `beam_table`.
+    """
+    leaves, gaps = near_first(frame[0], frame[1], range_max + _SLACK, bounds, first, stop)
+    extents, farthest = np.empty((6, LEAF)), _no_farthest(ranges)
+    for k in range(len(leaves)):
+        if _is_hidden(k, leaves, gaps, frame, increment, bounds, ranges, farthest):
+            continue
+        if _meet_discs(frame, increment, range_max, table, shapes, leaves[k], extents, ranges):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def scan_edges(frame, increment, range_max, table, bounds, shapes, first, stop, ranges):
+    """Shorten ranges (B,) float32 to the edges of leaves first…stop − 1. See `scan_discs`."""
+    leaves, gaps = near_first(frame[0], frame[1], range_max + _SLACK, bounds, first, stop)
+    extents, farthest = np.empty((7, LEAF)), _no_farthest(ranges)
+    for k in range(len(leaves)):
+        if not _is_hidden(k, leaves, gaps, frame, increment, bounds, ranges, farthest):
+            _meet_edges(frame, increment, range_max, table, shapes, leaves[k], extents, ranges)
+
+
+@njit(cache=True, error_model="numpy")
+def scan_shapes(frame, increment, range_max, table, circles, edges, ranges):
+    """Shorten ranges (B,) float32 to all discs (C, 3) and edges (E, 4); inside a disc all are 0."""
+    extents = np.empty((7, LEAF))
+    leaf = np.empty((1, 4, LEAF))
+    for first in range(0, len(circles), LEAF):
+        _fill(leaf, circles, first, 3)
+        if _meet_discs(frame, increment, range_max, table, leaf, 0, extents, ranges):
+            ranges[:] = 0.0
+            return
+    for first in range(0, len(edges), LEAF):
+        _fill(leaf, edges, first, 4)
+        _meet_edges(frame, increment, range_max, table, leaf, 0, extents, ranges)
+
+
+@njit(cache=True, error_model="numpy")
+def _fill(leaf, shapes, first, width):
+    """Copy shapes first…first + LEAF − 1 into a leaf; those missing are far away."""
+    for i in range(LEAF):
+        for j in range(width):
+            missing = FAR if j < 2 or width == 4 else 0.0
+            leaf[0, j, i] = shapes[first + i, j] if first + i < len(shapes) else missing
+
+
+@njit(cache=True, error_model="numpy")
+def _is_hidden(k, leaves, gaps, frame, increment, bounds, ranges, farthest):
+    """Return whether leaf k lies behind the ranges met so far. farthest: of each sector, updated every few leaves."""
+    if k < _BATCH:
+        return False
+    if k % _BATCH == 0:
+        _update_farthest(ranges, farthest)
+    near = gaps[k] * (1.0 - _SLACK) - _SLACK
+    if near <= 0.0:
+        return False
+    if near > farthest[-1]:
+        return True
+    low, high = _leaf_extent(frame, increment, bounds, leaves[k])
+    turn, last_beam = _TWO_PI / increment, len(ranges) - 1
+    # The extent, and the same one turn earlier and later.
+    for shift in (0.0, -turn, turn):
+        first, last = max(math.ceil(low + shift), 0), min(math.floor(high + shift), last_beam)
+        for sector in range(first // _SECTOR, last // _SECTOR + 1):
+            if farthest[sector] >= near:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _no_farthest(ranges):
+    """An array for the farthest range of each sector and, at its end, of all."""
+    return np.empty((len(ranges) + _SECTOR - 1) // _SECTOR + 1, np.float32)
+
+
+@njit(cache=True, error_model="numpy")
+def _update_farthest(ranges, farthest):
+    """Compute the farthest range of each sector, and of all."""
+    last = len(farthest) - 1
+    farthest[last] = 0.0
+    for sector in range(last):
+        most = np.float32(0.0)
+        for i in range(uint64(sector * _SECTOR), uint64(min((sector + 1) * _SECTOR, len(ranges)))):
+            most = max(most, ranges[i])
+        farthest[sector] = most
+        farthest[last] = max(farthest[last], most)
+
+
+@njit(cache=True, error_model="numpy")
+def _leaf_extent(frame, increment, bounds, leaf):
+    """Extent [low, high] in beams of a leaf's bounding disc, which does not contain the lidar."""
+    x, y, cos, sin = frame
+    dx, dy, radius = bounds[0, leaf] - x, bounds[1, leaf] - y, bounds[2, leaf]
+    sine = radius / math.sqrt(dx * dx + dy * dy)
+    half = sine + _ASIN_CUBIC * sine * sine * sine + BEARING_ERROR
+    middle = bearing(cos * dx + sin * dy, cos * dy - sin * dx)
+    return (middle - half) / increment, (middle + half) / increment
+
+
+@njit(cache=True, error_model="numpy")
+def _meet_discs(frame, increment, range_max, table, shapes, leaf, extents, ranges):
+    """Shorten ranges to the discs of a leaf; return True if the lidar is inside one."""
+    _disc_extents(frame, increment, shapes[leaf], extents)
+    turn = _TWO_PI / increment
+    for i in range(LEAF):
+        u, v, low, high = extents[0, i], extents[1, i], extents[2, i], extents[3, i]
+        square = extents[4, i]
+        if extents[5, i] <= square:
+            return True
+        # Skip discs that begin beyond range_max.
+        reach = range_max + shapes[leaf, 2, i]
+        if u * u + v * v >= reach * reach:
+            continue
+        # Beams within the extent, and within the same extent one turn earlier or later if there are any.
+        _meet_disc(u, v, square, low, high, table, ranges)
+        if high >= turn:
+            _meet_disc(u, v, square, low - turn, high - turn, table, ranges)
+        if low + turn < len(ranges):
+            _meet_disc(u, v, square, low + turn, high + turn, table, ranges)
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _disc_extents(frame, increment, discs, extents):
+    """Centres u, v in the lidar's frame, extents low, high in beams, squared radii and squared distances of discs."""
+    x, y, cos, sin = frame
+    per_radian = 1.0 / increment
+    for i in range(LEAF):
+        dx, dy, r = discs[0, i] - x, discs[1, i] - y, discs[2, i]
+        u, v, square = cos * dx + sin * dy, cos * dy - sin * dx, dx * dx + dy * dy
+        # Upper bound of the half angle asin(r / d).
+        sine = r / math.sqrt(square)
+        half = sine + _ASIN_CUBIC * sine * sine * sine + BEARING_ERROR
+        middle = bearing(u, v)
+        extents[0, i], extents[1, i] = u, v
+        extents[2, i], extents[3, i] = (middle - half) * per_radian, (middle + half) * per_radian
+        extents[4, i], extents[5, i] = r * r, square
+
+
+@njit(cache=True, error_model="numpy")
+def _meet_disc(u, v, square, low, high, table, ranges):
+    """Test beams low…high against a disc of squared radius `square` centred on (u, v)."""
+    first, stop = _beams(low, high, len(ranges))
+    for i in range(uint64(first), uint64(stop)):
+        c, s = table[uint64(0), i], table[uint64(1), i]
+        across = u * s - v * c
+        along = u * c + v * s
+        # Near intersection at along − √(r² − across²); NaN for a beam that passes by.
+        distance = along - math.sqrt(square - across * across)
+        ranges[i] = np.float32(distance) if (distance < ranges[i]) & (along > 0.0) else ranges[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _meet_edges(frame, increment, range_max, table, shapes, leaf, extents, ranges):
+    """Shorten ranges to the edges of a leaf."""
+    _edge_extents(frame, increment, shapes[leaf], extents)
+    turn = _TWO_PI / increment
+    for i in range(LEAF):
+        # Skip edges whose bounding box begins beyond range_max.
+        if extents[6, i] >= range_max * range_max:
+            continue
+        start, end = (extents[0, i], extents[1, i]), (extents[2, i], extents[3, i])
+        low, high = extents[4, i], extents[5, i]
+        # Beams within the extent, and within the same extent one turn earlier or later if there are any.
+        _meet_edge(start, end, low, high, table, ranges)
+        if high >= turn:
+            _meet_edge(start, end, low - turn, high - turn, table, ranges)
+        if low + turn < len(ranges):
+            _meet_edge(start, end, low + turn, high + turn, table, ranges)
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_extents(frame, increment, edges, extents):
+    """Ends of edges in the lidar's frame, extents low, high in beams, and squared gaps to their bounding boxes.
+
+    An edge that the lidar is on, or almost, has the extent of a whole turn.
+    """
+    x, y, cos, sin = frame
+    for i in range(LEAF):
+        ax, ay, bx, by = edges[0, i] - x, edges[1, i] - y, edges[2, i] - x, edges[3, i] - y
+        # The edge in the lidar's frame, with the first beam along +x.
+        start_x, start_y = cos * ax + sin * ay, cos * ay - sin * ax
+        end_x, end_y = cos * bx + sin * by, cos * by - sin * bx
+        cross, dot = start_x * end_y - start_y * end_x, start_x * end_x + start_y * end_y
+        # Counter-clockwise from low to high, across the bearing 0 if need be.
+        to_start, to_end = bearing(start_x, start_y), bearing(end_x, end_y)
+        low, high = (to_end, to_start) if cross < 0.0 else (to_start, to_end)
+        high = high + _TWO_PI if high < low - 2.0 * BEARING_ERROR else high
+        at_end = ((start_x == 0.0) & (start_y == 0.0)) | ((end_x == 0.0) & (end_y == 0.0))
+        is_on = (abs(cross) <= -1e-6 * dot) | at_end
+        gap_x = max(max(min(ax, bx), -max(ax, bx)), 0.0)
+        gap_y = max(max(min(ay, by), -max(ay, by)), 0.0)
+        extents[0, i], extents[1, i], extents[2, i], extents[3, i] = start_x, start_y, end_x, end_y
+        extents[4, i] = 0.0 if is_on else (low - BEARING_ERROR) / increment
+        extents[5, i] = _TWO_PI / increment if is_on else (high + BEARING_ERROR) / increment
+        extents[6, i] = gap_x * gap_x + gap_y * gap_y
+
+
+@njit(cache=True, error_model="numpy")
+def _meet_edge(start, end, low, high, table, ranges):
+    """Test beams low…high against the edge from start to end.
+
+    A beam hits the edge if it passes the two ends on different sides. Edges with a shared corner agree on the
+    corner's side, so no beam passes between them.
+    """
+    first, stop = _beams(low, high, len(ranges))
+    lever = start[0] * end[1] - start[1] * end[0]
+    for i in range(uint64(first), uint64(stop)):
+        c, s = table[uint64(0), i], table[uint64(1), i]
+        across_start = start[0] * s - start[1] * c
+        across_end = end[0] * s - end[1] * c
+        # Distance along the beam to the line of the edge.
+        distance = lever / (across_start - across_end)
+        is_hit = ((across_start > 0.0) != (across_end > 0.0)) & (distance >= 0.0) & (distance < ranges[i])
+        ranges[i] = np.float32(distance) if is_hit else ranges[i]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _beams(low, high, num_beams):
+    """First and last + 1 of the beams low…high, and a few more to fill the last vector."""
+    first, stop = max(math.ceil(low), 0), min(math.floor(high) + 1, num_beams)
+    count = (stop - first + _LANES - 1) // _LANES * _LANES if stop > first else 0
+    return first, min(first + count, max(num_beams, first))

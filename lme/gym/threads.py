@@ -1,0 +1,52 @@
+"""Threads that share the robots of a fleet. Kernels release the interpreter's lock, and robots do not touch each other.
+
+A pool of Python threads, unlike Numba's own, survives a fork, so a process may use it and then start workers.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+
+import numba
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Ints
+
+_FEWEST = 16  # [robots] of a thread: for fewer, waking it takes as long as their step
+
+
+class Threads:
+    """Runs kernels on parts of the robots. The results do not depend on the number of threads."""
+
+    def __init__(self, threads: int | None) -> None:
+        """threads: at most so many; None: one per core, but one in a worker process, whose cores are taken.
+
+        NUMBA_NUM_THREADS limits what None means, as executors of joblib set it. Raises InputError below 1.
+        """
+        if threads is not None and threads < 1:
+            raise InputError(f"threads is {threads}: must be at least 1, or None for one per core")
+        is_worker = multiprocessing.parent_process() is not None
+        self.count = threads or (1 if is_worker else int(numba.config.NUMBA_NUM_THREADS))
+
+    def run(self, work: Callable[[Ints], None], robots: Ints) -> None:
+        """Call `work` with parts of the robots (K,), in this thread and in others at the same time."""
+        count = min(self.count, len(robots) // _FEWEST)
+        if count <= 1:
+            work(robots)
+            return
+        own, *parts = np.array_split(robots, count)
+        futures = [_pool(self.count, os.getpid()).submit(work, part) for part in parts]
+        work(own)
+        for future in futures:
+            future.result()
+
+
+@lru_cache(maxsize=1)
+def _pool(count: int, process: int) -> ThreadPoolExecutor:
+    """Threads of this process beside the one that calls."""
+    return ThreadPoolExecutor(count - 1, thread_name_prefix="lme-fleet")
