@@ -110,7 +110,8 @@ def _announce(job: Job[TrainConfig], trained: Families) -> None:
     print(f"Training on {', '.join(f'{name} ({family.robot.name})' for name, family in trained.items())}")
     if excluded:
         print(
-            f"Not on {', '.join(excluded)}: too narrow for {job.config.robot.name}. "
+            f"Not on {', '.join(excluded)}: too narrow for {job.config.robot.name}, whose outer radius of "
+            f"{job.config.robot.footprint.circumscribed_radius:.2f} m exceeds training_radius.{excluded[0]}. "
             "To train on one map alone: map=NAME, or map=file map.path=FILE for your own"
         )
 
@@ -253,8 +254,9 @@ def weights_name(job: Job[TrainConfig]) -> str:
 
 
 def _labels(job: Job[TrainConfig], trained: Families) -> RunLabels:
-    family_config = next(iter(trained.values()))
-    labels = run_labels(replace(job, config=family_config), build.map_set(family_config))
+    family, config = next(iter(trained.items()))
+    family_job = replace(job, config=config, choices={**job.choices, "map": family})  # without map=, none is chosen
+    labels = run_labels(family_job, build.map_set(config))
     if not job.config.map:
         labels = replace(labels, map="+".join(trained), robot=job.config.robot.name, subset="")
     return replace(labels, weights=weights_name(job))
