@@ -255,7 +255,8 @@ def weights_name(job: Job[TrainConfig]) -> str:
 
 def _labels(job: Job[TrainConfig], trained: Families) -> RunLabels:
     family, config = next(iter(trained.items()))
-    family_job = replace(job, config=config, choices={**job.choices, "map": family})  # without map=, none is chosen
+    # Without map=, the job itself has chosen none.
+    family_job = replace(job, config=config, choices={**job.choices, "map": family})
     labels = run_labels(family_job, build.map_set(config))
     if not job.config.map:
         labels = replace(labels, map="+".join(trained), robot=job.config.robot.name, subset="")

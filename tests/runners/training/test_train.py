@@ -419,7 +419,10 @@ def test_a_robot_that_is_too_large_for_a_family_is_told_so(capsys):
     words = last_of_each(*RACE, "trials=1", "executor=serial")
     assert main(["train", "+robot=go2", *words, "hydra.run.dir=run"]) == 0
     said = capsys.readouterr().out
-    assert "Not on fresh: too narrow for go2, whose outer radius of 0.40 m exceeds training_radius.fresh." in said
+    assert (
+        "Not on fresh: too narrow for go2, whose outer radius of 0.40 m exceeds training_radius.fresh."
+        in said
+    )
     assert yaml.safe_load(Path("run/weights.yaml").read_text())["robot"] == "go2"
 
 
