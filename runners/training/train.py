@@ -257,8 +257,10 @@ def weights_name(job: Job[TrainConfig]) -> str:
 
 
 def _labels(job: Job[TrainConfig], trained: Families) -> RunLabels:
-    family_config = next(iter(trained.values()))
-    labels = run_labels(replace(job, config=family_config), build.map_set(family_config))
+    family, config = next(iter(trained.items()))
+    # Without map=, the job itself has chosen none.
+    family_job = replace(job, config=config, choices={**job.choices, "map": family})
+    labels = run_labels(family_job, build.map_set(config))
     if not job.config.map:
         labels = replace(labels, map="+".join(trained), robot=job.config.robot.name, subset="")
     return replace(labels, weights=weights_name(job))

@@ -408,6 +408,13 @@ def test_a_race_on_any_number_of_workers_or_killed_and_resumed_ends_the_same(rac
         assert (again / name).read_bytes() == (run_dir / name).read_bytes()
 
 
+def test_barn_may_be_the_only_family():
+    words = ("training.env1=null", "training.indoor=null", "training.fresh.count=2", "race=null", "trials=1")
+    words += ("configurations=1", "runs=1", "tracking=none", "executor=serial", "hydra.run.dir=run")
+    assert main(["train", *words]) == 0
+    assert yaml.safe_load(Path("run/weights.yaml").read_text())["map"] == "fresh"
+
+
 def test_a_robot_that_is_too_large_for_a_family_is_told_so(capsys):
     words = last_of_each(*RACE, "trials=1", "executor=serial")
     assert main(["train", "+robot=go2", *words, "hydra.run.dir=run"]) == 0
