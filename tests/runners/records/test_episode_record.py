@@ -62,6 +62,6 @@ def test_a_key_is_ordered_by_world_and_then_by_run():
 
 
 def test_every_column_is_documented():
-    text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "records.md").read_text(encoding="utf-8")
     undocumented = [name for name in (*COLUMNS, "step", *TRAJECTORY_COLUMNS) if f"`{name}`" not in text]
     assert undocumented == []
