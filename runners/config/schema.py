@@ -11,7 +11,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from lme.config.composer import register_resolvers
-from lme.errors import argument_error
+from lme.errors import argument_error, require
 from lme.perception.people.source import People
 from lme.robots import Cap, Robot
 from lme.types import Feedback
@@ -106,6 +106,26 @@ class EpisodesConfig(DriveConfig):
 
 
 @dataclass(slots=True, kw_only=True)
+class PictureTexts:
+    """Texts of pictures: None for a picture's own, empty for none."""
+
+    title: str | None = None
+    caption: str | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class PictureConfig(PictureTexts):
+    """Texts and width [in] of pictures. width: None for that of each picture."""
+
+    width: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a width that no page has."""
+        if self.width is not None:
+            require("width", self.width, at_least=2.0, at_most=30.0)
+
+
+@dataclass(slots=True, kw_only=True)
 class ReportConfig(EpisodesConfig):
     """Episodes that are driven and reported on."""
 
@@ -126,6 +146,7 @@ class EvalConfig(ReportConfig):
     people: People = People.truth
     costmap_range: float | None = None
     costmap_clocks: bool = False
+    picture: PictureConfig = field(default_factory=PictureConfig)
     scale: dict[str, float] = field(default_factory=dict)
 
 
@@ -295,6 +316,7 @@ class FigureConfig(EpisodesConfig):
     run: str | None
     world: Any
     formats: list[str]
+    picture: PictureTexts = field(default_factory=PictureTexts)
     scale: dict[str, float] = field(default_factory=dict)
 
 

@@ -149,16 +149,17 @@ def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
 
 @cache  # read once, so that all jobs of a sweep have the same
 def _label(name: str, folders: tuple[Path, ...]) -> str:
-    from runners.config.changes import describe_changes, flatten  # which imports this module
-
     catalogue = Catalogue(folders)
-    settings = ablation_settings(name, catalogue)
-    node = settings.pop("system", {})
+    node = ablation_settings(name, catalogue).get("system", {})
     label = node.get("ablated", "") if isinstance(node, dict) else ""
     if not isinstance(label, str):
         raise InputError(f"{catalogue.file(f'{ABLATION}/{name}')}: system.ablated is {label!r}: must be text")
     # A file that sets parameters alone has no room for a label; nor has every other one.
-    values = {key.removeprefix(f"{ABLATION}."): value for key, value in flatten(settings)}
+    values = [
+        f"{key.name.removeprefix(f'{ABLATION}.')}={key.value}"
+        for key in catalogue.keys(f"{ABLATION}/{name}")
+        if not key.name.startswith("system.")
+    ]
     if label or not values:
         return label
-    return f"with {describe_changes(values) if len(values) <= _MOST_VALUES else name}"
+    return f"with {', '.join(values) if len(values) <= _MOST_VALUES else name}"

@@ -16,7 +16,15 @@ from runners.config.catalogue import Catalogue
 from runners.config.composer import CUSTOM
 from runners.config.job import Job
 from runners.config.quoting import resume_command
-from runners.config.schema import DriveConfig, EpisodesConfig, EvalConfig, Explain, Record, ReportConfig
+from runners.config.schema import (
+    DriveConfig,
+    EpisodesConfig,
+    EvalConfig,
+    Explain,
+    PictureConfig,
+    Record,
+    ReportConfig,
+)
 from runners.config.systems import System
 from runners.records import launch_record
 from runners.records.episode_record import CUSTOM_SUBSET, EpisodeKey, RunLabels
@@ -25,6 +33,7 @@ from runners.records.records import RecordWriter, find_runs, read_episodes
 from runners.reports.analysis import failures
 from runners.reports.analysis.summary import Row, metrics, summarise
 from runners.reports.analysis.tables import print_table, write_tables
+from runners.reports.figures.style import PicturePage, drawn_on
 from runners.tracking.tracking import Tracking, closed_by, parameters, short_names
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
@@ -161,7 +170,8 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     frame = read_episodes([run_dir])
     rows = summarise(frame, systems=_own_system(labels.guide, labels.planner, job))
     tables = write_tables(frame, rows, run_dir)
-    picture = draw_run(frame, run_dir, maps, run_dir / "trajectories.png")
+    with drawn_on(page_of(job.config)):
+        picture = draw_run(frame, run_dir, maps, run_dir / "trajectories.png")
     return frame, rows, [*tables, *picture, run_dir / EPISODES]
 
 
@@ -239,6 +249,12 @@ def resume_hint(command: str, run_dir: Path) -> Iterator[None]:
         raise
 
 
+def page_of(config: object) -> PicturePage:
+    """Return the page of the pictures of a command; `lme eval` and `lme figure` let the user set it."""
+    picture = getattr(config, "picture", PictureConfig())
+    return PicturePage(picture.title, picture.caption, getattr(picture, "width", None))
+
+
 class SweepReport(NamedTuple):
     """Files that were written, and the lines to print below the table."""
 
@@ -253,7 +269,8 @@ def finish_sweep(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
     rows = summarise(frame, job.config.table, systems.systems(job.folders))
-    artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
+    with drawn_on(page_of(job.config)):
+        artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in lines:
         print(line)

@@ -14,12 +14,12 @@ from runners.config.catalogue import Catalogue
 from runners.config.job import Job
 from runners.config.map_sets import parse_worlds
 from runners.config.schema import FigureConfig
-from runners.evaluate.evaluate import drive, resume_hint, run_labels
+from runners.evaluate.evaluate import drive, page_of, resume_hint, run_labels
 from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
 from runners.reports.figures.driven_runs import Kind, check_guided, read_runs
 from runners.reports.figures.map_pictures import Maps
-from runners.reports.figures.style import FORMATS
+from runners.reports.figures.style import FORMATS, drawn_on
 
 
 def validate(job: Job[FigureConfig]) -> None:
@@ -78,7 +78,8 @@ def _draw(job: Job[FigureConfig], run_dirs: Sequence[Path], folder: Path) -> Non
     driven_runs = read_runs(runs) if kind.drives else []
     if kind.drives and not driven_runs:
         raise InputError(f"run is {config.run}: there is no {LAUNCH} with its config, so it cannot be drawn")
-    paths = kind.draw(driven_runs, worlds_of(config.world), folder / kind.name, config.formats)
+    with drawn_on(page_of(config)):
+        paths = kind.draw(driven_runs, worlds_of(config.world), folder / kind.name, config.formats)
     print("\n".join(map(str, paths)))
 
 

@@ -37,7 +37,7 @@ from runners.records.inputs import Input
 
 LAUNCH = "launch.json"
 # Keys that cannot change a result.
-NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
+NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain", "picture")
 # Values of keys that older runs lack; they are left out, so that these runs can be resumed.
 DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}, "filter": {}}
 _SHOWN = 3  # number of differing keys that a message names at most

@@ -18,20 +18,26 @@ EXAMPLES = (
     "lme table outputs/eval/RUN",
     "lme table RUN1 RUN2 --format csv",
     "lme table SWEEP1 SWEEP2 --into outputs/robustness",
+    "lme table SWEEP --width 3.5 --title 'Hall, 50 pairs'",
 )
 
 
 def main(argv: list[str]) -> int:
     """Print one table over all runs. Raises InputError for a path without records."""
+    from runners.config.schema import PictureConfig
     from runners.records.records import find_runs, read_episodes
+    from runners.reports.figures.style import PicturePage, drawn_on
 
     arguments = _parser().parse_args(argv)
+    picture = PictureConfig(title=arguments.title, caption=arguments.caption, width=arguments.width)
+    page = PicturePage(picture.title, picture.caption, picture.width)
     runs = find_runs(arguments.runs)
     frame = read_episodes(runs)
     rows = _rows(frame, runs, is_sweep=runs != arguments.runs[:1])
     _print(frame, rows, arguments.format)
     if len(arguments.runs) == 1 or arguments.into:
-        words = _rewrite(frame, rows, runs, arguments.into or arguments.runs[0])
+        with drawn_on(page):
+            words = _rewrite(frame, rows, runs, arguments.into or arguments.runs[0])
         for line in words if arguments.format == "rich" else []:
             print(line)
     return 0
@@ -49,6 +55,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--format", choices=("rich", "md", "csv", "tex"), default="rich", help="default: rich"
+    )
+    parser.add_argument("--title", help="above the pictures, in place of what they show; '': none")
+    parser.add_argument("--caption", help="below the pictures, in place of what explains them; '': none")
+    parser.add_argument(
+        "--width",
+        type=float,
+        metavar="IN",
+        help="of the pictures [in], e.g. 3.5 or 7.16: a column or page of IEEE",
     )
     add_trust(parser)
     return parser

@@ -19,8 +19,20 @@ from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row
-from runners.reports.analysis.tables import title
-from runners.reports.figures.style import GRID, INK, OUTCOMES, filled, new_figure, outcome_keys, save, symbol
+from runners.reports.analysis.tables import TableSetting, picture_titles, shared_setting
+from runners.reports.figures.style import (
+    GRID,
+    INK,
+    OUTCOMES,
+    PAGE_IN,
+    entitle,
+    filled,
+    new_figure,
+    outcome_keys,
+    page_width,
+    save,
+    symbol,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,16 +81,16 @@ NOTES = (
     f"than {MARGIN:g}.",
 )
 
-WIDTH_IN, STUDY_IN, AROUND_IN = 7.2, 4.0, 0.75
+STUDY_IN, AROUND_IN = 3.6, 0.35
 VARIANT_IN = 0.8  # least width of a variant; many variants widen the figure
 STUDIES = 4  # at most: more cannot be read on a page
 BAR = 0.72
 LETTERS = 11  # in a line of a variant's name
 GAP = 0.08  # between panels, in panels
 CAPTION = (
-    f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}\n"
-    "Below: difference in success to the complete method, paired by world and run,\n"
-    "95 % bootstrap over worlds; filled where beyond the noise (Holm-adjusted sign-flip p < 0.05)."
+    f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}",
+    "Below: difference in success to the complete method, paired by world and run, 95 % bootstrap over worlds; filled "
+    "where beyond the noise (Holm-adjusted sign-flip p < 0.05).",
 )
 
 
@@ -109,7 +121,7 @@ class AblationStudy(SweepStudy):
 
     name: ClassVar[str] = "ablation"
     heading: str
-    setting: str
+    setting: TableSetting
     variants: tuple[Variant, ...]
 
     @classmethod
@@ -136,7 +148,7 @@ class AblationStudy(SweepStudy):
             verdict = _verdict(name, by_measure[SUCCESS], claims) if name in claims else None
             claim = claims[name].words if verdict else ""
             variants.append(Variant(name, paired.row(block.variants[name]), change, claim, *(verdict or ())))
-        return cls(block.heading, title(block.baseline), tuple(variants))
+        return cls(block.heading, shared_setting(block.baseline), tuple(variants))
 
     @property
     def judged(self) -> list[Variant]:
@@ -160,7 +172,7 @@ class AblationStudy(SweepStudy):
         for variant in self.variants:
             yield {
                 "block": self.heading,
-                "place": self.setting,
+                "place": str(self.setting),
                 "ablation": variant.ablation,
                 **({"pairs": variant.change[SUCCESS].pairs} if variant.change else {}),
                 **paired.to_mapping(variant.row, variant.change),
@@ -176,7 +188,8 @@ class AblationStudy(SweepStudy):
     def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
         """Draw outcomes and paired differences of every variant."""
         drawn_studies = studies[:STUDIES]
-        width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in drawn_studies)))
+        most = max(len(study.variants) for study in drawn_studies)
+        width = page_width(max(PAGE_IN, VARIANT_IN * (1 + most)))
         figure = new_figure(width, AROUND_IN + STUDY_IN * len(drawn_studies))
         panels = figure.subplots(
             2 * len(drawn_studies),
@@ -185,14 +198,16 @@ class AblationStudy(SweepStudy):
             height_ratios=[1.6, 1.0] * len(drawn_studies),
             gridspec_kw={"hspace": GAP},
         )[:, 0]
+        titles, changes = picture_titles(
+            [study.setting for study in drawn_studies], [study.heading for study in drawn_studies]
+        )
         # Two panels for each study: the outcomes above, the differences below.
         for number, study in enumerate(drawn_studies):
             upper_axes, lower_axes = panels[2 * number : 2 * number + 2]
             _outcomes(upper_axes, study.variants)
             _changes(lower_axes, study.variants)
-            upper_axes.set_title(
-                plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, loc="left"
-            )
+            if len(drawn_studies) > 1:
+                upper_axes.set_title(plot_text(titles[number]), fontsize=8, color=INK, loc="left")
         figure.legend(
             handles=outcome_keys(),
             loc="outside upper right",
@@ -201,8 +216,8 @@ class AblationStudy(SweepStudy):
             fontsize=8,
             labelcolor=INK,
         )
-        omitted = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
-        figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
+        omitted = [f"{len(studies) - STUDIES} more in {cls.name}.md."] if len(studies) > STUDIES else []
+        entitle(figure, titles[0] if len(titles) == 1 else "", "\n".join([*CAPTION, *changes, *omitted]))
         return save(figure, folder / cls.name, ("png", "pdf"))
 
 

@@ -21,10 +21,10 @@ from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.reports.analysis.paired import METRIC, SUCCESS, TIE, interval, p_value, signed
-from runners.reports.analysis.summary import DASH
+from runners.reports.analysis.summary import DASH, changed_columns
 from runners.reports.analysis.tables import aligned, csv_text
 from runners.reports.figures.robot_view import halo
-from runners.reports.figures.style import FRAME, GREEN, GRID, INK, VERMILION, new_figure, save
+from runners.reports.figures.style import FRAME, GREEN, GRID, INK, VERMILION, entitle, new_figure, save
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,7 +45,6 @@ FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
 LABEL = 34  # most letters in a line of a name
-LETTERS_PER_IN = 18  # of the note below a picture
 
 
 def to_text(comparisons: Sequence[RunComparison]) -> str:
@@ -237,13 +236,21 @@ def _pair(study: RunComparison, compared: Compared) -> Figure:
     _draw_bars(right, gain[gain.abs() > TIE])
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
     num_equal = len(worlds) - len(compared.better) - len(compared.worse)
-    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
     note = (
         f"{compared.name} against {study.reference}, means of the runs in each world: better in {len(compared.better)} "
         f"worlds, worse in {len(compared.worse)}, the same in {num_equal}."
     )
-    figure.supxlabel(_wrapped(note, _letters_per_line(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
+    _entitle(figure, study, note)
     return figure
+
+
+def _entitle(figure: Figure, study: RunComparison, note: str) -> None:
+    """Write what all runs have in common above, and the note and the changed keys that they share below."""
+    keys = changed_columns(study.run.frame)
+    parts = study.place.split(" · ")
+    changes = [part for part in parts if part.partition(" ")[0] in keys]
+    changed = [f"Changed: {', '.join(changes)}."] if changes else []
+    entitle(figure, " · ".join(part for part in parts if part not in changes), "\n".join([note, *changed]))
 
 
 def _draw_scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
@@ -305,8 +312,7 @@ def _heat_map(study: RunComparison) -> Figure:
     longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
     width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
     band_in = 0.55 + LINE_IN * len(means) * (1 + 0.35 * any("\n" in _wrapped(name) for name in means.index))
-    note = _wrapped(note, _letters_per_line(width))
-    figure = new_figure(width, 0.85 + 0.12 * len(note.split("\n")) + band_in * len(bands))
+    figure = new_figure(width, 0.4 + band_in * len(bands))
     colours = colormaps["viridis"].with_extremes(bad="white")
     top = TOP.get(study.measure, 1.0)
     for axes, band in zip(figure.subplots(len(bands), 1, squeeze=False)[:, 0], bands, strict=True):
@@ -327,8 +333,7 @@ def _heat_map(study: RunComparison) -> Figure:
     bar.set_label(MEASURES[study.measure].header, fontsize=7.5, color=INK)
     bar.ax.tick_params(labelsize=7, colors=INK)
     bar.outline.set_visible(False)
-    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel(note, fontsize=7, color=INK, x=0.01, ha="left")
+    _entitle(figure, study, note)
     return figure
 
 
@@ -368,11 +373,6 @@ def _picture_note(study: RunComparison, differing: int, same: int) -> str:
 
 def _wrapped(text: str, letters: int = LABEL) -> str:
     return plot_text("\n".join(textwrap.wrap(text, letters)) or text)
-
-
-def _letters_per_line(width_in: float) -> int:
-    """Return the number of letters of a note that fit into a line of a picture."""
-    return int(LETTERS_PER_IN * width_in)
 
 
 def _style_axes(axes: Axes, grid: str) -> None:

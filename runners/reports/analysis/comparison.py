@@ -6,6 +6,7 @@ The chart shows the published results, too. The reference is LME, or the system 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +28,20 @@ from runners.reports.analysis.summary import (
     row_keys,
     usual,
 )
-from runners.reports.analysis.tables import title
-from runners.reports.figures.style import GRID, INK, OUTCOMES, SKY, filled, new_figure, outcome_keys, save
+from runners.reports.analysis.tables import TableSetting, changed_notes, shared_setting
+from runners.reports.figures.style import (
+    GRID,
+    INK,
+    OUTCOMES,
+    PAGE_IN,
+    SKY,
+    entitle,
+    filled,
+    new_figure,
+    outcome_keys,
+    page_width,
+    save,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +53,8 @@ REFERENCE = "LME"
 MEASURES = (paired.SUCCESS, paired.METRIC, SMOOTHNESS)
 HEADERS = {metric.key: metric.header for metric in METRICS if metric.key in MEASURES}
 ROW = "row"  # a column of the records: the row's name in the table
-WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
+ROW_IN, AROUND_IN = 0.3, 0.85
+LETTERS_PER_IN = 5.0  # of the names beside the bars, which take a third of the page
 THICK, THIN = 0.8, 0.42  # height of our bars, of published bars
 FADED = 0.45  # opacity of published bars
 MOST = 60  # most bars on a page
@@ -55,7 +69,7 @@ class Comparison(SweepStudy):
 
     name: ClassVar[str] = "comparison"
     reference: str
-    setting: str
+    setting: TableSetting
     rows: Mapping[str, Row]
     changes: Mapping[str, Mapping[str, Difference]]
 
@@ -83,7 +97,7 @@ class Comparison(SweepStudy):
         frames = {reference: block.baseline, **block.variants}
         return cls(
             reference,
-            " · ".join(text for text in (block.heading, title(pd.concat(frames.values()))) if text),
+            _headed(block.heading, shared_setting(pd.concat(frames.values()))),
             {name: paired.row(frame) for name, frame in frames.items()},
             {
                 name: {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
@@ -109,7 +123,11 @@ class Comparison(SweepStudy):
         """Yield a line for each row."""
         for name, row in self.rows.items():
             changes = paired.to_mapping(row, self.changes.get(name, {}))
-            yield {"place": self.setting, "reference": self.reference, "row": name, **changes}
+            yield {"place": str(self.setting), "reference": self.reference, "row": name, **changes}
+
+
+def _headed(heading: str, setting: TableSetting) -> TableSetting:
+    return setting._replace(place=(heading, *setting.place)) if heading else setting
 
 
 def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
@@ -165,13 +183,13 @@ def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], directory: Path)
     """
     has_metric = any(paired.METRIC in row.stats for row in rows)
     num_rows, rows = len(rows), best_and_worst(rows)
-    figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
+    figure = new_figure(page_width(PAGE_IN), AROUND_IN + ROW_IN * len(rows))
     widths = [3.0, 1.4] if has_metric else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
     _draw_outcomes(panels[0], rows)
     if has_metric:
         _draw_metric(panels[1], rows)
-    _label_chart(figure, panels[0], rows, num_rows, title(frame))
+    _label_chart(figure, panels[0], rows, num_rows, shared_setting(frame).short)
     return save(figure, directory / Comparison.name, ("png", "pdf"))
 
 
@@ -229,7 +247,8 @@ def _write_value(axes: Axes, line: int, mean: float) -> None:
         va="center",
         fontsize=7.5,
         color=INK,
-        path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.6)],
+        path_effects=[withStroke(linewidth=2.5, foreground="white", alpha=0.8)],
+        zorder=6,  # above the whisker
     )
 
 
@@ -248,15 +267,13 @@ def _label_chart(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int,
     axes.set_yticks(range(len(rows)), [_bar_label(row, shared) for row in rows], fontsize=8, color=INK)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     figure.legend(
-        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
-    )
+        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK,
+        handlelength=1.5, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip
     heading = " · ".join(
         [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
     )
-    figure.suptitle(plot_text(heading), fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel(
-        plot_text("\n".join(_chart_notes(rows, num_rows))), fontsize=7, color=INK, x=0.01, ha="left"
-    )
+    entitle(figure, heading, "\n".join(_chart_notes(rows, num_rows)))
 
 
 def _chart_notes(rows: Sequence[Row], num_rows: int) -> list[str]:
@@ -269,7 +286,7 @@ def _chart_notes(rows: Sequence[Row], num_rows: int) -> list[str]:
         lines.append("* with a global planner.")
     if any(row.interval is not None for row in rows):
         lines.append(f"Whiskers: {INTERVAL_HEADER}. {INTERVAL_NOTE}")
-    return lines + published.notes(rows)
+    return [*lines, *changed_notes(rows), *published.notes(rows)]
 
 
 def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
@@ -287,8 +304,11 @@ def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
 def _bar_label(row: Row, shared: Container[str]) -> str:
     """Return the name of a row with its keys, without those that all share and without usual values."""
     keys = {key: value for key, value in row.keys.items() if key not in shared and value not in usual(key)}
+    if row.ablated:
+        keys.pop("ablation", None)  # the name says it
     texts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
-    return plot_text(f" {DASH} ".join(texts)) + ("" if row.global_planner == "no" else " *")
+    text = f" {DASH} ".join(texts) + ("" if row.global_planner == "no" else " *")
+    return plot_text("\n".join(textwrap.wrap(text, int(LETTERS_PER_IN * page_width(PAGE_IN)))))
 
 
 def _bar_height(row: Row) -> float:

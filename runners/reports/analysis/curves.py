@@ -13,18 +13,21 @@ from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, Row, as_text, changed_columns, row_keys
-from runners.reports.analysis.tables import title
+from runners.reports.analysis.tables import TableSetting, picture_titles, shared_setting
 from runners.reports.figures.style import (
     BLUE,
     GREEN,
     GRID,
     INK,
     ORANGE,
+    PAGE_IN,
     PURPLE,
     SKY,
     VERMILION,
     Style,
+    entitle,
     new_figure,
+    page_width,
     save,
 )
 
@@ -47,7 +50,8 @@ LOOKS = (
     Style(SKY, "--", "P"),
     Style(INK, "-.", "X"),
 )
-WIDTH_IN, PANEL_IN, AROUND_IN = 7.2, 2.0, 0.9
+PANEL_IN, AROUND_IN = 2.0, 0.6
+LETTER_IN = 0.07  # of the key
 COLUMNS = 3  # of panels
 DRAWN = {SUCCESS: ("success rate", 1.04), METRIC: ("BARN metric", 0.52)}
 NOTE = "Band: 95 % interval of the success rate. Only the key below a panel is changed in it."
@@ -70,7 +74,7 @@ class CurveStudy(SweepStudy):
 
     name: ClassVar[str] = "curves"
     key: str
-    setting: str
+    setting: TableSetting
     curves: tuple[Curve, ...]
 
     @classmethod
@@ -86,7 +90,9 @@ class CurveStudy(SweepStudy):
         texts = frame.assign(**{name: as_text(frame[name]) for name in keys})
         groups = texts.groupby(keys, sort=False)
         return cls(
-            key, title(frame), tuple(curve for names, group in groups for curve in _curve(names, group))
+            key,
+            shared_setting(frame),
+            tuple(curve for names, group in groups for curve in _curve(names, group)),
         )
 
     @property
@@ -124,9 +130,10 @@ class CurveStudy(SweepStudy):
         """Draw a panel for each key and measure, with a line for each system."""
         rows = [row for study in studies for curve in study.curves for _, row in curve.points]
         measures = [name for name in DRAWN if any(name in row.stats for row in rows)]
-        columns = min(COLUMNS, len(studies))
+        width = page_width(PAGE_IN)
+        columns = min(max(round(COLUMNS * width / PAGE_IN), 1), len(studies))
         bands = math.ceil(len(studies) / columns)
-        figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * bands * len(measures))
+        figure = new_figure(width, AROUND_IN + PANEL_IN * bands * len(measures))
         panels = figure.subplots(bands * len(measures), columns, sharey="row", squeeze=False)
         labels = list(dict.fromkeys(curve.label for study in studies for curve in study.curves))
         for number in range(bands * columns):
@@ -137,8 +144,11 @@ class CurveStudy(SweepStudy):
                 else:
                     axes.set_visible(False)
         handles = [_curve_line(number, label) for number, label in enumerate(labels)]
-        figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
-        figure.supxlabel(f"{plot_text(studies[0].setting)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
+        longest = max(map(len, labels))
+        entries = max(int(width / (0.55 + LETTER_IN * longest)), 1)
+        figure.legend(handles=handles, loc="outside upper left", ncols=entries, frameon=False, fontsize=8)
+        (heading, *_), changes = picture_titles([study.setting for study in studies], [""] * len(studies))
+        entitle(figure, heading, "\n".join([NOTE, *changes]))
         return save(figure, folder / cls.name, ("png", "pdf"))
 
 

@@ -15,8 +15,20 @@ from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row
-from runners.reports.analysis.tables import title
-from runners.reports.figures.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
+from runners.reports.analysis.tables import TableSetting, picture_titles, shared_setting
+from runners.reports.figures.style import (
+    BLUE,
+    FRAME,
+    GRID,
+    INK,
+    PAGE_IN,
+    VERMILION,
+    entitle,
+    new_figure,
+    page_width,
+    save,
+    symbol,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +43,7 @@ NOTES = (
 )
 
 COLUMNS, STUDIES = 4, 3  # of panels; at most: more cannot be read on a page
-WIDTH_IN, PANEL_IN, AROUND_IN = 7.2, 1.75, 1.1
+PANEL_IN, AROUND_IN = 1.75, 0.4
 FRACTIONS = {0.125: "⅛", 0.25: "¼", 0.5: "½", 0.75: "¾"}
 ZERO_GAP = 0.375  # from factor 0 to the least other one, relative to the span of the others
 BESIDE = 0.09  # left and right of all factors, relative to their span
@@ -40,7 +52,7 @@ _SUCCESS: dict[str, Any] = {"color": BLUE, "linestyle": "-", "linewidth": 1.4, "
 _METRIC: dict[str, Any] = {"color": VERMILION, "linestyle": "--", "linewidth": 1.2, "marker": "s"}
 CAPTION = (
     "Factor on one parameter, the others kept; its own value in the title. Band: 95 % over worlds, Wilson. "
-    "Filled: differs\nfrom that at 1 beyond the noise (paired by world, Holm-adjusted sign-flip p < 0.05). Dashed: "
+    "Filled: differs from that at 1 beyond the noise (paired by world, Holm-adjusted sign-flip p < 0.05). Dashed: "
     "success with all parameters as they are."
 )
 
@@ -91,7 +103,7 @@ class SensitivityStudy(SweepStudy):
 
     name: ClassVar[str] = "sensitivity"
     heading: str
-    setting: str
+    setting: TableSetting
     curves: tuple[ParameterCurve, ...]
 
     @classmethod
@@ -117,7 +129,7 @@ class SensitivityStudy(SweepStudy):
             ParameterCurve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
             for name, points in by_parameter.items()
         )
-        return cls(block.heading, title(block.baseline), tuple(curves))
+        return cls(block.heading, shared_setting(block.baseline), tuple(curves))
 
     @property
     def scored(self) -> bool:
@@ -147,7 +159,7 @@ class SensitivityStudy(SweepStudy):
             for point in curve.points:
                 yield {
                     "block": self.heading,
-                    "place": self.setting,
+                    "place": str(self.setting),
                     "parameter": curve.parameter,
                     "value": curve.value,
                     "factor": point.factor,
@@ -162,14 +174,20 @@ class SensitivityStudy(SweepStudy):
     def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
         """Draw a panel for each parameter, all on one scale."""
         drawn_studies = studies[:STUDIES]
-        columns = min(COLUMNS, max(len(study.curves) for study in drawn_studies))
+        width = page_width(PAGE_IN)
+        most = max(round(COLUMNS * width / PAGE_IN), 1)
+        columns = min(most, max(len(study.curves) for study in drawn_studies))
         rows = [math.ceil(len(study.curves) / columns) for study in drawn_studies]
-        figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(drawn_studies) - 1))
+        figure = new_figure(width, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(drawn_studies) - 1))
         # A part of the figure for each study, with a panel for each of its parameters.
-        for subfigure, study, count in zip(
+        titles, changes = picture_titles(
+            [study.setting for study in drawn_studies], [study.heading for study in drawn_studies]
+        )
+        for subfigure, study, count, heading in zip(
             figure.subfigures(len(drawn_studies), 1, squeeze=False, height_ratios=rows)[:, 0],
             drawn_studies,
             rows,
+            titles,
             strict=True,
         ):
             panels = subfigure.subplots(count, columns, sharex=True, sharey=True, squeeze=False).flat
@@ -178,10 +196,8 @@ class SensitivityStudy(SweepStudy):
                 _panel(axes, curve, positions)
             for axes in list(panels.base.flat)[len(study.curves) :]:
                 axes.set_visible(False)
-            subfigure.suptitle(
-                plot_text(f"{study.heading} · {study.setting}"), fontsize=9, color=INK, x=0.01, ha="left"
-            )
-        omitted = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
+            if len(titles) > 1:
+                subfigure.suptitle(plot_text(heading), fontsize=8, color=INK, x=0.01, ha="left")
         figure.legend(
             handles=_keys(any(study.scored for study in studies)),
             loc="outside upper right",
@@ -190,7 +206,8 @@ class SensitivityStudy(SweepStudy):
             fontsize=8,
             labelcolor=INK,
         )
-        figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
+        omitted = [f"{len(studies) - STUDIES} more in {cls.name}.md."] if len(studies) > STUDIES else []
+        entitle(figure, titles[0] if len(titles) == 1 else "", "\n".join([CAPTION, *changes, *omitted]))
         return save(figure, folder / cls.name, ("png", "pdf"))
 
 

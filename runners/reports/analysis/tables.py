@@ -6,9 +6,9 @@ import csv
 import io
 import math
 import textwrap
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds
 from lme.worlds.cold_trial import STAND_IN
@@ -43,13 +43,51 @@ Column = tuple[str, ...]  # its header, then a cell for each row
 FAMILY = "world_family"  # column of map sets that draw a family of worlds for every episode
 
 
+class TableSetting(NamedTuple):
+    """What all rows have in common. place: map, subset and robot; changes: changed keys; size: worlds and runs."""
+
+    place: tuple[str, ...]
+    changes: tuple[str, ...]
+    size: str
+
+    def __str__(self) -> str:
+        return " · ".join([*self.place, *self.changes, self.size])
+
+    @property
+    def short(self) -> str:
+        """The setting without changed keys, for the title of a picture."""
+        return " · ".join([*self.place, self.size])
+
+
 def title(frame: pd.DataFrame) -> str:
     """Return what all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
-    columns = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
-    shared = [key for key in columns if frame[key].notna().all() and frame[key].nunique() == 1]
-    values = {key: str(frame[key].iloc[0]) for key in shared}
-    common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
-    return " · ".join([*common, f"{_count_text(frame, 'world')} {TIMES} {_count_text(frame, 'run')}"])
+    return str(shared_setting(frame))
+
+
+def shared_setting(frame: pd.DataFrame) -> TableSetting:
+    """Return what all rows have in common."""
+
+    def shared(keys: Iterable[str]) -> dict[str, str]:
+        common = [key for key in keys if frame[key].notna().all() and frame[key].nunique() == 1]
+        return {key: value for key in common if (value := str(frame[key].iloc[0]))}
+
+    return TableSetting(
+        tuple(shared(key for key in ("map", "subset", "robot") if key in frame).values()),
+        tuple(f"{key}={value}" for key, value in shared(changed_columns(frame)).items()),
+        f"{_count_text(frame, 'world')} {TIMES} {_count_text(frame, 'run')}",
+    )
+
+
+def picture_titles(settings: Sequence[TableSetting], headings: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the title of each study in a picture, and the lines of the caption that name changed keys.
+
+    headings: what begins each title. Changed keys that all share are in the caption, others in the titles.
+    """
+    changes = {setting.changes for setting in settings}
+    texts = [setting.short if len(changes) == 1 else str(setting) for setting in settings]
+    titles = [" · ".join(filter(None, words)) for words in zip(headings, texts, strict=True)]
+    shared = changes.pop() if len(changes) == 1 else ()
+    return titles, [f"Changed: {', '.join(shared)}."] if shared else []
 
 
 def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:

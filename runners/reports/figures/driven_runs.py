@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import textwrap
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, astuple, dataclass
 from functools import cached_property
@@ -25,15 +24,12 @@ from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.launch_record import Launch
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.reports.analysis.summary import ablated
-from runners.reports.figures.style import INK, save
+from runners.reports.figures.style import entitle, save
 from runners.workers.trace import Trace, rerun_recorded, step_tables
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-
-LINE_IN, LINE_LETTERS = 0.145, 112  # height and letters of a line of a heading on a page 7 in wide
 
 
 @dataclass(slots=True)
@@ -119,26 +115,13 @@ def candidate_reach(trace: Trace) -> float:
     return float(min(candidates.max_range, trace.robot.lidar.range_max))
 
 
-def heading(shot: DecisionView) -> list[str]:
-    """Return the lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
+def heading(shot: DecisionView) -> tuple[str, str]:
+    """Return the title, which is the place and time, and the decision as a sentence below it."""
     trace = shot.trace
     episode = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
     moment = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
     words = reason(shot.why, shot.before)
-    return [f"{episode} · {moment}", *textwrap.wrap(words[0].upper() + words[1:], LINE_LETTERS)]
-
-
-def heading_height(lines: Sequence[str]) -> float:
-    """Return the height of a heading [in]."""
-    return 0.08 + LINE_IN * len(lines)
-
-
-def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
-    """Write the heading at the top left, its first line in bold."""
-    for number, line in enumerate(lines):
-        style: dict[str, Any] = {"fontsize": 8} if number else {"fontsize": 8.5, "fontweight": "bold"}
-        x, y = 0.08 / figure.get_figwidth(), 1 - (0.05 + number * LINE_IN) / figure.get_figheight()
-        figure.text(x, y, line, va="top", color=INK, **style)
+    return f"{episode} · {moment}", words[0].upper() + words[1:]
 
 
 class DecisionFigure:
@@ -156,6 +139,11 @@ class DecisionFigure:
         """Draw the page of one decision."""
         raise NotImplementedError
 
+    def _entitled(self, shot: DecisionView) -> Figure:
+        figure, (title, subtitle) = self.figure(shot), heading(shot)
+        entitle(figure, title, subtitle=subtitle)
+        return figure
+
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
@@ -167,7 +155,7 @@ class DecisionFigure:
         return [
             path
             for decision, path_stem in zip(decisions, stems, strict=True)
-            for path in save(self.figure(decision), path_stem, formats)
+            for path in save(self._entitled(decision), path_stem, formats)
         ]
 
 

@@ -23,9 +23,6 @@ from runners.reports.figures.driven_runs import (
     Guided,
     StepConfig,
     candidate_reach,
-    draw_heading,
-    heading,
-    heading_height,
 )
 from runners.reports.figures.robot_view import draw_key, line, mark
 from runners.reports.figures.scene import Box, frame_panel
@@ -86,11 +83,10 @@ def sights(trace: Trace, last_step: int) -> list[Perception]:
 def expected_time_figure(shot: DecisionView) -> Figure:
     """Draw the page of one decision."""
     explanation, sight = shot.why, sights(shot.trace, shot.step)[-1]
-    lines, box = heading(shot), _box(shot)
+    box = _box(shot)
     axes_height = WIDE_IN * (box.y1 - box.y0) / (box.x1 - box.x0)
-    height = heading_height(lines) + axes_height + EDGE_IN
+    height = axes_height + 2 * EDGE_IN
     figure = new_figure(PAGE_IN, height, layout=None)
-    draw_heading(figure, lines)
     axes = figure.add_axes((EDGE_IN / PAGE_IN, EDGE_IN / height, WIDE_IN / PAGE_IN, axes_height / height))
     frame_panel(axes, box)
     # From the bottom up: the field, candidates, points, then what the view shows of every decision.

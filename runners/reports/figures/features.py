@@ -22,9 +22,6 @@ from runners.reports.figures.driven_runs import (
     DecisionView,
     StepConfig,
     candidate_reach,
-    draw_heading,
-    heading,
-    heading_height,
 )
 from runners.reports.figures.robot_view import draw_key, key
 from runners.reports.figures.scene import frame_panel
@@ -247,16 +244,14 @@ class FeaturePage:
         self._shot = shot
         self._panels, self._columns = panels, columns(panels)
         self._box = view.reach_box(shot.why.candidates, candidate_reach(shot.trace))
-        self._lines = heading(shot)
         self._key = key(shot.why, candidate_reach(shot.trace), self._box)
         inner = PAGE_IN - 2 * EDGE_IN - (self._columns - 1) * GAP_IN
         self._width = min(inner / self._columns, WIDEST_IN)
         self._tall = self._width * (self._box.y1 - self._box.y0) / (self._box.x1 - self._box.x0)
         self._rows = math.ceil(panels / self._columns)
-        self._top = heading_height(self._lines) - 0.05  # titles have their own space above
         self._foot = NOTE_IN + (0 if self._has_place else self._key_rows * KEY_LINE_IN + 0.05)
         self._row = TITLE_IN + self._tall + BELOW_IN
-        self._height = self._top + self._rows * self._row + self._foot
+        self._height = self._rows * self._row + self._foot
         self.figure = new_figure(PAGE_IN, self._height, layout=None)
 
     @property
@@ -287,8 +282,7 @@ class FeaturePage:
         return (x + self._width / 2) / PAGE_IN, y / self._height
 
     def label(self, percentiles: Sequence[float]) -> None:
-        """Draw the heading, the key and the note."""
-        draw_heading(self.figure, self._lines)
+        """Draw the key and the note."""
         self._draw_key()
         low, high = percentiles
         text = (
@@ -324,7 +318,7 @@ class FeaturePage:
         row, column = divmod(index, self._columns)
         grid_width = self._columns * (self._width + GAP_IN) - GAP_IN
         x = (PAGE_IN - grid_width) / 2 + column * (self._width + GAP_IN)
-        return x, self._height - self._top - row * self._row - TITLE_IN - self._tall
+        return x, self._height - row * self._row - TITLE_IN - self._tall
 
     def _axes(self, x: float, y: float, width: float, height: float) -> Axes:
         return self.figure.add_axes((x / PAGE_IN, y / self._height, width / PAGE_IN, height / self._height))

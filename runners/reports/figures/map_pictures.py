@@ -30,7 +30,7 @@ from runners.reports.figures.scene import (
     legend_keys,
     scale_bar,
 )
-from runners.reports.figures.style import BLUE, GRID, INK, OBSTACLE, VERMILION, new_figure, save
+from runners.reports.figures.style import BLUE, GRID, INK, OBSTACLE, VERMILION, entitle, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,7 +112,9 @@ class Maps:
             panels += panels_of(choice)
         if not self.config.way:
             panels = [panel._replace(way=None) for panel in panels]
-        return save(sheet(panels, self.config.columns), stem, formats)
+        figure = sheet(panels, self.config.columns)
+        entitle(figure)
+        return save(figure, stem, formats)
 
     def _every_set(self) -> Iterator[list[str]]:
         """Yield the words of every map set that works without a setting."""

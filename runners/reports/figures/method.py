@@ -19,9 +19,6 @@ from runners.reports.figures.driven_runs import (
     DecisionView,
     StepConfig,
     candidate_reach,
-    draw_heading,
-    heading,
-    heading_height,
 )
 from runners.reports.figures.scene import Box, frame_panel
 from runners.reports.figures.style import BLUE, GREEN, INK, SKY, VERMILION, YELLOW, new_figure
@@ -51,11 +48,9 @@ class Method(DecisionFigure):
 def method_figure(shot: DecisionView) -> Figure:
     """Draw the page of one decision."""
     side = (PAGE_IN - 2 * EDGE_IN - 2 * GAP_IN) / 3
-    lines = heading(shot)
     caption_height = 0.1 + CAPTION_LINE_IN * CAPTION_LINES
-    height = heading_height(lines) + side + caption_height
+    height = EDGE_IN + side + caption_height
     figure = new_figure(PAGE_IN, height, layout=None)
-    draw_heading(figure, lines)
     for number, (box, draw) in enumerate(_panels(shot)):
         x = EDGE_IN + number * (side + GAP_IN)
         axes = figure.add_axes((x / PAGE_IN, caption_height / height, side / PAGE_IN, side / height))

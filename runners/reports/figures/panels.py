@@ -105,12 +105,12 @@ def scale_drop_pt(panels: Sequence[Panel], look: TrajectoryStyle, width_in: floa
     """Return the distance of the scale bar below a panel [pt]: next to the first line of text, or below the last."""
     labels = [run.label for panel in panels for run in panel.runs]
     is_beside = width_in * (1 - SCALE) - METRES_IN >= least_in(labels, look)
-    return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels, look)
+    return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels)
 
 
 def footer_height_in(panels: Sequence[Panel], look: TrajectoryStyle, width_in: float) -> float:
     """Return the height of the texts and the scale bar below each panel [in]."""
-    last_line_pt = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
+    last_line_pt = max(FIRST_PT + LINE_PT * (_lines(panels) - 1), scale_drop_pt(panels, look, width_in))
     return (last_line_pt + LINE_PT / 2) / 72
 
 
@@ -120,8 +120,8 @@ def least_in(labels: Sequence[str], look: TrajectoryStyle) -> float:
     return LETTER_IN * (longest + len("collision, 100.0 s"))
 
 
-def _lines(panels: Sequence[Panel], look: TrajectoryStyle) -> int:
-    return max(len(panel.runs) for panel in panels) if look.systems else 1
+def _lines(panels: Sequence[Panel]) -> int:
+    return max(len(panel.runs) for panel in panels)
 
 
 def ends_before(panels: Sequence[Panel], moment: float) -> bool:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lme.worlds.world import MapSet, Task
-from runners.config.escaping import plot_text
 from runners.config.quoting import lme_command, override
 from runners.records.episode_record import EpisodeKey
 from runners.records.launch_record import trust_flags
 from runners.records.parquet import TRAJECTORIES, lacks_steps
 from runners.records.records import read_trajectories
+from runners.reports.analysis.summary import ablated
 from runners.reports.figures.scene import (
     BESIDE_PT,
     Around,
@@ -35,7 +35,7 @@ from runners.reports.figures.scene import (
     wrapped,
     write,
 )
-from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, new_figure, save
+from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, entitle, new_figure, page_width, save
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,10 +47,11 @@ RUNS = 30  # paths in a panel at most, for the same reason
 FAILED = 40  # failures at most in the overview of a building
 BUILDING = "world_building"  # column: which of several buildings the world is in
 BUILDING_M = 20.0  # longest side of a building, at least
+KEY_LINE_IN = 0.17
 FAILURES = 2 / 3  # of a sample at most, if there are enough others
 PAGE_IN = (10.0, 8.0)  # at most
-LEGEND_IN = 6.6  # minimum width for the key
-AROUND = Around(header=0.55, footer=0.42)
+KEY_IN = 1.25  # of an entry of the key, on average
+AROUND = Around(footer=0.42)
 
 
 class _Scene(NamedTuple):
@@ -238,14 +239,19 @@ def _spread(numbers: Sequence[int], count: int) -> list[int]:
 def _panels(figure: Figure, boxes: Sequence[Box]) -> list[Axes]:
     """Add panels of one size, as large as the page allows, and set the figure's size."""
     count, aspect = len(boxes), aspect_of(boxes[0])
-    columns = best_columns(count, aspect, PAGE_IN, AROUND)
-    width = panel_width(columns, count, aspect, PAGE_IN, AROUND)
-    rows = lay_out(figure, wrapped(boxes, columns), width, AROUND, LEGEND_IN)
+    page = page_width(PAGE_IN[0]), PAGE_IN[1]
+    columns = best_columns(count, aspect, page, AROUND)
+    width = panel_width(columns, count, aspect, page, AROUND)
+    entries = _key_columns(page[0])
+    around = AROUND._replace(
+        footer=AROUND.footer + KEY_LINE_IN * (math.ceil(len(legend_keys()) / entries) - 1)
+    )
+    rows = lay_out(figure, wrapped(boxes, columns), width, around, page_width(min(KEY_IN * entries, page[0])))
     return [axes for row in rows for axes in row]
 
 
 def _label(figure: Figure, frame: pd.DataFrame, num_shown: int, box: Box) -> None:
-    """Write the heading and the counts of outcomes above, and the key below."""
+    """Write the title and the counts of outcomes above, and the key below."""
     counts = frame["outcome"].value_counts()
     outcomes = ", ".join(f"{counts[kind]} {kind}" for kind in LEGEND_ORDER if counts.get(kind, 0))
     totals = [(num_shown, frame["world"].nunique(), "worlds"), (RUNS, frame["run"].nunique(), "runs")]
@@ -254,16 +260,24 @@ def _label(figure: Figure, frame: pd.DataFrame, num_shown: int, box: Box) -> Non
     )
     sample = f" · {fewer}, failures first" if fewer else ""
     summary = f"{len(frame)} episodes: {outcomes}{sample} · panel width {box.x1 - box.x0:.1f} m"
-    for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):
-        y = 1 - from_top_in / figure.get_figheight()
-        figure.text(0.5, y, plot_text(text), ha="center", va="center", fontsize=size, color=INK)
+    entitle(figure, " · ".join(_names(frame)), subtitle=summary)
     keys = legend_keys()
     figure.legend(
-        handles=keys, loc="lower center", ncols=len(keys), frameon=False, fontsize=8.5, labelcolor=INK
+        handles=keys,
+        loc="lower center",
+        ncols=_key_columns(figure.get_figwidth()),
+        frameon=False,
+        fontsize=8,
+        labelcolor=INK,
     )
 
 
+def _key_columns(width_in: float) -> int:
+    return max(min(len(legend_keys()), int(width_in / KEY_IN)), 1)
+
+
 def _names(frame: pd.DataFrame) -> list[str]:
-    columns = [column for column in ("system", "ablation", "map", "subset", "robot") if column in frame]
+    """Return the system with its ablation, the map, its subset and the robot."""
+    columns = [column for column in ("system", "map", "subset", "robot") if column in frame]
     values = [", ".join(map(str, frame[column].unique())) for column in columns]
-    return [value for value in values if value not in ("", "none")]
+    return [value for value in (f"{values[0]} {ablated(frame)}".strip(), *values[1:]) if value]

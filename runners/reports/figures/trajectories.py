@@ -44,7 +44,16 @@ from runners.reports.figures.scene import (
     wrapped,
 )
 from runners.reports.figures.stage import SUBGOAL, DrivenPlace, places, stage_keys
-from runners.reports.figures.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
+from runners.reports.figures.style import (
+    INK,
+    LEGEND_ORDER,
+    STYLES,
+    Style,
+    entitle,
+    new_figure,
+    page_width,
+    save,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,9 +67,10 @@ ROW_IN = 0.35  # approximate height of the texts above and below a row
 WIDEST_IN = 3.5  # width of a panel that is alone on its page
 LINE_IN, LETTER_IN, LABEL_IN = 0.16, 0.07, 0.28  # a line of text, a letter, the name of a row
 LEAST_IN = 4.2  # minimum width for the key
-PAGE_IN = (7.2, 5.0)  # page that panels of one system, or of overlaid systems, may fill
+PAGE_IN = (7.16, 5.0)  # page that panels of one system, or of overlaid systems, may fill
 ORDERS = {"faded": "subgoals, later ones stronger", "numbered": "some subgoals in order"}
 SUBGOALS = ("none", *ORDERS)
+WORLD = ", world "  # ends the name of the map in that of a place
 LAYOUTS = ("side_by_side", "overlaid")
 KEYS: dict[str, Any] = {"frameon": False, "fontsize": 7.5, "labelcolor": INK}
 _SECONDS = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
@@ -105,7 +115,13 @@ class Trajectories:
         look = TrajectoryStyle(
             moment(self._config.moment), self._config.subgoals, _styles(runs) if overlaid else {}
         )
-        rows = _rows(runs, places(runs, worlds), look, self._config.width)
+        scenes = places(runs, worlds)
+        rows = _rows(runs, scenes, look, self._config.width)
+        if len(rows) > ROWS:
+            raise InputError(
+                f"{len(_labels(runs))} systems in {len(scenes)} worlds make {len(rows)} rows of panels; at most {ROWS} "
+                "are readable on a page: choose fewer with world="
+            )
         return save(_draw_page(rows, look, self._config.width), stem, formats)
 
 
@@ -124,8 +140,12 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
     columns = len(_labels(runs))
     if not 1 < columns <= COLUMNS or without_steps(run_dirs):
         return []
-    rows = _rows(runs, places(runs)[:ROWS], TrajectoryStyle())
-    return save(_draw_page(rows, TrajectoryStyle(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
+    width, scenes = page_width(PANEL_IN * columns), places(runs)[:ROWS]
+    rows = _rows(runs, scenes, TrajectoryStyle(), page_width(math.inf))
+    # On a narrow page, a place takes several rows: show fewer places.
+    per_place = max(len(rows) // len(scenes), 1)
+    rows = rows[: max(ROWS // per_place // per_place, 1) * per_place]
+    return save(_draw_page(rows, TrajectoryStyle(), width), folder / NAME, ("png", "pdf"))
 
 
 def moment(value: Any) -> int | float | None:
@@ -160,7 +180,7 @@ def _rows(
     look: TrajectoryStyle,
     width_in: float = math.inf,
 ) -> list[list[Panel]]:
-    """Return rows of panels for a page of this width. Raises InputError for too many rows."""
+    """Return rows of panels for a page of this width."""
     labels = _labels(runs)
     max_columns = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
     columns = int(max(min(max_columns, COLUMNS), 1))
@@ -178,11 +198,6 @@ def _rows(
             for scene in scenes
             for labels_in_row in wrapped(labels, columns)
         ]
-    if len(rows) > ROWS:
-        raise InputError(
-            f"{len(labels)} systems in {len(scenes)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
-            "readable on a page: choose fewer with world="
-        )
     return rows
 
 
@@ -198,16 +213,38 @@ def _draw_page(rows: Sequence[Sequence[Panel]], look: TrajectoryStyle, width_in:
     page = _widest_page(rows, row_boxes, look, keys, width_in)
     figure = new_figure(width_in, TALL_IN, layout=None)
     all_axes = lay_out(figure, row_boxes, page.panel, page.around, page.width)
+    title, row_labels = _names(rows)
+    labels = iter(row_labels)
     for row, row_axes in zip(rows, all_axes, strict=True):
         scale_bar(row_axes[0], boxes[row[0].place], SCALE, scale_drop_pt(panels, look, page.panel))
-        if not _is_wrapped(rows):
-            row_axes[0].set_ylabel(plot_text(row[0].place.name), fontsize=8, color=INK, labelpad=4)
+        if label := next(labels):
+            height = row_axes[0].get_position().height * figure.get_figheight()
+            row_axes[0].set_ylabel(_cut(label, int(height / LETTER_IN)), fontsize=8, color=INK, labelpad=4)
         for panel, axes in zip(row, row_axes, strict=True):
             draw_panel(axes, panel, look, boxes[panel.place])
             if row is rows[0] or not _is_repeated(rows):
                 axes.set_title(plot_text(page.titles[panel.title]), fontsize=8.5, color=INK, pad=3)
     figure.legend(handles=keys, loc="lower center", ncols=_key_columns(keys, page.width), **KEYS)
+    entitle(figure, title)
     return figure
+
+
+def _names(rows: Sequence[Sequence[Panel]]) -> tuple[str, list[str]]:
+    """Return the title, which is the map that all rows share, and the name of each row; empty if panels have it."""
+    if _is_wrapped(rows):
+        return "", [""] * len(rows)
+    names = [row[0].place.name for row in rows]
+    maps = {name.partition(WORLD)[0] for name in names}
+    if len(maps) > 1:
+        return "", names
+    if len(set(names)) == 1:
+        return names[0], [""] * len(rows)
+    return maps.pop(), [name.partition(", ")[2] for name in names]
+
+
+def _cut(text: str, letters: int) -> str:
+    """Return the text with at most this many letters."""
+    return plot_text(text if len(text) <= letters else f"{text[: letters - 1]}…")
 
 
 class _Page(NamedTuple):
@@ -227,7 +264,7 @@ def _widest_page(
     width_in: float,
 ) -> _Page:
     """Return the page with the widest panels that `width_in` and the page height allow."""
-    margin_left = Around().left if _is_wrapped(rows) else LABEL_IN
+    margin_left = LABEL_IN if any(_names(rows)[1]) else Around().left
     columns = max(map(len, rows))
     # As wide as the page allows, but not so high that the rows leave it.
     panel = min((width_in - margin_left) / columns - Around().gap, WIDEST_IN)

@@ -158,7 +158,7 @@ def test_an_ablation_in_one_world_has_no_interval_and_says_so(says):
     (study,) = AblationStudy.studies(sweep({"none": 0.9, "no_c_o": 0.1}, worlds=1))
     assert "| 0.000 | – | – | – |" in to_markdown([study])
     says(study.variants[1].words)
-    assert study.setting.endswith("1 world × 2 runs")
+    assert study.setting.size.endswith("1 world × 2 runs")
 
 
 def test_where_nothing_succeeds_there_is_nothing_to_lose():

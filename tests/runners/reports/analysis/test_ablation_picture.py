@@ -64,4 +64,4 @@ def test_more_studies_than_a_page_holds_are_mentioned(monkeypatch, tmp_path):
     found = AblationStudy.studies(sweep({"none": 0.9, "no_c_o": 0.1})) * (ablation.STUDIES + 2)
     figure = drawn(monkeypatch, tmp_path, found)
     assert len(figure.axes) == 2 * ablation.STUDIES
-    assert figure.get_supxlabel().endswith("2 more in ablation.md.")
+    assert any(text.get_text().endswith("2 more in ablation.md.") for text in figure.texts)

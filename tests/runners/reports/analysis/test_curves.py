@@ -48,7 +48,7 @@ def test_values_rise_and_the_unchanged_one_is_among_them(says):
     (study,) = CurveStudy.studies(sweep(*BY_LATENCY))
     assert study.key == LATENCY
     assert shown(study) == {"LME": [(0.0, 0.9), (0.05, 0.8), (0.1, 0.5)]}
-    says(study.setting)
+    says(str(study.setting))
 
 
 def test_each_system_is_a_curve_and_its_own_ablation_too():

@@ -102,7 +102,7 @@ def test_every_place_has_its_own_curves():
         [sweep({"": 0.9, "d2 × 2": 0.8}), sweep({"": 0.7, "d2 × 2": 0.6}, map="traps").assign(run_dir="x")]
     )
     found = SensitivityStudy.studies(frame)
-    assert [study.setting.split()[0] for study in found] == ["barn", "traps"]
+    assert [study.setting.place[0] for study in found] == ["barn", "traps"]
     assert [study.curves[0].points[0].success for study in found] == [0.9, 0.7]
 
 

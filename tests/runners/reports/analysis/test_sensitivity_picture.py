@@ -6,7 +6,7 @@ import pytest
 
 from runners.reports.analysis import sensitivity
 from runners.reports.analysis.sensitivity import SensitivityStudy
-from runners.reports.figures.style import symbol
+from runners.reports.figures.style import saved_area, symbol
 from tests.conf.test_conf import PARAMETERS
 from tests.runners.reports.analysis.test_sensitivity import RATES, launched, sweep
 
@@ -39,7 +39,7 @@ def overlapping(figure):
         owner = text.axes
         if owner is None or owner.get_visible():
             boxes[text] = text.get_window_extent()
-    page = figure.bbox.padded(1)
+    page = saved_area(figure).transformed(figure.dpi_scale_trans).padded(1)
     outside = [
         text.get_text()
         for text, box in boxes.items()

@@ -15,6 +15,7 @@ from PIL import Image
 from lme.types import Pose
 from lme.worlds.world import Task, World
 from runners.reports.figures import paths as figures
+from runners.reports.figures.style import saved_area
 from tests.places import ROOT
 
 OUTCOMES = ("success", "collision", "timeout")
@@ -105,8 +106,8 @@ def test_no_text_panel_or_legend_overlaps_another(tmp_path, drawn, outcomes):
     boxes = [*panels, *(text.get_window_extent() for text in texts), figure.legends[0].get_window_extent()]
     assert len(panels) == min(len(outcomes), figures.PANELS)
     assert not [pair for pair in combinations(boxes, 2) if pair[0].overlaps(pair[1])]
-    width, height = figure.get_size_inches() * figure.dpi
-    assert all(box.x0 >= 0 and box.y0 >= 0 and box.x1 <= width and box.y1 <= height for box in boxes)
+    page = saved_area(figure).transformed(figure.dpi_scale_trans)
+    assert all(page.contains(box.x0, box.y0) and page.contains(box.x1, box.y1) for box in boxes)
     assert all(axes.get_aspect() == 1.0 for axes in figure.axes)
 
 

@@ -9,7 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from runners.reports.figures.style import FORMATS, new_figure, save
+from runners.reports.figures.style import (
+    FORMATS,
+    PicturePage,
+    drawn_on,
+    entitle,
+    new_figure,
+    save,
+    saved_area,
+)
 from tests.places import ROOT
 
 SCRIPT = """
@@ -48,3 +56,35 @@ def test_a_full_disk_is_reported_as_one_and_leaves_the_old_picture(tmp_path, mon
     assert caught.value.filename == str(path)
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_text() == "before"
+
+
+@pytest.fixture
+def chart():
+    figure = new_figure(3.5, 1.0)
+    figure.subplots().plot([0, 1], label="line")
+    figure.legend(loc="outside upper right")
+    return figure
+
+
+def test_long_texts_widen_no_page_and_cover_no_key(chart):
+    entitle(chart, "A title of many words " * 8, "a_caption_without_blanks" * 8)
+    area = saved_area(chart)
+    assert (area.x0, area.x1) == (0.0, 3.5)
+    page = area.transformed(chart.dpi_scale_trans)
+    boxes = [text.get_window_extent() for text in chart.texts]
+    assert all(page.contains(box.x0, box.y0) and page.contains(box.x1, box.y1) for box in boxes)
+    assert not any(box.overlaps(chart.legends[0].get_window_extent()) for box in boxes)
+
+
+@pytest.mark.parametrize(
+    ("page", "texts"),
+    [
+        (PicturePage(), ["own", "title", "note"]),
+        (PicturePage(title="mine", caption=""), ["mine"]),
+        (PicturePage(title="", caption="$5"), ["\\$5"]),
+    ],
+)
+def test_the_users_texts_replace_those_of_a_picture(chart, page, texts):
+    with drawn_on(page):
+        entitle(chart, "title", "note", subtitle="own")
+    assert [text.get_text() for text in chart.texts] == texts
