@@ -39,8 +39,8 @@ class Episode:
     time: traversal time [s]; the clock starts when the robot has left the start by the task's clock distance.
     path_length, min_clearance, final_distance: [m]. switches: subgoal switches. no_free_candidate: steps at which
     the guide was blocked. contact_part: see `lme.simulation.simulator.State`; of other robots, the side that
-    collided, if it is known (`lme.geometry.contact_side`). trajectory: (T, 10), columns TRAJECTORY_COLUMNS in the world
-    frame, one row per decision and one for the end. decision_us: (steps,) computing time of each decision [µs].
+    collided, if it is known (`lme.simulation.contact_side`). trajectory: (T, 10), columns TRAJECTORY_COLUMNS in the
+    world frame, one row per decision and one for the end. decision_us: (steps,) computing time of each decision [µs].
     """
 
     outcome: Outcome

@@ -15,10 +15,10 @@ import numpy as np
 
 from lme import metrics
 from lme.errors import InputError
-from lme.geometry.contact_side import contact_side
 from lme.navigation.episode import Episode, Observer, run_episode
 from lme.navigation.navigator import Navigator
 from lme.robots import Robot
+from lme.simulation.contact_side import contact_side
 from lme.simulation.simulator import Simulator, State
 from lme.simulation.social import Company, without_people
 from lme.types import Guidance, Observation, Outcome, Twist

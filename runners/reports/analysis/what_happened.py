@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lme.geometry.contact_side import SIDES
 from lme.live.step import LiveState
 from lme.navigation.episode import TRAJECTORY_COLUMNS
+from lme.simulation.contact_side import SIDES
 from lme.simulation.simulator import FALL
 from lme.types import Bools, Floats, Outcome
 

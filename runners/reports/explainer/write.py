@@ -111,7 +111,8 @@ def account(trace: Trace, record: Mapping[str, Any] = MappingProxyType({})) -> s
         "path_length_m": float(np.hypot(*np.diff(path, axis=0).T).sum()),
         "shortest_path_length_m": trace.task.shortest_path_length,
     }
-    return what_happened({**row, **record}, drive.trajectory).sentence
+    recorded = {name: value for name, value in record.items() if value != ""}  # older records name no side
+    return what_happened({**row, **recorded}, drive.trajectory).sentence
 
 
 def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "", story: str = "") -> str:

@@ -107,6 +107,7 @@ class App {
     for (const name of head.names) {
       byId("colour").append(Object.assign(new Option(name, name), { title: head.about[name] }));
     }
+    if (head.timed) this.colour = byId("colour").value = "free"; // the scores of the others are a thousand lower
     this.meanings.explain(byId("colour"), "S");
     byId("colour").addEventListener("change", (event) => {
       this.colour = event.target.value;

@@ -106,6 +106,15 @@ def test_the_episode_lasts_as_its_record_says(trace):
     assert unpacked(encode(late, [], "LME"))[0]["system"] == "LME"
 
 
+def test_the_account_is_that_of_the_record_with_what_older_records_lack(trace):
+    collided = trace._replace(
+        episode=dataclasses.replace(trace.episode, outcome="collision", contact_part="left")
+    )
+    assert "an obstacle with its left" in write.account(collided)
+    older = write.account(collided, {"contact_part": "", "robot_on_person_collision": 1.0})
+    assert "a person with its left" in older
+
+
 def test_every_script_is_part_of_a_page():
     scripts = {path.name for path in write.ASSETS.glob("*.js")}
     assert scripts == {*write.SCRIPTS, "leaderboard.js", "training.js"}  # those of other pages

@@ -198,6 +198,7 @@ def test_the_page_of_lme_plus_decides_as_it_did_and_shows_what_it_has(open_page,
     times = page.evaluate("explainer.app.timeline.data[1].slice(0, -1)")
     assert times == pytest.approx(expected, rel=RELATIVE)
     assert page.text_content("#key-best").startswith("expected time")
+    assert page.input_value("#colour") == "free"
     assert f"{expected[0]:.1f} s to the target" in page.text_content("#candidate")
     assert page.text_content("#story").startswith("It was still on its way, ")
     assert page.watch.said == []

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lme.geometry.contact_side import SIDES, contact_side
+from lme.simulation.contact_side import SIDES, contact_side
 from lme.types import Pose
 
 BOX = (0.25, 0.2, 0.05)
