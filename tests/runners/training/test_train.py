@@ -224,7 +224,7 @@ def test_a_sweep_is_one_table_over_its_studies(capsys):
         main(["train", "-m", *last_of_each(*IN_PROCESS, "trials=2"), "seed=0,1", "hydra.sweep.dir=sweep"])
         == 0
     )
-    assert Path("sweep/table.md").read_text().count("| LME ") == 2
+    assert Path("sweep/table.md").read_text().count("| LME |") == 2
     rows = [(Path("sweep") / str(job) / "trials.csv").read_text().splitlines()[0] for job in (0, 1)]
     assert rows[0] != rows[1], "another seed trains on other configurations"
 

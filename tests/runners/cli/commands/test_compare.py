@@ -54,6 +54,20 @@ def lines(path):
         return list(csv.DictReader(file))
 
 
+def test_ablations_have_their_labels_and_short_ones_what_they_set(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("own/ablation").mkdir(parents=True)
+    Path("own/ablation/short.yaml").write_text("# Parameters alone\nc_t: 0.5\n")
+    words = ["map.worlds=[0]", "map.time_limit=0.3", "runs=1", "executor=serial", "tracking=none"]
+    sweep = ["--config-dir", "own", "ablation=none,no_c_o,[no_c_o,short]", "hydra.sweep.dir=out"]
+    assert main.main(["eval", "-m", *words, *sweep]) == 0
+    capsys.readouterr()
+    text = said(capsys, "out")
+    assert "Differences from: complete" in text
+    assert "without c_o (1 world" in text
+    assert "without c_o and with c_t=0.5 (1 world" in text
+
+
 def test_a_sweep_of_weights_is_named_by_them_and_compared_where_it_lies(tmp_path, job, capsys):
     for number, (weights, rate) in enumerate((("published", 0.5), ("skid", 0.95))):
         write(tmp_path / str(number), job(f"weights={weights}"), rate, weights=weights)

@@ -10,6 +10,7 @@ from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli.commands import table
 from runners.records.episode_record import EpisodeResult
 from runners.records.records import RecordWriter
+from runners.reports.figures.style import DPI
 from tests.builders import episode_record
 from tests.composing import jobs_of
 from tests.made_runs import write_run
@@ -24,6 +25,20 @@ def test_table_prints_one_run_and_rewrites_its_files(tmp_path, capsys):
     assert "(published)" not in text
     assert text in (tmp_path / "table.md").read_text(encoding="utf-8")
     assert {"table.csv", "table.tex", "trajectories.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_pictures_are_redrawn_for_a_column_of_a_paper(tmp_path):
+    from PIL import Image
+
+    for number, ablation in enumerate(("none", "no_c_o")):
+        write_run(tmp_path / str(number), ablation=ablation)
+    heights = {}
+    for title in ("", "A title"):
+        assert table.main([str(tmp_path), "--width", "3.5", "--title", title, "--caption", ""]) == 0
+        for name in ("comparison", "ablation"):
+            width, heights[name, title] = Image.open(tmp_path / f"{name}.png").size
+            assert width == 3.5 * DPI
+    assert all(heights[name, "A title"] > heights[name, ""] for name, _ in heights)
 
 
 def test_a_run_without_its_steps_keeps_its_picture(tmp_path, says):
@@ -97,7 +112,7 @@ def test_several_runs_are_printed_and_nothing_is_written(tmp_path, capsys):
         write_run(tmp_path / name)
     before = sorted(tmp_path.rglob("*"))
     table.main([str(tmp_path / "a"), str(tmp_path / "b")])
-    assert capsys.readouterr().out.count("\nLME ") == 2
+    assert len(re.findall(r"^LME +/", capsys.readouterr().out, re.MULTILINE)) == 2
     assert sorted(tmp_path.rglob("*")) == before
 
 
