@@ -26,7 +26,7 @@ from runners.reports.analysis.summary import Row, metrics, summarise
 from runners.reports.analysis.tables import print_table, write_tables
 from runners.tracking.tracking import Tracking, closed_by, parameters, short_names
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
-from runners.workers.progress import EpisodeProgress
+from runners.workers.progress import EpisodeProgress, activity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,8 +54,9 @@ def evaluate(job: Job[EvalConfig], *, progress: bool = True, summary: bool = Tru
 
                 executor = instantiate.build(job.config.executor, "executor")
                 make_requested_pages(job.config.explain, run_dir, executor)
-            frame, rows, artifacts = report(maps, job)
-            artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+            with activity("Tables and pictures") if summary else nullcontext():
+                frame, rows, artifacts = report(maps, job)
+                artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
         # Print the table, and where everything is.
         if summary:
             print_table(frame, rows)
@@ -248,7 +249,8 @@ def finish_sweep(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     rows = summarise(
         frame, job.config.table, systems.systems(job.folders), systems.ablation_labels(job.folders)
     )
-    artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
+    with activity("Tables and pictures of the sweep"):
+        artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in lines:
         print(line)
