@@ -100,10 +100,9 @@ def train(job: Job[TrainConfig]) -> None:
             _write_weights(job, trained, search_result, verdict)
             _advise(job, search_result, verdict)
             usage = _usage(job, search_result)
-            with activity("Report of the training"):
-                pictures += write_training_report(
-                    job, held_out, search_result, start, frame, verdict, usage, run_dir / _START
-                )
+            pictures += write_training_report(
+                job, held_out, search_result, start, frame, verdict, usage, run_dir / _START
+            )
         pages = [page for run_path in frame["run_dir"].unique() for page in failures.folder(Path(run_path))]
         tables = sorted(run_dir.glob("table.*"))
         _track(tracking, search_result, verdict, frame, [weights, *tables, *pictures, *pages])

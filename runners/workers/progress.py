@@ -32,11 +32,14 @@ _COMPILING = "Compiling kernels, once after installation: this takes about half 
 
 
 def error_console() -> Console:
-    """Return a console on standard error as it is now: while a bar is shown, Rich replaces the stream by its own.
+    """Return a console on standard error behind the guard of `lme`, which makes control codes visible.
 
-    It would then write its control codes to the guard of `lme`, which makes them visible.
+    Rich itself finds the stream behind the guard only until it has replaced `sys.stderr`, which it does for a bar.
     """
-    return Console(file=sys.stderr)
+    stream = sys.stderr
+    while hasattr(stream, "rich_proxied_file"):
+        stream = stream.rich_proxied_file
+    return Console(file=stream)
 
 
 class NotebookProgress(Progress):
