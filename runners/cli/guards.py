@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import signal
 import sys
 import threading
@@ -131,3 +132,17 @@ def explain_missing(error: ModuleNotFoundError, command: str) -> str:
         return ""
     install = "pip install './lme[live]'" if command == "live" else "pip install --editable ."
     return f"needs {package}, which is not installed; {install} in a checkout of lme installs what lme {command} needs"
+
+
+@contextlib.contextmanager
+def starting(name: str) -> Iterator[None]:
+    """Show on a terminal that a command is being imported, which takes a second, and longer on a busy machine."""
+    stream = getattr(sys.stderr, "rich_proxied_file", sys.stderr)  # not the guard, which shows control codes
+    is_shown = stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+    if is_shown:
+        print(f"lme {name} starts", end="", file=stream, flush=True)
+    try:
+        yield
+    finally:
+        if is_shown:
+            print("\r\x1b[K", end="", file=stream, flush=True)

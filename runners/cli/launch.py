@@ -28,6 +28,7 @@ from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
 from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers.environment import search_working_folder_last
+from runners.workers.progress import activity
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
@@ -64,7 +65,8 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return show.print_hydra_info(command.name, config_name, args)
     # Compose the config of every job.
     with Composer(config_name, args.config_dir) as composer:
-        plan = command_line.plan(composer, args.overrides, args.multirun, typed_args.overrides)
+        with activity("Reading the config"):
+            plan = command_line.plan(composer, args.overrides, args.multirun, typed_args.overrides)
         if resumed is not None:
             _check_code(plan, resumed)
         if args.cfg:
@@ -77,7 +79,8 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
             forkserver.start()  # imports while this process builds and checks the jobs
         # Check every job before anything is written, then choose the directory.
-        jobs = command_line.validated(plan, composer, command.validate)
+        with activity("Checking the config, and building its worlds"):
+            jobs = command_line.validated(plan, composer, command.validate)
         record, directory = _directory(command, args, plan, jobs, resumed)
         # Let Hydra run the jobs, and the command finish the sweep if all of them succeeded.
         checked = {job.overrides: job for job in jobs}

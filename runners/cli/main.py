@@ -27,7 +27,14 @@ from lme.errors import InputError, nearest
 from lme.inputs.resources import resource_dir
 from lme.inputs.user_code import explained, show_traceback
 from runners.cli import commands
-from runners.cli.guards import explain_missing, explain_os_error, plain_output, status_of, terminable
+from runners.cli.guards import (
+    explain_missing,
+    explain_os_error,
+    plain_output,
+    starting,
+    status_of,
+    terminable,
+)
 from runners.config.escaping import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
@@ -161,6 +168,9 @@ def _run(name: str, argv: list[str], command_paths: dict[str, Path]) -> int:
 
         print(help.command(name, title(command_paths[name]), examples(command_paths[name]), argv))
         return 0
+    if (resource_dir("conf") / f"{name}.yaml").is_file():
+        with starting(name):
+            importlib.import_module("runners.cli.launch")
     module = importlib.import_module(f"{commands.__name__}.{command_paths[name].stem}")
     return int(module.main(argv))
 

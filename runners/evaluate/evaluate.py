@@ -36,7 +36,7 @@ from runners.reports.analysis.tables import print_table, write_tables
 from runners.reports.figures.style import PicturePage, drawn_on
 from runners.tracking.tracking import Tracking, closed_by, parameters, short_names
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
-from runners.workers.progress import EpisodeProgress
+from runners.workers.progress import EpisodeProgress, activity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,8 +64,9 @@ def evaluate(job: Job[EvalConfig], *, progress: bool = True, summary: bool = Tru
 
                 executor = instantiate.build(job.config.executor, "executor")
                 make_requested_pages(job.config.explain, run_dir, executor)
-            frame, rows, artifacts = report(maps, job)
-            artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+            with activity("Tables and pictures") if summary else nullcontext():
+                frame, rows, artifacts = report(maps, job)
+                artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
         # Print the table, and where everything is.
         if summary:
             print_table(frame, rows)
@@ -269,7 +270,7 @@ def finish_sweep(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
     rows = summarise(frame, job.config.table, systems.systems(job.folders))
-    with drawn_on(page_of(job.config)):
+    with activity("Tables and pictures of the sweep"), drawn_on(page_of(job.config)):
         artifacts, lines = report_runs(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in lines:

@@ -45,6 +45,7 @@ from runners.tracking.store import (
     worst_state,
 )
 from runners.tracking.tracking import FAILED, FINISHED, KILLED, Series, state_of
+from runners.workers.progress import activity
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -129,7 +130,13 @@ class MlflowTracking:
     ) -> None:
         if self._opening is None:
             return
+        with activity("Logging to MLflow"):
+            self._finish(metrics, artifacts, series or {})
+        self._opening = None
+
+    def _finish(self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series) -> None:
         # The run opens in a thread: wait for it, and raise its error here.
+        assert self._opening is not None
         self._opening.join()
         uri, run = self._config.uri, self._run
         try:
@@ -138,7 +145,7 @@ class MlflowTracking:
             if run is None:
                 return
             run.changed += log_metrics(run.client, run.run_id, metrics)
-            log_series(run.client, run.run_id, series or {})
+            log_series(run.client, run.run_id, series)
             lost_files = self._log_files(run, artifacts)
             self._describe(run, artifacts)
             remove_duplicates(run.client, run.run_id)
@@ -152,7 +159,6 @@ class MlflowTracking:
                 _warn_lost(uri, lost_files)
             if run.changed:
                 warnings.warn(f"MLflow at {masked(uri)} keeps {_listed(run.changed)}", stacklevel=2)
-        self._opening = None
 
     def stop(self, state: str) -> None:
         if self._opening is None:

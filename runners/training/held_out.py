@@ -20,6 +20,7 @@ from runners.records import inputs
 from runners.records.launch_record import launch_of
 from runners.reports.analysis.paired import SUCCESS, Difference, difference, signed
 from runners.reports.explainer import pages
+from runners.workers.progress import activity
 from runners.workers.trials import episode_reward
 
 if TYPE_CHECKING:
@@ -154,7 +155,8 @@ def _evaluate_on(map_name: str, job: Job[EvalConfig], values: Mapping[str, Any],
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
     pages.make_requested_pages(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
-    report(maps, job)
+    with activity(f"Table and picture of {map_name}"):
+        report(maps, job)
 
 
 def _settings(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,6 +41,7 @@ from runners.training.report_tables import (
 )
 from runners.training.search import SearchResult, start_name
 from runners.training.study import Trial
+from runners.workers.progress import activity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,8 +102,9 @@ def write_training_report(
     if best == START:  # the best trial has the values of the start, or there is no other
         best = max(search_result.trials, key=lambda trial: (trial.reward, -trial.number)).number
     # Pictures, and explainer pages of the worst worlds.
-    figures = _figures(search_result, start_values, start_name(job), best)
-    pictures = [path for name, figure in figures.items() for path in save(figure, run_dir / name)]
+    with activity("Pictures of the report"):
+        figures = _figures(search_result, start_values, start_name(job), best)
+        pictures = [path for name, figure in figures.items() for path in save(figure, run_dir / name)]
     worst_worlds_found = worst_worlds(frame, None if is_start else start, _WORST)
     _explain(job, frame, worst_worlds_found)
     # The page, with links to files and commands.
@@ -131,7 +133,8 @@ def write_training_report(
         files=[run_dir / name for name in _FILES if (run_dir / name).is_file()],
     )
     path = run_dir / REPORT
-    write_report(report, path)
+    with activity("Report"):
+        write_report(report, path)
     print(f"Report: {path}")
     return [*pictures, path]
 

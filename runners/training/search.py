@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -89,7 +89,13 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> SearchResult:
         with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
             progress.skip(len(study.finished_trials), study.best)
             if study.num_finished < config.trials:
-                run_trials(study, config.trials, search.batch, stages[0], run_all, progress.set_done)
+
+                def run_counted(batch: Iterable[Item]) -> Iterator[Item]:
+                    for score in run_all(batch):
+                        progress.add_episode()
+                        yield score
+
+                run_trials(study, config.trials, search.batch, stages[0], run_counted, progress.set_done)
         race = _race(job, study, stages, start, run_all) if config.race else None
     with activity("Importances of the parameters"):
         return _result(study, space, race, rungs, own_values(config, space))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import sys
 from collections import Counter
 from contextlib import AbstractContextManager, nullcontext
 from time import monotonic, perf_counter
@@ -26,7 +27,19 @@ from runners.config.escaping import counted
 
 _WIDTH = 100  # [characters]
 _EVERY_S = 0.2  # minimum time between updates of the bar
+_STARTING = "workers start"
 _COMPILING = "Compiling kernels, once after installation: this takes about half a minute."
+
+
+def error_console() -> Console:
+    """Return a console on standard error behind the guard of `lme`, which makes control codes visible.
+
+    Rich itself finds the stream behind the guard only until it has replaced `sys.stderr`, which it does for a bar.
+    """
+    stream = sys.stderr
+    while hasattr(stream, "rich_proxied_file"):
+        stream = stream.rich_proxied_file
+    return Console(file=stream)
 
 
 class NotebookProgress(Progress):
@@ -68,7 +81,7 @@ class _Bar:
     """Bar on standard error: label, progress, `columns`, time elapsed and time left."""
 
     def __init__(self, label: str, total: int, *columns: str, shown: bool = True, **fields: Any) -> None:
-        console = Console(stderr=True)
+        console = error_console()
         kind = NotebookProgress if console.is_jupyter else Progress
         self._bar = kind(
             TextColumn("{task.description}"),
@@ -98,7 +111,7 @@ class _Bar:
 
 def activity(label: str) -> AbstractContextManager[object]:
     """Show what takes seconds and cannot be counted, while the block runs; on a terminal only."""
-    console = Console(stderr=True)
+    console = error_console()
     return nullcontext() if console.is_jupyter else console.status(label)
 
 
@@ -106,12 +119,13 @@ class EpisodeProgress(_Bar):
     """Bar of finished episodes, their outcomes and the time left. Without a terminal, one line at the end."""
 
     def __init__(self, label: str, total: int, shown: bool = True) -> None:
-        super().__init__(label, total, "{task.fields[outcomes]}", shown=shown, outcomes="")
+        super().__init__(label, total, "{task.fields[outcomes]}", shown=shown, outcomes=_STARTING)
         self._outcomes: Counter[str] = Counter()
 
     def skip(self, done: int) -> None:
         """Count the episodes that an earlier run finished."""
-        self._bar.update(self._task, completed=done)
+        is_complete = done == self._bar.tasks[self._task].total
+        self._bar.update(self._task, completed=done, outcomes="" if is_complete else _STARTING)
 
     def add(self, outcome: str) -> None:
         """Count one more episode."""
@@ -121,11 +135,14 @@ class EpisodeProgress(_Bar):
 
 
 class TrialProgress(_Bar):
-    """Bar of finished trials, the best reward so far, trials per second and the time left."""
+    """Bar of finished trials, the best reward so far, trials per second, episodes driven and the time left."""
 
     def __init__(self, label: str, total: int) -> None:
         best, rate = "best reward {task.fields[best]}", "{task.fields[rate]}"
-        super().__init__(label, total, best, rate, best="–", rate="")
+        super().__init__(
+            label, total, best, rate, "{task.fields[driven]}", best="–", rate="", driven=_STARTING
+        )
+        self._num_episodes = 0
         self._finished_before = 0  # trials that were finished when this process began
 
     def __enter__(self) -> Self:
@@ -136,6 +153,11 @@ class TrialProgress(_Bar):
         """Count the trials that an earlier run or another machine finished."""
         self._finished_before = done
         self._bar.update(self._task, completed=done, best=_reward_text(best))
+
+    def add_episode(self) -> None:
+        """Count one more episode of this process: trials finish batch by batch, which takes longer."""
+        self._num_episodes += 1
+        self._bar.update(self._task, driven=counted(self._num_episodes, "episode"))
 
     def set_done(self, done: int, best: float | None) -> None:
         """Set the number of finished trials on all machines, and the best reward."""

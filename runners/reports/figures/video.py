@@ -70,10 +70,11 @@ class Video:
 
 def _with_progress(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     """Yield the pictures, with a progress bar on standard error."""
-    from rich.console import Console
     from rich.progress import track
 
-    yield from track(pictures, "Drawing", total, console=Console(stderr=True))
+    from runners.workers.progress import error_console
+
+    yield from track(pictures, "Drawing", total, console=error_console())
 
 
 def _select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:

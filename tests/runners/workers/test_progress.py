@@ -1,9 +1,31 @@
-"""What a bar shows: the kernels that the first drive after installation waits for, and the rungs of a race."""
+"""What a bar shows: what it waits for, the rungs of a race, and on a terminal no control code as text."""
+
+import os
+import pty
+import subprocess
+import sys
 
 import pytest
 
 from lme import numba_cache
 from runners.workers.progress import EpisodeProgress, RaceProgress, TrialProgress
+from tests.places import ROOT
+
+SHOWING = """
+import time
+from runners.cli.guards import plain_output, starting
+from runners.workers.progress import EpisodeProgress, activity
+with plain_output():
+    with starting("eval"):
+        pass
+    with activity("Reading"):
+        time.sleep(0.3)
+    with EpisodeProgress("LME", 2) as bar:
+        time.sleep(0.3)
+        print("a line beside the bar")
+        bar.add("success")
+        time.sleep(0.3)
+"""
 
 
 @pytest.mark.parametrize("bar", [EpisodeProgress, TrialProgress])
@@ -25,3 +47,39 @@ def test_every_rung_of_a_race_is_announced_and_keeps_its_bar(monkeypatch, capsys
             assert f"{episodes} episodes" in capsys.readouterr().err
     shown = capsys.readouterr().err
     assert all(line in shown for line in ("2/2 1 candidate ", "3/3 40 candidates"))
+
+
+def test_trials_count_their_episodes_until_the_batch_is_done(monkeypatch, capsys):
+    monkeypatch.setattr(numba_cache, "compiled", lambda: True)
+    with TrialProgress("train", 12) as bar:
+        bar.add_episode()
+        bar.add_episode()
+    assert "2 episodes" in capsys.readouterr().err
+
+
+def test_a_bar_says_that_its_workers_start_unless_nothing_is_left(monkeypatch, capsys):
+    monkeypatch.setattr(numba_cache, "compiled", lambda: True)
+    for done, is_said in ((0, True), (3, False)):
+        with EpisodeProgress("LME", 3) as bar:
+            bar.skip(done)
+        assert ("workers start" in capsys.readouterr().err) == is_said
+
+
+def test_a_terminal_is_sent_control_codes_and_not_their_names():
+    leader, follower = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", SHOWING], env=environment, stdout=follower, stderr=follower, cwd=ROOT
+    )
+    os.close(follower)
+    shown = b""
+    try:
+        while block := os.read(leader, 65536):
+            shown += block
+    except OSError:  # the process has closed the terminal
+        pass
+    os.close(leader)
+    assert process.wait() == 0
+    for text in (b"lme eval starts", b"\r\x1b[K", b"Reading", b"a line beside the bar", b"1 success"):
+        assert text in shown
+    assert b"\\x1b" not in shown
