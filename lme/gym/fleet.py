@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ from lme.worlds.world import MapSet, Task
 _UNSUPPORTED = tuple(field.name for field in fields(Disturbances) if field.name != "goal_rate")
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
 SAME_STEP, NEXT_STEP, DISABLED = AUTORESETS = "SameStep", "NextStep", "Disabled"  # as Gymnasium calls them
+
+
+class TogetherError(InputError):
+    """A choice that the compiled step of many robots does not support."""
 
 
 class Views(NamedTuple):
@@ -105,6 +109,7 @@ class Fleet:
         self._distances, self._all = np.zeros(num_envs), np.arange(num_envs)
         self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
         self._robots: list[Robot | None] = [None] * num_envs
+        self._views = self._room()  # shown last
         self._over = np.zeros(num_envs, np.bool_)  # robots whose next episode has not begun
 
     def reset(
@@ -160,13 +165,18 @@ class Fleet:
             self._over[ended] = True
         return Transition(views, rewards, terminated, truncated, outcomes, ended, last_views, results, begun)
 
+    def begun(self, robots: Ints) -> dict[str, NDArray[Any]]:
+        """Return Gymnasium's infos (K,) of the episodes that robots (K,) are in."""
+        rows = self._rows[robots]
+        return {"world": self._store.numbers[rows], "optimal_time": self._store.optimal_times[rows]}
+
     def _begin(self, robots: Ints, world: int | None = None) -> None:
         """Put robots (K,) at the start of their next episodes, in this world or in worlds drawn at random."""
         draws = [self._episodes.draw(self._rngs[i], world) for i in robots.tolist()]
         tasks = [task for task, _ in draws]
         for task in tasks:
             if task.world.movers:
-                raise InputError(
+                raise TogetherError(
                     f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}"
                 )
         self._enter(robots, tasks)
@@ -281,7 +291,7 @@ class Fleet:
         values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
         for key, value in values.items():
             if value is not None:
-                raise InputError(
+                raise TogetherError(
                     f"{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
 
