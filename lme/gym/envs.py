@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.gym.episodes import CODES, DrawRobot, Episodes, Result, Reward, distances, world_of
-from lme.gym.fleet import ONE_BY_ONE, Fleet, Transition, Views
+from lme.gym.fleet import ONE_BY_ONE, Fleet, TogetherError, Transition, Views
 from lme.gym.frame import frame
 from lme.gym.spaces import (
     Arrays,
@@ -30,7 +32,7 @@ from lme.perception.people.source import People, people_source
 from lme.robots import Robot
 from lme.simulation.fast import FastSimulator
 from lme.simulation.simulator import Simulator
-from lme.types import Bools, Floats, Observation, Outcome, Twist
+from lme.types import Bools, Floats, Ints, Observation, Outcome, Twist
 from lme.worlds.world import MapSet
 
 
@@ -131,11 +133,31 @@ class NavigationEnv(gym.Env[Any, Any]):
         return Result(outcome, self._task.number, time, length, self._steps, self._task.optimal_time)
 
 
+def vector_env(num_envs: int = 1, **keywords: Any) -> VectorEnv[Any, Any, Any]:
+    """Return a `NavigationVectorEnv`, or a row of `NavigationEnv` where that cannot be, with a warning that says why.
+
+    See both for the keywords. A row does not use `threads`.
+    """
+    try:
+        many = NavigationVectorEnv(num_envs, **keywords)
+        many.check_worlds()
+        return many
+    except TogetherError as error:
+        reason = str(error).removesuffix(f", {ONE_BY_ONE}").removesuffix(f": {ONE_BY_ONE}")
+    warnings.warn(
+        f"{reason}; {num_envs} robots are therefore simulated one after another, which takes several times as long",
+        stacklevel=2,
+    )
+    mode = AutoresetMode(keywords.pop("autoreset_mode", AutoresetMode.SAME_STEP))
+    keywords.pop("threads", None)
+    return SyncVectorEnv([partial(NavigationEnv, **keywords)] * num_envs, autoreset_mode=mode)
+
+
 class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
     """Many robots in `sim=fast`, moved by one compiled call.
 
-    To the last bit, each robot does what it would do in `NavigationEnv`. A robot whose episode ends is put
-    at the start of the next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
+    To the last bit, each robot does what it would do in `NavigationEnv`. By default, a robot whose episode ends is
+    put at the start of the next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -151,35 +173,54 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         sim_config: Settings | None = None,
         render_mode: str | None = None,
         people: str = "none",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
+        threads: int | None = None,
     ) -> None:
-        """See `lme.gym.spaces.choose` for the keywords. Raises InputError for what the compiled call lacks."""
+        """See `lme.gym.spaces.choose` for the other keywords. Raises InputError for what the compiled call lacks.
+
+        autoreset_mode: Gymnasium's, "SameStep", "NextStep" or "Disabled". threads: see `lme.gym.threads.Threads`.
+        """
         if render_mode is not None:
-            raise InputError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
+            raise TogetherError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         if people != People.none:
-            raise InputError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
+            raise TogetherError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
         choices = choose(map, robot, sim, reward, map_config, sim_config)
         if choices.simulator is not FastSimulator:
-            raise InputError(
+            raise TogetherError(
                 f"sim is {sim!r}: only sim=fast has a compiled step of many robots, {ONE_BY_ONE}"
             )
-        self.fleet = Fleet(choices.map_set, choices.robot, num_envs, choices.config, choices.reward)
+        mode = AutoresetMode(autoreset_mode)
+        self._map_set = choices.map_set
+        self.fleet = Fleet(
+            choices.map_set, choices.robot, num_envs, choices.config, choices.reward, str(mode.value), threads
+        )
+        self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.num_envs, self._limits = num_envs, np.zeros((num_envs, 4))
         self.single_observation_space = observation_space(self.fleet.robot.lidar, people=False)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
+    def check_worlds(self) -> None:
+        """Raise InputError if something moves in the first world, as in all worlds of most such map sets."""
+        task = self._map_set.task(self._map_set.numbers[0])
+        if task.world.movers:
+            raise TogetherError(f"map {task.map_name} has moving obstacles: {ONE_BY_ONE}")
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
-        """Start an episode with every robot. seed: of the first robot, others count up; or one for each."""
+        """Start an episode with every robot. seed: of the first robot, others count up; or one for each.
+
+        options: "world", the number of a world; without autoreset also "reset_mask" (N,), the robots that start.
+        """
+        options = dict(options or {})
+        mask = self._mask(options.pop("reset_mask")) if self._is_manual and "reset_mask" in options else None
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        views = self.fleet.reset(seeds, world_of(options))
+        views = self.fleet.reset(seeds, world_of(options), mask)
         self._limits = views.limits
-        infos: dict[str, Any] = {}
-        for i in range(self.num_envs):
-            infos = self._add_info(infos, self._start(i), i)
-        return self._obs(views), infos
+        robots = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
+        return self._obs(views), self._columns({}, self.fleet.begun(robots), robots)
 
     def step(self, actions: Any) -> tuple[Arrays, Floats, Bools, Bools, dict[str, Any]]:
         """Drive every robot for one control period. Raises InputError for actions that are not numbers."""
@@ -187,20 +228,49 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         self._limits = step.views.limits
         return self._obs(step.views), step.rewards, step.terminated, step.truncated, self._infos(step)
 
+    @property
+    def _is_manual(self) -> bool:
+        return self.metadata["autoreset_mode"] is AutoresetMode.DISABLED
+
+    def _mask(self, mask: Any) -> Bools:
+        """Return `reset_mask` (N,). Raises InputError for anything else."""
+        chosen = np.asarray(mask)
+        if chosen.shape != (self.num_envs,) or chosen.dtype != np.bool_ or not chosen.any():
+            raise InputError(
+                f"reset_mask is {mask!r:.80}: must be {self.num_envs} booleans, of which at least one is true"
+            )
+        return chosen
+
     def _infos(self, step: Transition) -> dict[str, Any]:
         """Return the ends of episodes and the starts of the next ones, as Gymnasium's infos."""
         infos: dict[str, Any] = {}
-        final = self._obs(step.last_views)
-        for k, i in enumerate(step.ended.tolist()):
-            end = {"final_obs": {name: part[k].copy() for name, part in final.items()}}
-            infos = self._add_info(infos, {**end, "final_info": step.results[k].info()}, i)
-            infos = self._add_info(infos, self._start(i), i)
+        ended = step.ended
+        if len(ended) and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
+            final_obs, final = np.full(self.num_envs, None, dtype=object), self._obs(step.last_views)
+            for k, i in enumerate(ended.tolist()):
+                final_obs[i] = {name: part[k] for name, part in final.items()}
+            infos["final_obs"], infos["final_info"] = (
+                final_obs,
+                self._columns({}, step.results.infos(), ended),
+            )
+            mask = np.zeros(self.num_envs, dtype=np.bool_)
+            mask[ended] = True
+            infos["_final_obs"], infos["_final_info"] = mask, mask.copy()
+        elif len(ended):
+            self._columns(infos, step.results.infos(), ended)
+        return self._columns(infos, self.fleet.begun(step.begun), step.begun) if len(step.begun) else infos
+
+    def _columns(
+        self, infos: dict[str, Any], values: dict[str, NDArray[Any]], robots: Ints
+    ) -> dict[str, Any]:
+        """Add values (K,) of robots (K,) to arrays (N,), each with the mask of the robots that have one."""
+        for name, column in values.items():
+            empty = None if column.dtype == object else 0
+            infos.setdefault(name, np.full(self.num_envs, empty, column.dtype))[robots] = column
+            infos.setdefault(f"_{name}", np.zeros(self.num_envs, dtype=np.bool_))[robots] = True
         return infos
 
-    def _start(self, i: int) -> dict[str, Any]:
-        task = self.fleet.tasks[i]
-        return {"world": task.number, "optimal_time": task.optimal_time}
-
     def _obs(self, views: Views) -> Arrays:
-        range_max = self.fleet.robot.lidar.range_max
-        return arrays(views.ranges, views.targets, views.twists, views.limits, range_max)
+        """Return the observations; the scan is the fleet's own array."""
+        parts = {"target": views.targets, "twist": views.twists, "limits": views.limits}
+        return {"scan": views.ranges, **{name: part.astype(np.float32) for name, part in parts.items()}}

@@ -24,6 +24,8 @@ WORLDS_KEPT = 4096  # built tasks; a BARN world takes 10 kB
 OUTCOMES = {SUCCESS: Outcome.SUCCESS, COLLISION: Outcome.COLLISION, TIMEOUT: Outcome.TIMEOUT}
 CODES: dict[Outcome | None, int] = {None: RUNNING} | {outcome: code for code, outcome in OUTCOMES.items()}
 
+_NAMES = np.array(["", *map(str, OUTCOMES.values())], dtype=object)  # by code
+
 DrawRobot = Callable[[np.random.Generator], Robot]
 
 
@@ -148,6 +150,23 @@ class Results:
     def __getitem__(self, k: int) -> Result:
         columns = (self.worlds, self.times, self.lengths, self.steps, self.optimal_times)
         return Result(OUTCOMES[int(self.outcomes[k])], *(column[k].item() for column in columns))
+
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """Return the entries of `Result.info` as arrays (K,)."""
+        success, times, optimal = self.outcomes == SUCCESS, self.times, self.optimal_times
+        if (optimal <= 0.0).any():
+            self[int(np.argmax(optimal <= 0.0))].info()  # says so
+        metrics = np.where(success, optimal / np.clip(times, 2 * optimal, 8 * optimal), 0.0)
+        return {
+            "outcome": _NAMES[self.outcomes],
+            "is_success": success,
+            "barn_metric": np.where(np.isnan(optimal), np.nan, metrics),
+            "optimal_time": optimal,
+            "time": times,
+            "path_length": self.lengths,
+            "steps": self.steps,
+            "world": self.worlds,
+        }
 
 
 def distances(goals: Floats, positions: NDArray[np.float64]) -> Floats:

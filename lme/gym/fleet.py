@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ from lme.worlds.world import MapSet, Task
 _UNSUPPORTED = tuple(field.name for field in fields(Disturbances) if field.name != "goal_rate")
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
 SAME_STEP, NEXT_STEP, DISABLED = AUTORESETS = "SameStep", "NextStep", "Disabled"  # as Gymnasium calls them
+
+
+class TogetherError(InputError):
+    """A choice that the compiled step of many robots does not support."""
 
 
 class Views(NamedTuple):
@@ -105,6 +109,7 @@ class Fleet:
         self._distances, self._all = np.zeros(num_envs), np.arange(num_envs)
         self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
         self._robots: list[Robot | None] = [None] * num_envs
+        self._views = self._room()  # shown last
         self._over = np.zeros(num_envs, np.bool_)  # robots whose next episode has not begun
 
     def reset(
@@ -121,10 +126,13 @@ class Fleet:
         for i in chosen.tolist():
             if seeds is not None and seeds[i] is not None:
                 self._rngs[i] = np.random.default_rng(seeds[i])
-        views = self._room() if len(chosen) == self.num_envs else self._views.of(self._all)
+        views = self._room() if chosen is self._all else self._views.of(self._all)
         self._begin(chosen, world)
-        self._look(chosen, views)
-        return self._shown(views)
+        self._observe(chosen, views)
+        nobody = self._all[:0]
+        self._no_ends = nobody, views.of(nobody), self._results(nobody)
+        self._views = views
+        return views
 
     def step(self, commands: Floats) -> Transition:
         """Drive every robot for one control period. commands (N, 2): v [m/s] and ω [rad/s].
@@ -132,31 +140,35 @@ class Fleet:
         Raises InputError for commands that are not finite.
         """
         commands, states, begun = self._checked(commands), self._states, np.flatnonzero(self._over)
-        driving = np.flatnonzero(~self._over) if len(begun) else self._all
-        states.outcomes[begun] = RUNNING
-        self._drive(driving, commands)
         if len(begun):
             self._begin(begun)
-        # Rewards, also of robots that end here; those that begin an episode get none.
+        views = self._views = self._room()
+        standing = np.isin(self._all, begun) if len(begun) else None
+        self._observe(self._all, views, (commands, standing))
+        # Rewards, also of robots that end here; those that have just begun get none.
         previous, self._distances = self._distances, distances(self._places.goals, states.poses)
         outcomes = states.outcomes.copy()
         rewards = self._reward.of(previous, self._distances, outcomes)
         rewards[begun] = 0.0
-        views = self._room()
-        self._look(self._all, views)
+        truncated = outcomes == TIMEOUT
+        terminated = (outcomes != RUNNING) & ~truncated
+        ended = np.flatnonzero(outcomes)
+        if not len(ended):
+            return Transition(views, rewards, terminated, truncated, outcomes, *self._no_ends, begun)
         # Keep the ends before the next episodes begin.
-        (ended,) = np.nonzero(outcomes)
-        last_views, results = self._shown(views).of(ended), self._results(ended)
-        if len(ended) and self._autoreset == SAME_STEP:
+        last_views, results = views.of(ended), self._results(ended)
+        if self._autoreset == SAME_STEP:
             self._begin(ended)
-            self._look(ended, views)
+            self._observe(ended, views)
             begun = ended
         else:
             self._over[ended] = True
-        truncated = outcomes == TIMEOUT
-        terminated = (outcomes != RUNNING) & ~truncated
-        ends = (ended, last_views, results)
-        return Transition(self._shown(views), rewards, terminated, truncated, outcomes, *ends, begun)
+        return Transition(views, rewards, terminated, truncated, outcomes, ended, last_views, results, begun)
+
+    def begun(self, robots: Ints) -> dict[str, NDArray[Any]]:
+        """Return Gymnasium's infos (K,) of the episodes that robots (K,) are in."""
+        rows = self._rows[robots]
+        return {"world": self._store.numbers[rows], "optimal_time": self._store.optimal_times[rows]}
 
     def _begin(self, robots: Ints, world: int | None = None) -> None:
         """Put robots (K,) at the start of their next episodes, in this world or in worlds drawn at random."""
@@ -164,7 +176,7 @@ class Fleet:
         tasks = [task for task, _ in draws]
         for task in tasks:
             if task.world.movers:
-                raise InputError(
+                raise TogetherError(
                     f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}"
                 )
         self._enter(robots, tasks)
@@ -194,43 +206,50 @@ class Fleet:
         for array, values in zip(self._places, self._store.places(rows), strict=True):
             array[robots] = values
 
-    def _drive(self, robots: Ints, commands: Floats) -> None:
-        config, obstacles = self._config, self._store.obstacles
-        arrays = self._states, self._bodies, self._places, obstacles, commands
-        timing = (self.robot.dt, float(config.max_step), config.even_ramp)
-        self._threads.run(lambda part: advance(part, *arrays, *timing), robots)
+    def _observe(self, robots: Ints, views: Views, motion: tuple[Floats, Bools | None] | None = None) -> None:
+        """Write the observations of robots (K,) into their rows of the views, after a motion if there is one.
 
-    def _look(self, robots: Ints, views: Views) -> None:
-        """Write the current observations of robots (K,) into their rows of the views."""
-        lidar, table, ranges, store = self._lidar, self._table, views.ranges, self._store
-        scene = self._states, self._places, store.obstacles
-        self._threads.run(lambda part: look(part, *scene, lidar, table, ranges, views.targets), robots)
-        for world, members in store.by_lattice(self._rows[robots]):
-            grids = world.grid, world.lattice
-            self._threads.run(
-                lambda part, grids=grids: look_by_lattice(part, self._states, lidar, table, ranges, *grids),
-                robots[members],
-            )
-        std = float(self.robot.lidar.noise_std)
-        if std > 0.0:
-            noise = np.empty(ranges.shape[1:], np.float32)
-            for i in robots.tolist():
-                self._rngs[i].standard_normal(dtype=np.float32, out=noise)
-                add_noise(ranges[i], noise, std, lidar[-1])
-        bodies = self._bodies
-        for array, values in zip(views[2:], (self._states.twists, bodies.limits, bodies.boxes), strict=True):
-            array[robots] = values[robots]
+        motion: commands (N, 2), and which robots stand still (N,) if any do. Threads share the robots.
+        """
+        states, config, store = self._states, self._config, self._store
+        scene = self._places, store.obstacles
+        timing = (self.robot.dt, float(config.max_step), config.even_ramp)
+        sensor, ranges = (self._lidar, self._table, views.ranges), views.ranges
+
+        def work(part: Ints) -> None:
+            if motion is not None:
+                commands, standing = motion
+                driving = part if standing is None else part[~standing[part]]
+                advance(driving, states, self._bodies, *scene, commands, *timing)
+            look(part, states, *scene, *sensor, views.targets)
+            for world, members in store.by_lattice(self._rows[part]):
+                look_by_lattice(part[members], states, *sensor, world.grid, world.lattice)
+            self._add_noise(part, ranges)
+
+        self._threads.run(work, robots)
+        for array, values in zip(
+            views[2:], (states.twists, self._bodies.limits, self._bodies.boxes), strict=True
+        ):
+            if robots is self._all:
+                array[:] = values
+            else:
+                array[robots] = values[robots]
+
+    def _add_noise(self, robots: Ints, ranges: NDArray[np.float32]) -> None:
+        """Add the lidar's noise, which each robot draws from its own stream."""
+        lidar = self.robot.lidar
+        if lidar.noise_std == 0.0:
+            return
+        noise = np.empty(lidar.num_beams, np.float32)
+        for i in robots.tolist():
+            self._rngs[i].standard_normal(dtype=np.float32, out=noise)
+            add_noise(ranges[i], noise, float(lidar.noise_std), float(lidar.range_max))
 
     def _room(self) -> Views:
         """Return arrays for the observations of all robots."""
         n = self.num_envs
         ranges = np.empty((n, self.robot.lidar.num_beams), np.float32)
         return Views(ranges, np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 4)), np.empty((n, 3)))
-
-    def _shown(self, views: Views) -> Views:
-        """Remember the observations that were shown last."""
-        self._views = views
-        return views
 
     def _results(self, robots: Ints) -> Results:
         store, states, rows = self._store, self._states, self._rows[robots]
@@ -251,14 +270,12 @@ class Fleet:
         commands = np.ascontiguousarray(commands, dtype=np.float64)
         if commands.shape != (self.num_envs, 2):
             raise InputError(f"the commands have shape {commands.shape}: must be {(self.num_envs, 2)}")
-        wrong = np.flatnonzero(~np.isfinite(commands).all(axis=1))
-        if len(wrong):
-            raise InputError(
-                f"the command of robot {wrong[0]} is {commands[wrong[0]].tolist()}: must be finite"
-            )
+        if not np.isfinite(commands).all():
+            wrong = int(np.argmin(np.isfinite(commands).all(axis=1)))
+            raise InputError(f"the command of robot {wrong} is {commands[wrong].tolist()}: must be finite")
         if self._autoreset == DISABLED and self._over.any():
             raise InputError(
-                f"the episode of robot {int(np.argmax(self._over))} has ended: call reset with a mask before step"
+                f"the episode of robot {int(np.argmax(self._over))} has ended: must be reset with a mask before step"
             )
         return np.column_stack((np.maximum(commands[:, 0], self._slowest), commands[:, 1]))
 
@@ -274,7 +291,7 @@ class Fleet:
         values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
         for key, value in values.items():
             if value is not None:
-                raise InputError(
+                raise TogetherError(
                     f"{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
 

@@ -120,7 +120,21 @@ def look_by_lattice(chosen, states, lidar, table, ranges, grid, lattice):
     """Shorten ranges (N, B) to the edges of a grid and its lattice, for the chosen robots (K,) in one world."""
     for i in chosen:
         x, y, heading = _lidar_pose(states.poses[i, 0], states.poses[i, 1], states.poses[i, 2], lidar)
-        met = cast_lattice(x, y, heading, lidar[5], table, *grid, *lattice)
+        met = cast_lattice(
+            x,
+            y,
+            heading,
+            lidar[5],
+            table,
+            grid.frame,
+            grid.starts,
+            grid.edges,
+            lattice.frame,
+            lattice.uprights,
+            lattice.levels,
+            lattice.rectangles,
+            lattice.edges,
+        )
         for beam in range(len(met)):
             ranges[i, beam] = min(ranges[i, beam], met[beam])
 

@@ -44,6 +44,6 @@ def _register() -> None:
             register(
                 env_id,
                 entry_point="lme.gym.envs:NavigationEnv",
-                vector_entry_point="lme.gym.envs:NavigationVectorEnv",
+                vector_entry_point="lme.gym.envs:vector_env",
                 kwargs={"map": path.stem, "robot": _ROBOTS.get(path.stem, "jackal")},
             )

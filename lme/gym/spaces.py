@@ -124,21 +124,22 @@ def _reward(settings: Settings) -> Reward:
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
     """Observation as one vector (beams + 4,), float32: scan clipped at `clip` [m], target, and last action.
 
-    beams: number of ranges, each the nearest return of a group of neighbouring beams of the lidar. None: all beams.
+    beams: number of ranges, each the nearest return of a sector of neighbouring beams of the lidar; sectors differ by
+    one beam if it does not divide the lidar's. None: all beams.
     A target farther away than twice the clip is moved to that distance. At the start the last action is 0.
     Source: Daffan/ros_jackal, where the robot learns to drive in the BARN worlds.
     """
 
     def __init__(self, env: gym.Env[Any, Any], clip: float = 5.0, beams: int | None = None) -> None:
-        """Raises InputError unless `beams` divides those of the lidar."""
+        """Raises InputError unless `beams` is from 1 to those of the lidar."""
         gym.utils.RecordConstructorArgs.__init__(self, clip=clip, beams=beams)
         gym.Wrapper.__init__(self, env)
         require("clip", clip, above=0.0)
         scan = env.observation_space["scan"]  # type: ignore[index]
         (num_beams,) = scan.shape
         self._clip, self._beams = clip, num_beams if beams is None else beams
-        if self._beams < 1 or num_beams % self._beams:
-            raise InputError(f"beams is {beams}: must divide the lidar's {num_beams}")
+        if not 1 <= self._beams <= num_beams:
+            raise InputError(f"beams is {beams}: must be from 1 to the lidar's {num_beams}")
         self.observation_space = spaces.Box(-1.0, 1.0, (self._beams + 4,), np.float32)
 
     def reset(
@@ -162,10 +163,11 @@ def flattened(
 ) -> NDArray[np.float32]:
     """Return the vectors (..., beams + 4) of `FlatObservation` for observations of one robot or of many.
 
-    action (..., 2): the last one, in [−1, 1]; beams: a divisor of the lidar's; clip [m].
+    action (..., 2): the last one, in [−1, 1]; beams: at most the lidar's; clip [m].
     """
     scan, target = observation["scan"], observation["target"]
-    nearest = scan.reshape(*scan.shape[:-1], beams, -1).min(axis=-1)
+    sectors = np.arange(beams) * scan.shape[-1] // beams  # the first beam of each
+    nearest = np.minimum.reduceat(scan, sectors, axis=-1)
     distance = np.hypot(target[..., :1], target[..., 1:])
     parts = (
         np.minimum(nearest, clip) / clip * 2.0 - 1.0,

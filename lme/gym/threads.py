@@ -31,7 +31,7 @@ class Threads:
         if threads is not None and threads < 1:
             raise InputError(f"threads is {threads}: must be at least 1, or None for one per core")
         is_worker = multiprocessing.parent_process() is not None
-        self.count = threads or (1 if is_worker else int(numba.config.NUMBA_NUM_THREADS))
+        self.count = threads or (1 if is_worker else int(numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
 
     def run(self, work: Callable[[Ints], None], robots: Ints) -> None:
         """Call `work` with parts of the robots (K,), in this thread and in others at the same time."""

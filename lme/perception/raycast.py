@@ -1,6 +1,6 @@
 """Ray casting of lidar beams against discs and line segments, and the noise of their ranges.
 
-`lme.grids.leaf_scan` has the arithmetic.
+`lme.perception.leaf_scan` has the arithmetic.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from lme.geometry.frames import compose
 from lme.grids.edge_grid import EdgeGrid, first_hit
 from lme.grids.lattice import NO_LATTICE, Lattice, cast_lattice
-from lme.grids.leaf_scan import scan_discs, scan_edges, scan_shapes
 from lme.grids.leaves import Leaves
+from lme.perception.leaf_scan import scan_discs, scan_edges, scan_shapes
 from lme.perception.scan_points import beam_directions
 from lme.robots import Lidar
 from lme.types import Floats, LaserScan, Pose

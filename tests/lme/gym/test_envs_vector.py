@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 from lme.config.presets import load_robot  # noqa: E402
 from lme.errors import InputError  # noqa: E402
-from lme.gym.envs import NavigationVectorEnv  # noqa: E402
+from lme.gym.envs import NavigationVectorEnv, vector_env  # noqa: E402
 
 SHORT = {"worlds": [0, 150, 299], "time_limit": 2.5}
 
@@ -59,6 +59,47 @@ def test_a_vector_environment_is_a_row_of_single_ones_bit_by_bit(env_id, keyword
     np.testing.assert_equal(many.reset(seed=1, options=world), row.reset(seed=1, options=world))
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+def test_the_other_autoreset_modes_are_those_of_gymnasium(mode):
+    n, keywords = 4, {"map_config": SHORT}
+    row = gym.make_vec(
+        "lme:lme/Barn-v0", n, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **keywords
+    )
+    many = gym.make_vec("lme:lme/Barn-v0", n, autoreset_mode=mode.value, **keywords)
+    assert many.metadata["autoreset_mode"] is mode
+    np.testing.assert_equal(many.reset(seed=5), row.reset(seed=5))
+    many.action_space.seed(0)
+    ended = 0
+    for _ in range(60):
+        actions = np.abs(many.action_space.sample())
+        one, other = many.step(actions), row.step(actions)
+        np.testing.assert_equal(one, other)
+        over = one[2] | one[3]
+        ended += int(over.sum())
+        if mode is AutoresetMode.DISABLED and over.any():
+            np.testing.assert_equal(
+                many.reset(options={"reset_mask": over}), row.reset(options={"reset_mask": over.copy()})
+            )
+    assert ended > n
+
+
+@pytest.mark.parametrize(
+    "keywords", [{"sim_config": {"latency": 0.1}}, {"map": "dynabarn"}, {"people": "tracked"}], ids=str
+)
+def test_what_cannot_be_driven_together_is_driven_in_a_row_with_a_warning(keywords, says):
+    with says.warns(match="2 robots are therefore simulated one after another"):
+        envs = vector_env(2, **keywords)
+    assert isinstance(envs, gym.vector.SyncVectorEnv)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert envs.reset(seed=0)[0]["scan"].shape == (2, 720)
+
+
+def test_the_scan_is_not_copied():
+    many = NavigationVectorEnv(2, map_config=SHORT)
+    many.reset(seed=0)
+    assert many.step(np.zeros((2, 2)))[0]["scan"] is many.fleet._views.ranges
+
+
 def test_observations_are_not_overwritten_by_later_steps():
     many = NavigationVectorEnv(3, map_config=SHORT)
     kept = [many.reset(seed=0)[0]]
@@ -94,5 +135,9 @@ def test_mistakes_while_driving(says):
     many.reset()
     with says.raises(InputError):
         many.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+    manual = NavigationVectorEnv(2, map_config=SHORT, autoreset_mode="Disabled")
+    manual.reset()
+    with says.raises(InputError):
+        manual.reset(options={"reset_mask": np.zeros(2, bool)})
     with pytest.raises(InputError, match="options has 'reset_mask'"):
         many.reset(options={"reset_mask": np.ones(2, bool)})

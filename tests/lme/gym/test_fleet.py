@@ -11,13 +11,17 @@ from hypothesis import strategies as st
 from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.geometry.frames import wrap_angle
+from lme.gym import fleet as fleet_module
 from lme.gym.episodes import CODES, Reward
 from lme.gym.fleet import Fleet
 from lme.gym.kernels import RUNNING, wrapped
 from lme.navigation.episode import Progress
 from lme.robots import Footprint
 from lme.simulation.fast import FastSimulator
-from lme.types import Outcome, Twist
+from lme.types import Outcome, Pose, Twist
+from lme.worlds.contours import outlines
+from lme.worlds.world import World
+from tests.builders import task as make_task
 
 HARD = load_map_set("barn", {"worlds": [200, 250, 299], "time_limit": 4.0})
 ROOM = load_map_set("env1", {"radius": 0.3, "worlds": [0, 1, 2], "time_limit": 2.0, "clock_distance": 0.3})
@@ -118,6 +122,106 @@ def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config)
     assert (
         (Outcome.SUCCESS in kinds) if map_set is NEAR else len(kinds) == 2
     )  # the comparison has seen these ends
+
+
+class _Large:
+    """Two worlds: two thousand discs, and rough walls on a lattice; with several goals in each."""
+
+    numbers = (0, 1, 2, 3)
+
+    def __init__(self):
+        rng = np.random.default_rng(0)
+        circles = np.column_stack([rng.uniform(-20, 20, (2000, 2)), rng.uniform(0.02, 0.2, 2000)])
+        circles = circles[np.hypot(circles[:, 0], circles[:, 1]) - circles[:, 2] > 0.6]
+        solid = rng.random((120, 160)) < 0.1
+        solid[45:75, 65:95] = False
+        polygons = tuple((outline - [80, 60]) * 0.05 for outline in outlines(solid))
+        self.worlds = [
+            World(circles=circles),
+            World(circles=np.add(circles[:5], (9.0, 9.0, 0.0)), polygons=polygons),
+        ]
+        assert len(self.worlds[1].lattice.edges) > 512
+
+    def task(self, number):
+        goal = np.array([30.0, number])
+        return make_task(self.worlds[number % 2], start=Pose(0.0, 0.0, 0.3), goal=goal, time_limit=3.0)
+
+
+def test_many_obstacles_and_many_threads_change_nothing():
+    """Sixty robots among discs and on a lattice: one thread, three threads, and six of them alone."""
+    robot, n, config = load_robot("jackal"), 60, load_settings("sim/fast")
+    maps, reward = _Large(), Reward()
+    one, three = (Fleet(maps, robot, n, config, reward, threads=threads) for threads in (1, 3))
+    alone = [Alone(maps, robot, i, config, reward) for i in range(6)]
+    first, other = one.reset(range(n)), three.reset(range(n))
+    for mine, its in zip(first, other, strict=True):
+        np.testing.assert_array_equal(mine, its)
+    for i, single in enumerate(alone):
+        assert_sees(first, i, single.reset(), single.box)
+    rng, num_ended = np.random.default_rng(0), 0
+    for _ in range(40):
+        commands = rng.normal([0.6, 0.0], [0.5, 1.0], (n, 2))
+        moved, same = one.step(commands), three.step(commands)
+        for mine, its in zip((*moved.views, *moved[1:6]), (*same.views, *same[1:6]), strict=True):
+            np.testing.assert_array_equal(mine, its)
+        assert list(moved.results) == list(same.results)
+        num_ended += len(moved.ended)
+        for i, single in enumerate(alone):
+            seen, _, outcome = single.step(commands[i])
+            assert moved.outcomes[i] == CODES[outcome]
+            assert_sees(moved.views, i, single.reset() if outcome else seen, single.box)
+    assert num_ended > 20
+
+
+def test_robots_share_the_obstacles_of_a_world():
+    maps = _Large()
+    fleet = Fleet(maps, load_robot("jackal"), 40)
+    fleet.reset(range(40))
+    stored = fleet._store.obstacles
+    assert len(fleet._store.tasks) == 4
+    assert len(fleet._store.worlds) == 2
+    assert len(stored.discs) < 2 * sum(len(world.discs.shapes) for world in maps.worlds)
+
+
+def test_a_store_that_is_full_starts_anew(monkeypatch):
+    monkeypatch.setattr(fleet_module, "MOST_TASKS", 2)
+    fleet, plain = (Fleet(load_map_set("barn", {"subset": "all"}), load_robot("stage"), 2) for _ in range(2))
+    monkeypatch.undo()
+    for seed in range(8):
+        monkeypatch.setattr(fleet_module, "MOST_TASKS", 2)
+        mine = fleet.reset([seed, seed + 50])
+        monkeypatch.undo()
+        np.testing.assert_array_equal(mine.ranges, plain.reset([seed, seed + 50]).ranges)
+        assert len(fleet._store.tasks) <= 6
+
+
+def test_results_as_arrays_are_those_of_each_episode():
+    fleet = Fleet(HARD, load_robot("jackal"), 20)
+    fleet.reset(range(20))
+    for _ in range(45):
+        moved = fleet.step(np.full((20, 2), [0.8, 0.0]))
+        columns = moved.results.infos()
+        for k, result in enumerate(moved.results):
+            assert {name: column[k] for name, column in columns.items()} == result.info()
+    assert len(NEAR.numbers) == 2
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_a_number_of_threads_is_positive(threads, says):
+    with says.raises(InputError):
+        Fleet(ROOM, load_robot("stage"), 2, threads=threads)
+
+
+def test_without_autoreset_an_ended_episode_waits_for_its_reset(says):
+    fleet = Fleet(_Reached(), load_robot("stage"), 2, autoreset="Disabled")
+    fleet.reset([0, 1])
+    assert fleet.step(np.zeros((2, 2))).terminated.all()
+    with says.raises(InputError):
+        fleet.step(np.zeros((2, 2)))
+    before = fleet.reset(mask=np.array([True, False]))
+    with says.raises(InputError):
+        fleet.step(np.zeros((2, 2)))
+    assert before.ranges.shape == (2, fleet.robot.lidar.num_beams)
 
 
 class _Reached:

@@ -1,5 +1,7 @@
 """The observation as one vector."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from lme.errors import InputError  # noqa: E402
 from lme.gym.envs import NavigationEnv  # noqa: E402
-from lme.gym.spaces import FlatObservation  # noqa: E402
+from lme.gym.spaces import FlatObservation, flattened  # noqa: E402
 
 
 def test_a_flat_observation_is_scan_target_and_last_action_in_one_vector():
@@ -41,7 +43,20 @@ def test_gymnasiums_checker_has_no_complaint():
 
 def test_a_wrong_number_of_beams_or_clip_is_named(says):
     env = NavigationEnv()
-    with says.raises(InputError, match="beams.*7"):
-        FlatObservation(env, beams=7)
+    for beams in (0, 721):
+        with says.raises(InputError, match=f"beams is {beams}"):
+            FlatObservation(env, beams=beams)
     with says.raises(InputError, match="clip.*0"):
         FlatObservation(env, clip=0.0)
+
+
+@pytest.mark.parametrize("num_beams", [720, 811, 1081])
+def test_sectors_may_differ_by_a_beam(num_beams):
+    scan = np.random.default_rng(0).uniform(0, 9, (3, num_beams)).astype(np.float32)
+    observation = {"scan": scan, "target": np.zeros((3, 2), np.float32)}
+    flat = flattened(observation, np.zeros((3, 2)), 72)
+    firsts = [k * num_beams // 72 for k in range(73)]
+    assert {b - a for a, b in itertools.pairwise(firsts)} <= {num_beams // 72, num_beams // 72 + 1}
+    for k, (first, stop) in enumerate(itertools.pairwise(firsts)):
+        nearest = np.minimum(scan[:, first:stop].min(axis=1), 5.0) / 5.0 * 2.0 - 1.0
+        np.testing.assert_array_equal(flat[:, k], nearest.astype(np.float32))

@@ -209,7 +209,9 @@ def test_a_choice_of_a_guide_s_network_lasts_its_period():
     made.start(0)
     ahead = torch.full((6,), 2)  # 1.6 m
     found = made.step(ahead)
-    assert made._fleet._states.steps.tolist() == [3] * 6, "0.5 s are five periods: two to arrive, three at rest"
+    assert made._fleet._states.steps.tolist() == [3] * 6, (
+        "0.5 s are five periods: two to arrive, three at rest"
+    )
     assert len(found.ended) == len(found.last[0]) == made.episodes > 0, "0.2 m are enough"
     assert (made._views.twists[found.ended] == 0.0).all()
     arrived = found.rewards[found.terminated]
