@@ -70,9 +70,11 @@ def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
     from runners.reports.analysis import tables
 
-    renderers = {"md": tables.to_markdown, "csv": tables.to_csv, "tex": tables.to_latex}
+    renderers = {"md": tables.to_markdown, "csv": tables.to_csv}
     if style in renderers:
         print(renderers[style](rows), end="")
+    elif style == "tex":
+        print(tables.to_latex(frame, rows), end="")
     else:
         tables.print_table(frame, rows)
 

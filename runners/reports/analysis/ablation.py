@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
-from runners.config.escaping import markdown_table, markdown_text, plot_text
+from runners.config.escaping import markdown_text, plot_text
 from runners.config.systems import SEVERAL
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row
-from runners.reports.analysis.tables import title
+from runners.reports.analysis.tables import driven, title
+from runners.reports.analysis.text_table import Strong, TextTable
 from runners.reports.figures.style import GRID, INK, OUTCOMES, filled, new_figure, outcome_keys, save, symbol
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ CLAIMS = {  # in the order of the paper's figure
 }
 MOST = 3
 ALMOST = 0.02  # of success rate: "almost no effect". ASSUMED: two deviations of the published rate over runs (.009)
+_BEYOND, _STATEMENT = "Beyond the noise", ("The paper says", "Agrees")  # columns
 _ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
 FEWEST = 20  # worlds needed for a verdict if no difference is beyond the noise
 MARGIN = 0.1  # of success rate: an interval that reaches farther may contain the loss that the paper states
@@ -98,12 +100,13 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class AblationStudy(SweepStudy):
-    """Variants of one system in one setting, the complete one first. heading: the system."""
+    """Variants of one system in one setting, the complete one first. heading: the system. driven: seeds, versions."""
 
     name: ClassVar[str] = "ablation"
     heading: str
     setting: str
     variants: tuple[Variant, ...]
+    driven: str
 
     @classmethod
     def studies(cls, frame: pd.DataFrame) -> list[Self]:
@@ -115,6 +118,8 @@ class AblationStudy(SweepStudy):
 
     @classmethod
     def _of(cls, block: Block) -> Self:
+        import pandas as pd
+
         by_measure = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
         claims = CLAIMS if _is_the_papers(block) else {}
         # Variants in the order of the paper, then all others by name.
@@ -129,7 +134,8 @@ class AblationStudy(SweepStudy):
             verdict = _verdict(name, by_measure[SUCCESS], claims) if name in claims else None
             claim = claims[name].words if verdict else ""
             variants.append(Variant(name, paired.row(block.variants[name]), change, claim, *(verdict or ())))
-        return cls(block.heading, title(block.baseline), tuple(variants))
+        frame = pd.concat([block.baseline, *block.variants.values()])
+        return cls(block.heading, title(block.baseline), tuple(variants), driven(frame))
 
     @property
     def judged(self) -> list[Variant]:
@@ -148,7 +154,12 @@ class AblationStudy(SweepStudy):
         )
         verdicts = "\n".join(lines)
         heading = f"**{markdown_text(f'{self.heading} · {self.setting}')}**"
-        return [heading, _table(self), *([verdicts] if verdicts else ())]
+        return [heading, _table(self).to_markdown(), *([verdicts] if verdicts else ())]
+
+    def to_latex(self, label: str) -> str:
+        """Return the differences from the complete method in LaTeX, without the paper's statements."""
+        caption = f"Ablation of {self.heading}: {self.setting}, {self.driven}. {paired.TEST}"
+        return _table(self).without(_BEYOND, *_STATEMENT).to_latex(label, caption)
 
     def lines(self) -> Iterator[dict[str, object]]:
         """Yield a line for each variant."""
@@ -289,15 +300,14 @@ def _exceeded_variants(
             yield variant_label(rival)
 
 
-def _table(study: AblationStudy) -> str:
-    change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
+def _table(study: AblationStudy) -> TextTable:
+    change = ["Difference", "95 %", "p (Holm)", _BEYOND]
     has_metric = any(METRIC in variant.row.stats for variant in study.variants)
     measures = {SUCCESS: "Success", METRIC: "BARN metric"} if has_metric else {SUCCESS: "Success"}
     columns = [column for name in measures.values() for column in (name, *change)]
-    header = ["Variant", *columns, "The paper says", "Agrees", "Pairs"]
+    header = ["Variant", *columns, *_STATEMENT, "Pairs"]
     lines = [_cells(variant, list(measures)) for variant in study.variants]
-    rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
-    return markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
+    return TextTable(header, lines, left=(0, *map(header.index, _STATEMENT)))
 
 
 def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
@@ -317,8 +327,10 @@ def _change(change: Difference | None) -> list[str]:
         return [DASH] * 4
     if math.isnan(change.adjusted):
         return [signed(change.mean), DASH, DASH, DASH]
-    verdict = "yes" if change.beyond_noise else "no"
-    return [signed(change.mean), interval(change), paired.p_value(change), verdict]
+    mean, verdict = (
+        (Strong(signed(change.mean)), "yes") if change.beyond_noise else (signed(change.mean), "no")
+    )
+    return [mean, interval(change), paired.p_value(change), verdict]
 
 
 def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from runners.config.escaping import markdown_table, plot_text
+from runners.config.escaping import plot_text
 from runners.reports.analysis import paired, published
 from runners.reports.analysis.paired import Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy
@@ -27,7 +27,8 @@ from runners.reports.analysis.summary import (
     row_keys,
     usual,
 )
-from runners.reports.analysis.tables import title
+from runners.reports.analysis.tables import driven, title
+from runners.reports.analysis.text_table import Strong, TextTable
 from runners.reports.figures.style import GRID, INK, OUTCOMES, SKY, filled, new_figure, outcome_keys, save
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ MOST = 60  # most bars on a page
 class Comparison(SweepStudy):
     """Differences of the other rows from the reference's row, in one setting. Its picture is the chart of the table.
 
-    reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first.
+    reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first. driven:
+    seeds and versions.
     """
 
     name: ClassVar[str] = "comparison"
@@ -58,6 +60,7 @@ class Comparison(SweepStudy):
     setting: str
     rows: Mapping[str, Row]
     changes: Mapping[str, Mapping[str, Difference]]
+    driven: str
 
     @classmethod
     def studies(cls, frame: pd.DataFrame) -> list[Self]:
@@ -81,14 +84,16 @@ class Comparison(SweepStudy):
 
         by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
         frames = {reference: block.baseline, **block.variants}
+        frame = pd.concat(frames.values())
         return cls(
             reference,
-            " · ".join(text for text in (block.heading, title(pd.concat(frames.values()))) if text),
+            " · ".join(text for text in (block.heading, title(frame)) if text),
             {name: paired.row(frame) for name, frame in frames.items()},
             {
                 name: {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
                 for name in block.variants
             },
+            driven(frame),
         )
 
     def sentences(self) -> list[str]:
@@ -103,7 +108,12 @@ class Comparison(SweepStudy):
 
     def tables(self) -> list[str]:
         """Return a table with a line for each row other than the reference's."""
-        return [f"**{self.setting}**", _table(self)]
+        return [f"**{self.setting}**", _table(self).to_markdown()]
+
+    def to_latex(self, label: str) -> str:
+        """Return the same table in LaTeX."""
+        caption = f"Differences from {self.reference}: {self.setting}, {self.driven}. {paired.TEST}"
+        return _table(self).to_latex(label, caption)
 
     def lines(self) -> Iterator[dict[str, object]]:
         """Yield a line for each row."""
@@ -128,19 +138,14 @@ def _describe_change(measure: str, change: Difference) -> str:
     return f"{text}, beyond the noise" if change.beyond_noise else text
 
 
-def _table(study: Comparison) -> str:
+def _table(study: Comparison) -> TextTable:
     has_metric = any(paired.METRIC in row.stats for row in study.rows.values())
     measures = [measure for measure in MEASURES if measure != paired.METRIC or has_metric]
     header = [f"Difference from {study.reference}"]
     for measure in measures:
         header += [HEADERS[measure], "95 %", "p (Holm)"]
-    rule = ["---", *["---:"] * len(header)]
-    lines = [
-        [*header, "Pairs"],
-        rule,
-        *(_cells(name, changes, measures) for name, changes in study.changes.items()),
-    ]
-    return markdown_table(lines)
+    lines = [_cells(name, changes, measures) for name, changes in study.changes.items()]
+    return TextTable([*header, "Pairs"], lines)
 
 
 def _cells(name: str, changes: Mapping[str, Difference], measures: Sequence[str]) -> list[str]:
@@ -154,8 +159,12 @@ def _change(change: Difference | None) -> list[str]:
     """Return the difference, bold if it exceeds the noise, its interval and p."""
     if change is None:
         return [DASH] * 3
-    mean = f"**{signed(change.mean)}**" if change.beyond_noise else signed(change.mean)
-    return [mean, interval(change) or DASH, paired.p_value(change) or DASH]
+    mean = signed(change.mean)
+    return [
+        Strong(mean) if change.beyond_noise else mean,
+        interval(change) or DASH,
+        paired.p_value(change) or DASH,
+    ]
 
 
 def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], directory: Path) -> list[Path]:

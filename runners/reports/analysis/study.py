@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 class SweepStudy(ABC):
-    """One setting of a study: sentences for the terminal, tables for `NAME.md`, lines for `NAME.csv`."""
+    """One setting of a study: sentences for the terminal, tables for `NAME.md`, lines for `NAME.csv`.
+
+    Some also have a table for `NAME.tex`.
+    """
 
     __slots__ = ()
     name: ClassVar[str]  # stem of the files
@@ -38,6 +41,10 @@ class SweepStudy(ABC):
     def lines(self) -> Iterable[dict[str, object]]:
         """Return the lines of the CSV, not rounded."""
 
+    def to_latex(self, label: str) -> str:
+        """Return the main table as a LaTeX float with this label; empty if there is none."""
+        return ""
+
     def notes(self) -> Sequence[str]:
         """Return what explains the tables. Studies of one kind share their notes."""
         return paired.NOTES
@@ -50,11 +57,26 @@ class SweepStudy(ABC):
 
 def write(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:
     """Write the tables and pictures of all studies of one kind into `folder`; return the paths."""
+    return [*write_tables(studies, folder), *studies[0].draw(studies, folder)]
+
+
+def write_tables(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:
+    """Write the tables of all studies of one kind into `folder`; return the paths."""
     name = studies[0].name
-    markdown, table = folder / f"{name}.md", folder / f"{name}.csv"
-    write_atomically(markdown, to_markdown(studies))
-    write_atomically(table, csv_text([line for study in studies for line in study.lines()]))
-    return [markdown, table, *studies[0].draw(studies, folder)]
+    floats = [study.to_latex(label) for study, label in zip(studies, labels(name, len(studies)), strict=True)]
+    texts = {
+        "md": to_markdown(studies),
+        "csv": csv_text([line for study in studies for line in study.lines()]),
+        **({"tex": "\n".join(floats)} if any(floats) else {}),
+    }
+    for ending, text in texts.items():
+        write_atomically(folder / f"{name}.{ending}", text)
+    return [folder / f"{name}.{ending}" for ending in texts]
+
+
+def labels(name: str, count: int) -> list[str]:
+    r"""Return what `\\ref` calls the LaTeX tables of this name: tab:NAME, or tab:NAME-1 and so on for several."""
+    return [f"tab:{name}"] if count == 1 else [f"tab:{name}-{number}" for number in range(1, count + 1)]
 
 
 def to_markdown(studies: Sequence[SweepStudy]) -> str:

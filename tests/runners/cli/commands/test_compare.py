@@ -63,7 +63,9 @@ def test_a_sweep_of_weights_is_named_by_them_and_compared_where_it_lies(tmp_path
     assert "weights skid (60 worlds, 120 pairs; BARN metric better in " in text
     assert "All have seed 0: both episodes of a pair draw from the same random numbers." in text
     assert re.search(r"To find a difference of 0\.05 in success takes about [\d,]+ worlds like these", text)
-    assert text.endswith(f"compare.md, compare.csv, compare_worlds.csv, compare.png in {tmp_path}")
+    assert text.endswith(
+        f"compare.md, compare.csv, compare.tex, compare_worlds.csv, compare.png in {tmp_path}"
+    )
     markdown = (tmp_path / "compare.md").read_text(encoding="utf-8")
     assert "| `guide.parameters.a_close` | 1.51 | 3.311 |" in markdown
     assert "![barn_metric by world](compare.png)" in markdown

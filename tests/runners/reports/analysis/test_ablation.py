@@ -197,7 +197,7 @@ def test_the_files_of_an_ablation_are_written(tmp_path):
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
     assert len({len(row) for row in rows}) == 1
     assert dict(zip(rows[0][:6], rows[5][:6], strict=True)) == {
-        "Variant": "No c_o", "Success": "0.100 ± 0.000", "Difference": "\u22120.800",
+        "Variant": "No c_o", "Success": "0.100 ± 0.000", "Difference": "**\u22120.800**",
         "95 %": rows[5][3], "p (Holm)": "< 0.001", "Beyond the noise": "yes",
     }  # fmt: skip
     assert "not Gazebo" in text
