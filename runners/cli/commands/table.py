@@ -24,11 +24,12 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """Print one table over all runs. Raises InputError for a path without records."""
     from runners.records.records import find_runs, read_episodes
+    from runners.reports.analysis.summary import rows_of_runs
 
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
     frame = read_episodes(runs)
-    rows = _rows(frame, runs, is_sweep=runs != arguments.runs[:1])
+    rows = rows_of_runs(frame, runs, is_sweep=runs != arguments.runs[:1])
     _print(frame, rows, arguments.format)
     if len(arguments.runs) == 1 or arguments.into:
         words = _rewrite(frame, rows, runs, arguments.into or arguments.runs[0])
@@ -52,19 +53,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_trust(parser)
     return parser
-
-
-def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
-    """Return the rows of the table, in the order that the config of a sweep sets."""
-    from runners.config.systems import ablation_labels, systems
-    from runners.records.launch_record import read_launch
-    from runners.reports.analysis.summary import summarise
-
-    launch = read_launch(runs[0])
-    if launch is None:
-        return summarise(frame)
-    order = launch.configs[0].get("table", []) if is_sweep else []
-    return summarise(frame, order, systems(launch.folders), ablation_labels(launch.folders))
 
 
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:

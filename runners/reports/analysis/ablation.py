@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 from runners.config.escaping import markdown_text, plot_text
@@ -20,11 +19,12 @@ from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row
 from runners.reports.analysis.tables import driven, title
 from runners.reports.analysis.text_table import Strong, TextTable
-from runners.reports.figures.style import GRID, INK, OUTCOMES, filled, new_figure, outcome_keys, save, symbol
+from runners.reports.figures.style import GRID, INK, OUTCOMES, filled, new_figure, outcome_keys, symbol
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLUMN, COMPLETE = "ablation", "none"
 SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
@@ -103,6 +103,7 @@ class AblationStudy(SweepStudy):
     """Variants of one system in one setting, the complete one first. heading: the system. driven: seeds, versions."""
 
     name: ClassVar[str] = "ablation"
+    legend: ClassVar[str] = CAPTION
     heading: str
     setting: str
     variants: tuple[Variant, ...]
@@ -179,7 +180,7 @@ class AblationStudy(SweepStudy):
         return (*paired.NOTES, *(NOTES if self.judged else ()))
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+    def figure(cls, studies: Sequence[Self], noted: bool = True) -> Figure:
         """Draw outcomes and paired differences of every variant."""
         drawn_studies = studies[:STUDIES]
         width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in drawn_studies)))
@@ -208,8 +209,9 @@ class AblationStudy(SweepStudy):
             labelcolor=INK,
         )
         omitted = f" {len(studies) - STUDIES} more in {cls.name}.md." if len(studies) > STUDIES else ""
-        figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
-        return save(figure, folder / cls.name, ("png", "pdf"))
+        if noted:
+            figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
+        return figure
 
 
 def variant_label(ablation: str) -> str:

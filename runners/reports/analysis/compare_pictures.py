@@ -8,11 +8,11 @@ import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from runners.config.escaping import plot_text
+from runners.config.escaping import counted, plot_text
 from runners.reports.analysis import paired
 from runners.reports.analysis.compare_report import NAME
 from runners.reports.analysis.compare_runs import MEASURES, Compared, RunComparison
@@ -27,12 +27,26 @@ if TYPE_CHECKING:
 
 TOP = {METRIC: 0.5}  # highest value of a measure, where it is not 1
 FORMATS = ("png", "pdf")
-PAIR_IN = (9.0, 4.6)
+PAIR_IN, FLAT = (9.0, 4.6), 0.46  # and its height as a share of a page's width
 FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
 LABEL = 34  # most letters in a line of a name
 LETTERS_PER_IN = 18  # of the note below a picture
+
+
+class PrintSpace(NamedTuple):
+    """Width of a figure in a paper, and its height at most."""
+
+    width_in: float
+    height_in: float
+
+
+class Noted(NamedTuple):
+    """A figure, and what its reader must know."""
+
+    figure: Figure
+    note: str
 
 
 def compare_figures(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
@@ -42,17 +56,26 @@ def compare_figures(comparisons: Sequence[RunComparison], directory: Path) -> li
     """
     written: list[Path] = []
     for number, study in enumerate(comparisons, start=1):
-        figure = _pair(study, study.compared[0]) if len(study.compared) == 1 else _heat_map(study)
         stem = directory / (NAME if len(comparisons) == 1 else f"{NAME}_{number}")
-        written += save(figure, stem, FORMATS)
+        written += save(compare_figure(study).figure, stem, FORMATS)
     for path in set(directory.glob(f"{NAME}*.*")) - set(written):
         if re.fullmatch(rf"{NAME}(_\d+)?\.({'|'.join(FORMATS)})", path.name):
             path.unlink()
     return [path for path in written if path.suffix == ".png"]
 
 
-def _pair(study: RunComparison, compared: Compared) -> Figure:
-    figure = new_figure(*PAIR_IN)
+def compare_figure(study: RunComparison, page: PrintSpace | None = None) -> Noted:
+    """Draw a comparison. page: what it must fit, without heading and note; None for a picture that has both."""
+    drawn = _pair(study, study.compared[0], page) if len(study.compared) == 1 else _heat_map(study, page)
+    if page is None:
+        note = _wrapped(drawn.note, _letters_per_line(drawn.figure.get_figwidth()))
+        drawn.figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
+        drawn.figure.supxlabel(note, fontsize=7, color=INK, x=0.01, ha="left")
+    return drawn
+
+
+def _pair(study: RunComparison, compared: Compared, page: PrintSpace | None) -> Noted:
+    figure = new_figure(*(PAIR_IN if page is None else (page.width_in, page.width_in * FLAT)))
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.25])
     worlds = compared.worlds
     _draw_scatter(left, worlds, TOP.get(study.measure, 1.0))
@@ -64,13 +87,11 @@ def _pair(study: RunComparison, compared: Compared) -> Figure:
     _draw_bars(right, gain[gain.abs() > TIE])
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
     num_equal = len(worlds) - len(compared.better) - len(compared.worse)
-    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
     note = (
         f"{compared.name} against {study.reference}, means of the runs in each world: better in {len(compared.better)} "
         f"worlds, worse in {len(compared.worse)}, the same in {num_equal}."
     )
-    figure.supxlabel(_wrapped(note, _letters_per_line(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
-    return figure
+    return Noted(figure, note)
 
 
 def _draw_scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
@@ -122,29 +143,35 @@ def _draw_bars(axes: Axes, gain: pd.Series) -> None:
     _style_axes(axes, "y")
 
 
-def _heat_map(study: RunComparison) -> Figure:
+def _heat_map(study: RunComparison, page: PrintSpace | None) -> Noted:
     """Draw runs × worlds in bands, with the worlds from the worst to the best of all runs."""
     from matplotlib import colormaps
 
-    means, note = _means(study)
-    # Split the worlds into bands, and make room for the longest name.
-    bands = [means.iloc[:, start : start + BAND] for start in range(0, means.shape[1], BAND)]
-    longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
-    width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
-    band_in = 0.55 + LINE_IN * len(means) * (1 + 0.35 * any("\n" in _wrapped(name) for name in means.index))
-    note = _wrapped(note, _letters_per_line(width))
-    figure = new_figure(width, 0.85 + 0.12 * len(note.split("\n")) + band_in * len(bands))
+    # Make room for the longest name, and split the worlds into bands.
+    names = [_wrapped(name) for name in study.names]
+    around_in = 1.1 + 0.075 * max(len(line) for name in names for line in name.split("\n"))
+    band_in = 0.55 + LINE_IN * len(names) * (1 + 0.35 * any("\n" in name for name in names))
+    band, most = BAND, MOST_WORLDS
+    if page is not None:
+        band = int((page.width_in - around_in) / CELL_IN)
+        most = band * max(int(page.height_in / band_in), 1)
+    means, note = _means(study, most)
+    bands = [means.iloc[:, start : start + band] for start in range(0, means.shape[1], band)]
+    width = around_in + CELL_IN * max(len(bands[0].columns), 28) if page is None else page.width_in
+    note_lines = _wrapped(note, _letters_per_line(width)).split("\n")
+    head_in = 0.1 if page else 0.85 + 0.12 * len(note_lines)
+    figure = new_figure(width, head_in + band_in * len(bands))
     colours = colormaps["viridis"].with_extremes(bad="white")
     top = TOP.get(study.measure, 1.0)
-    for axes, band in zip(figure.subplots(len(bands), 1, squeeze=False)[:, 0], bands, strict=True):
+    for axes, part in zip(figure.subplots(len(bands), 1, squeeze=False)[:, 0], bands, strict=True):
         # The last band is padded, so that all cells have one size.
-        padded = np.full((len(band), len(bands[0].columns)), np.nan)
-        padded[:, : band.shape[1]] = band
+        padded = np.full((len(part), len(bands[0].columns)), np.nan)
+        padded[:, : part.shape[1]] = part
         picture = axes.pcolormesh(padded, cmap=colours, vmin=0.0, vmax=top, edgecolors="white", linewidth=0.6)
         axes.set_xticks(
-            np.arange(band.shape[1]) + 0.5, [str(world) for world in band.columns], rotation=90, fontsize=6
+            np.arange(part.shape[1]) + 0.5, [str(world) for world in part.columns], rotation=90, fontsize=6
         )
-        axes.set_yticks(np.arange(len(band)) + 0.5, [_wrapped(name) for name in band.index], fontsize=7.5)
+        axes.set_yticks(np.arange(len(part)) + 0.5, names, fontsize=7.5)
         axes.invert_yaxis()
         axes.tick_params(length=0, colors=INK)
         axes.spines[:].set_visible(False)
@@ -154,15 +181,13 @@ def _heat_map(study: RunComparison) -> Figure:
     bar.set_label(MEASURES[study.measure].header, fontsize=7.5, color=INK)
     bar.ax.tick_params(labelsize=7, colors=INK)
     bar.outline.set_visible(False)
-    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel(note, fontsize=7, color=INK, x=0.01, ha="left")
-    return figure
+    return Noted(figure, note)
 
 
-def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
+def _means(study: RunComparison, most: int) -> tuple[pd.DataFrame, str]:
     """Return the drawn measure by run and world, worst worlds first, and a note on which worlds these are.
 
-    Worlds in which all runs are equal are left out, unless all worlds are such.
+    Worlds in which all runs are equal are left out, unless all worlds are such. most: largest number of worlds.
     """
     import pandas as pd
 
@@ -177,19 +202,19 @@ def _means(study: RunComparison) -> tuple[pd.DataFrame, str]:
     differs = (table.max(axis=1) - table.min(axis=1) > TIE) | table.isna().any(axis=1)
     table = table[differs] if differs.any() else table
     order = table.mean(axis=1).sort_values(kind="stable").index
-    return table.loc[order[:MOST_WORLDS]].T, _picture_note(study, len(order), len(shared) - len(order))
+    return table.loc[order[:most]].T, _picture_note(study, len(order), len(shared) - len(order), most)
 
 
-def _picture_note(study: RunComparison, differing: int, same: int) -> str:
+def _picture_note(study: RunComparison, differing: int, same: int, most: int) -> str:
     """Return a note on what is drawn. differing: number of worlds to draw. same: of worlds with all runs alike."""
     header = MEASURES[study.measure].header
     sentences = [
         f"{header}, mean of the runs in each world, from the world that is worst on average to the best."
     ]
-    if differing > MOST_WORLDS:
-        sentences.append(f"The {MOST_WORLDS} worst of {differing:,} worlds.")
+    if differing > most:
+        sentences.append(f"The {most} worst of {differing:,} worlds.")
     if same:
-        sentences.append(f"Not drawn: {same:,} worlds in which all are the same.")
+        sentences.append(f"Not drawn: {counted(same, 'world')} in which all are the same.")
     return " ".join([*sentences, "White: not driven."])
 
 

@@ -6,6 +6,7 @@ The chart shows the published results, too. The reference is LME, or the system 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,7 @@ MEASURES = (paired.SUCCESS, paired.METRIC, SMOOTHNESS)
 HEADERS = {metric.key: metric.header for metric in METRICS if metric.key in MEASURES}
 ROW = "row"  # a column of the records: the row's name in the table
 WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
+NAMES_SHARE, LETTER_IN, LINE_IN = 0.4, 0.065, 0.135  # of the width for names; size of a letter
 THICK, THIN = 0.8, 0.42  # height of our bars, of published bars
 FADED = 0.45  # opacity of published bars
 MOST = 60  # most bars on a page
@@ -172,16 +174,32 @@ def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], directory: Path)
 
     frame: one row per episode. Of more than `MOST` rows the best and the worst are drawn.
     """
+    drawn_rows = best_and_worst(rows)
+    figure = chart(drawn_rows, WIDTH_IN, AROUND_IN)
+    _label_chart(figure, drawn_rows, len(rows), title(frame))
+    return save(figure, directory / Comparison.name, ("png", "pdf"))
+
+
+def chart(rows: Sequence[Row], width_in: float, around_in: float) -> Figure:
+    """Return a chart with a bar per row and a key. around_in: height besides the bars."""
     has_metric = any(paired.METRIC in row.stats for row in rows)
-    num_rows, rows = len(rows), best_and_worst(rows)
-    figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
+    # Names may take a part of the width; longer ones are wrapped, which makes all rows higher.
+    shared, letters = _shared_keys(rows), int(NAMES_SHARE * width_in / LETTER_IN)
+    names = [textwrap.fill(_bar_label(row, shared), letters) for row in rows]
+    row_in = max(ROW_IN, LINE_IN * (2 + max(name.count("\n") for name in names)))
+    figure = new_figure(width_in, around_in + row_in * len(rows))
     widths = [3.0, 1.4] if has_metric else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
     _draw_outcomes(panels[0], rows)
     if has_metric:
         _draw_metric(panels[1], rows)
-    _label_chart(figure, panels[0], rows, num_rows, title(frame))
-    return save(figure, directory / Comparison.name, ("png", "pdf"))
+    # Name the rows, and say what the colours are.
+    panels[0].set_yticks(range(len(rows)), names, fontsize=8, color=INK)
+    panels[0].set_ylim(len(rows) - 0.4, -0.6)
+    figure.legend(
+        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
+    )
+    return figure
 
 
 def best_and_worst(rows: Sequence[Row]) -> list[Row]:
@@ -251,24 +269,17 @@ def _draw_whisker(axes: Axes, line: int, low: float, high: float) -> None:
         )  # fmt: skip
 
 
-def _label_chart(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int, heading: str) -> None:
-    """Write the names of the rows, the heading and the key above, and the notes below. num_rows: rows of the table."""
-    shared = _shared_keys(rows)
-    axes.set_yticks(range(len(rows)), [_bar_label(row, shared) for row in rows], fontsize=8, color=INK)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    figure.legend(
-        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
-    )
-    heading = " · ".join(
-        [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
-    )
+def _label_chart(figure: Figure, rows: Sequence[Row], num_rows: int, heading: str) -> None:
+    """Write the heading above the chart, and the notes below. num_rows: rows of the table."""
+    shared = {key: value for key, value in _shared_keys(rows).items() if value not in usual(key)}
+    heading = " · ".join([heading, *(f"{key} {value}" for key, value in shared.items())])
     figure.suptitle(plot_text(heading), fontsize=10.5, color=INK, x=0.01, ha="left")
     figure.supxlabel(
-        plot_text("\n".join(_chart_notes(rows, num_rows))), fontsize=7, color=INK, x=0.01, ha="left"
+        plot_text("\n".join(chart_notes(rows, num_rows))), fontsize=7, color=INK, x=0.01, ha="left"
     )
 
 
-def _chart_notes(rows: Sequence[Row], num_rows: int) -> list[str]:
+def chart_notes(rows: Sequence[Row], num_rows: int) -> list[str]:
     """Return the notes on the rows shown. num_rows: number of rows in the table."""
     lines = []
     if len(rows) < num_rows:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from runners.config.escaping import markdown_table, markdown_text, plot_text
@@ -25,12 +24,12 @@ from runners.reports.figures.style import (
     VERMILION,
     Style,
     new_figure,
-    save,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
 LEAST = 3  # minimum number of values that make a curve
@@ -69,6 +68,7 @@ class CurveStudy(SweepStudy):
     """
 
     name: ClassVar[str] = "curves"
+    legend: ClassVar[str] = NOTE
     key: str
     setting: str
     curves: tuple[Curve, ...]
@@ -120,7 +120,7 @@ class CurveStudy(SweepStudy):
         return ()
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+    def figure(cls, studies: Sequence[Self], noted: bool = True) -> Figure:
         """Draw a panel for each key and measure, with a line for each system."""
         rows = [row for study in studies for curve in study.curves for _, row in curve.points]
         measures = [name for name in DRAWN if any(name in row.stats for row in rows)]
@@ -138,8 +138,11 @@ class CurveStudy(SweepStudy):
                     axes.set_visible(False)
         handles = [_curve_line(number, label) for number, label in enumerate(labels)]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
-        figure.supxlabel(f"{plot_text(studies[0].setting)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
-        return save(figure, folder / cls.name, ("png", "pdf"))
+        if noted:
+            figure.supxlabel(
+                f"{plot_text(studies[0].setting)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left"
+            )
+        return figure
 
 
 def _is_curve(frame: pd.DataFrame, key: str) -> bool:

@@ -16,11 +16,12 @@ from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, 
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row
 from runners.reports.analysis.tables import title
-from runners.reports.figures.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
+from runners.reports.figures.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, symbol
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLUMN, UNCHANGED = "scale", ""
 NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
@@ -90,6 +91,7 @@ class SensitivityStudy(SweepStudy):
     """Curves of one system in one setting, in the order of the sweep. heading: the system."""
 
     name: ClassVar[str] = "sensitivity"
+    legend: ClassVar[str] = CAPTION
     heading: str
     setting: str
     curves: tuple[ParameterCurve, ...]
@@ -159,7 +161,7 @@ class SensitivityStudy(SweepStudy):
         return (*paired.NOTES, *NOTES)
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+    def figure(cls, studies: Sequence[Self], noted: bool = True) -> Figure:
         """Draw a panel for each parameter, all on one scale."""
         drawn_studies = studies[:STUDIES]
         columns = min(COLUMNS, max(len(study.curves) for study in drawn_studies))
@@ -190,8 +192,9 @@ class SensitivityStudy(SweepStudy):
             fontsize=8,
             labelcolor=INK,
         )
-        figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
-        return save(figure, folder / cls.name, ("png", "pdf"))
+        if noted:
+            figure.supxlabel(CAPTION + omitted, fontsize=7, color=INK, x=0.01, ha="left")
+        return figure
 
 
 def factors(curves: Sequence[ParameterCurve]) -> list[float]:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.tables import csv_text
+from runners.reports.figures.style import save
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 class SweepStudy(ABC):
@@ -23,6 +25,7 @@ class SweepStudy(ABC):
 
     __slots__ = ()
     name: ClassVar[str]  # stem of the files
+    legend: ClassVar[str] = ""  # what a reader of the picture must know
 
     @classmethod
     @abstractmethod
@@ -50,14 +53,16 @@ class SweepStudy(ABC):
         return paired.NOTES
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
-        """Draw the studies as `NAME.png` and `NAME.pdf` in `folder`, if there is a picture; return the paths."""
-        return []
+    def figure(cls, studies: Sequence[Self], noted: bool = True) -> Figure | None:
+        """Return the picture of the studies, if there is one. noted: whether it explains itself at its foot."""
+        return None
 
 
 def write(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:
     """Write the tables and pictures of all studies of one kind into `folder`; return the paths."""
-    return [*write_tables(studies, folder), *studies[0].draw(studies, folder)]
+    figure = studies[0].figure(studies)
+    pictures = [] if figure is None else save(figure, folder / studies[0].name, ("png", "pdf"))
+    return [*write_tables(studies, folder), *pictures]
 
 
 def write_tables(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:

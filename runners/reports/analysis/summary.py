@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
 from lme.perception.people.source import People
 from runners.config.systems import System, ablation_labels, describe_ablation
 from runners.config.systems import systems as named_systems
+from runners.records.launch_record import read_launch
 from runners.records.records import PLANNED_EPISODES, PLANNED_WORLDS, planned
 from runners.reports.analysis import published
 
@@ -138,6 +140,15 @@ def summarise(
     # Put the published figures behind the rows of their system.
     settings = {setting: row for rows in own_rows.values() for row, setting in rows if setting}
     return [row for name, rows in own_rows.items() for row in _with_published(name, rows, settings, figures)]
+
+
+def rows_of_runs(frame: pd.DataFrame, run_dirs: Sequence[Path], is_sweep: bool) -> list[Row]:
+    """Return the rows of the table of recorded runs, in the order that the config of a sweep sets."""
+    launch = read_launch(run_dirs[0])
+    if launch is None:
+        return summarise(frame)
+    order = launch.configs[0].get("table", []) if is_sweep else []
+    return summarise(frame, order, named_systems(launch.folders), ablation_labels(launch.folders))
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:

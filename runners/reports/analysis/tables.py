@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     import rich.table
 
 MISSING = DASH
+_INTERVALS = "Intervals of success are Wilson's, over worlds."  # in a caption
 GAP = 2  # between columns on the terminal
 Column = tuple[str, ...]  # its header, then a cell for each row
 FAMILY = "world_family"  # column of map sets that draw a family of worlds for every episode
@@ -109,8 +110,8 @@ def driven(frame: pd.DataFrame) -> str:
     run_dirs = dict.fromkeys(frame["run_dir"].dropna()) if "run_dir" in frame else {}
     launches = [read_launch(Path(str(run_dir))) for run_dir in run_dirs]
     versions = dict.fromkeys(launch.code for launch in launches if launch is not None and launch.code)
-    words = [f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"] if seeds else []
-    return "; ".join([*words, *versions]) or "seed and version not recorded"
+    words = f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}" if seeds else "seed not recorded"
+    return "; ".join([words, *(versions or ["version not recorded"])])
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
@@ -153,7 +154,9 @@ def to_latex(frame: pd.DataFrame, rows: Sequence[Row]) -> str:
     """Return the table for `frame` as a LaTeX float, with its notes and a caption."""
     header, *lines = _cells(rows, " ± ")
     table = TextTable(header, lines, left=range(1 + len(rows[0].keys)))
-    return table.to_latex("tab:results", f"Results: {title(frame)}, {driven(frame)}.", notes(rows))
+    return table.to_latex(
+        "tab:results", f"Results: {title(frame)}, {driven(frame)}. {_INTERVALS}", notes(rows)
+    )
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
