@@ -75,7 +75,8 @@ def compare_figure(study: RunComparison, page: PrintSpace | None = None) -> Note
 
 
 def _pair(study: RunComparison, compared: Compared, page: PrintSpace | None) -> Noted:
-    figure = new_figure(*(PAIR_IN if page is None else (page.width_in, page.width_in * FLAT)))
+    size_in = PAIR_IN if page is None else (page.width_in, page.width_in * FLAT)
+    figure = new_figure(*size_in)
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.25])
     worlds = compared.worlds
     _draw_scatter(left, worlds, TOP.get(study.measure, 1.0))
@@ -84,7 +85,7 @@ def _pair(study: RunComparison, compared: Compared, page: PrintSpace | None) -> 
     left.set_ylabel(_wrapped(compared.name), fontsize=8.5, color=INK)
     # Left: one run against the other. Right: the differences, sorted.
     gain = (worlds["other"] - worlds["reference"]).sort_values(kind="stable")
-    _draw_bars(right, gain[gain.abs() > TIE])
+    _draw_bars(right, gain[gain.abs() > TIE], int(MOST_BARS * size_in[0] / PAIR_IN[0]))
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
     num_equal = len(worlds) - len(compared.better) - len(compared.worse)
     note = (
@@ -122,17 +123,17 @@ def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
     }
 
 
-def _draw_bars(axes: Axes, gain: pd.Series) -> None:
-    """Draw the difference in every world that has one, from worst to best; only the ends if there are too many."""
+def _draw_bars(axes: Axes, gain: pd.Series, most: int) -> None:
+    """Draw the difference in every world that has one, from worst to best; of more than `most` only the ends."""
     # Of too many worlds, draw the worst and the best.
-    half = MOST_BARS // 2
-    bars = gain if len(gain) <= MOST_BARS else gain.iloc[[*range(half), *range(-half, 0)]]
+    half = most // 2
+    bars = gain if len(gain) <= most else gain.iloc[[*range(half), *range(-half, 0)]]
     colours = [GREEN if value > 0 else VERMILION for value in bars]
     axes.bar(range(len(bars)), bars, color=colours, width=0.8)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     size = 7 if len(bars) <= 25 else 5.5
     axes.set_xticks(range(len(bars)), [str(world) for world in bars.index], rotation=90, fontsize=size)
-    left_out = f"; {len(gain) - len(bars)} between them are not shown" if len(bars) < len(gain) else ""
+    left_out = f";\n{len(gain) - len(bars)} between them are not shown" if len(bars) < len(gain) else ""
     axes.set_xlabel(
         f"worlds with a difference{left_out}" if len(gain) else "no world has a difference",
         fontsize=8.5,

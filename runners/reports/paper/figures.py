@@ -96,4 +96,4 @@ def _paths(frame: pd.DataFrame, run_dirs: Sequence[Path], facts: str, folder: Pa
     except InputError as error:
         warnings.warn(f"no figure of the paths: {error}", stacklevel=4)
         return []
-    return [PaperFigure("paths", "fig:paths", f"Paths in a sample of the worlds: {facts}.", wide)]
+    return [PaperFigure("paths", "fig:paths", f"Paths of all runs in a sample of the worlds: {facts}.", wide)]
