@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +37,7 @@ def paragraphs(frame: pd.DataFrame, launches: Sequence[Launch], compared: bool) 
         for sentences in (
             _systems(frame, launches),
             _robots(frame, launches),
-            [*_simulators(launches), *_worlds(frame, launches)],
+            [*_simulators(frame, launches), *_worlds(frame, launches)],
             _statistics(frame, compared),
             _software(launches),
         )
@@ -48,7 +49,9 @@ def _systems(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
     """Return a sentence for each system with its parts, and with whatever differs from its shipped options."""
     labels = list(dict.fromkeys(as_text(frame["system"])))
     sentences = [f"We drove {_listed(labels)} in simulation [@{SOFTWARE}]."]
-    if any("LME" in label for label in labels):
+    if any("LME" in label for label in labels) or any(
+        launch.choices[0].get("guide") == "lme" for launch in launches
+    ):
         sentences.append(f"LME is the Local-Minimum Escaper [@{PAPER}].")
     details = dict.fromkeys(f"{_system(frame, launch)} {_parts(launch)}." for launch in launches)
     sentences += list(details)[:_MOST_SYSTEMS]
@@ -95,15 +98,23 @@ def _robots(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
     """Return what each robot is and may do. Raises InputError for a launch record that describes none."""
     if "robot" in frame and _DRAWN in set(frame["robot"]):
         return ["Every episode draws its robot; the records hold its size and limits."]
-    systems_by_robot: dict[str, dict[str, None]] = {}
+    texts = []
     for launch in launches:
         robot: Robot = fill_dataclass(Robot, _node(launch, "robot"), "robot")
         cap: Cap = fill_dataclass(Cap, _node(launch, "cap"), "cap")
+        texts.append(_robot(robot, cap))
+    return _whose(frame, launches, texts)
+
+
+def _whose(frame: pd.DataFrame, launches: Sequence[Launch], texts: Sequence[str]) -> list[str]:
+    """Return each different text once, with the systems that it is about if there are several. texts: by launch."""
+    systems: dict[str, dict[str, None]] = {}
+    for launch, text in zip(launches, texts, strict=True):
         changes = f" ({describe_changes(launch.changes[0])})" if launch.changes[0] else ""
-        systems_by_robot.setdefault(_robot(robot, cap), {})[f"{_system(frame, launch)}{changes}"] = None
-    if len(systems_by_robot) < 2:
-        return list(systems_by_robot)
-    return [f"For {_listed(systems)}: {text}" for text, systems in systems_by_robot.items()]
+        systems.setdefault(text, {})[f"{_system(frame, launch)}{changes}"] = None
+    if len(systems) < 2:
+        return list(systems)
+    return [f"For {_listed(names)}: {text}" for text, names in systems.items()]
 
 
 def _robot(robot: Robot, cap: Cap) -> str:
@@ -129,14 +140,16 @@ def _robot(robot: Robot, cap: Cap) -> str:
     )
 
 
-def _simulators(launches: Sequence[Launch]) -> list[str]:
-    sentences = []
-    for launch in launches:
-        option = launch.choices[0].get("sim", "")
-        name, catalogue = f"sim/{option}", Catalogue(launch.folders)
-        described = f" ({catalogue.title(name)})" if option and catalogue.has(name) else ""
-        sentences += [f"The simulator is lme's {option}{described}."] if option else []
-    return list(dict.fromkeys(sentences))
+def _simulators(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
+    return _whose(frame, launches, [f"The simulator is lme's {_simulator(launch)}." for launch in launches])
+
+
+def _simulator(launch: Launch) -> str:
+    """Return the simulator's option, and what its file says it is, without references to lme's pages."""
+    option, catalogue = launch.choices[0].get("sim", "?"), Catalogue(launch.folders)
+    if option not in catalogue.options("sim"):
+        return option
+    return f"{option} ({re.sub(r' [(]docs/.*[)]', '', catalogue.title(f'sim/{option}'))})"
 
 
 def _worlds(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
@@ -157,25 +170,32 @@ def _worlds(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
             f"The map set is {name}{f' ({subset})' if subset else ''}, {counted(len(worlds), 'world')} ({shown}), with "
             f"{counted(runs, 'run')} of each configuration in each: {counted(len(group), 'episode')} in all."
         )
+        nodes = [
+            _node(launch, "map") for launch in launches if str(launch.directory) in set(group["run_dir"])
+        ]
+        limits = [node["time_limit"] for node in nodes if "time_limit" in node]
+        sentences += _endings(group, limits)
     seeds = sorted({int(seed) for seed in frame["seed"].dropna()}) if "seed" in frame else []
     if seeds:
         sentences.append(
             f"An episode draws its random numbers from the seed ({_listed(list(map(str, seeds)))}), its world and the "
             "number of its run."
         )
-    limits = {_node(launch, "map").get("time_limit", "") for launch in launches} - {""}
-    tolerances = sorted(frame["goal_tolerance_m"].dropna().unique()) if "goal_tolerance_m" in frame else []
-    if limits and tolerances:
-        goal = _listed([f"{tolerance:g}" for tolerance in tolerances], "or")
-        limit = (
-            f"after {_listed([f'{_number(value)} s' for value in limits], 'or')}"
-            if None not in limits
-            else "after a time that grows with the length of the shortest path"
-        )
-        sentences.append(
-            f"An episode ends within {goal} m of the goal, on contact with anything, or {limit}."
-        )
     return sentences
+
+
+def _endings(group: pd.DataFrame, limits: Sequence[Any]) -> list[str]:
+    """Return how episodes of a map set end. limits: their time limits [s]; None for one that the path decides."""
+    tolerances = sorted(group["goal_tolerance_m"].dropna().unique()) if "goal_tolerance_m" in group else []
+    if not tolerances:
+        return []
+    goal = _listed([f"{tolerance:g}" for tolerance in tolerances], "or")
+    times = dict.fromkeys(
+        "a time that grows with the length of the shortest path" if limit is None else f"{_number(limit)} s"
+        for limit in limits
+    )
+    ends = [f"within {goal} m of the goal", "on contact with anything"]
+    return [f"An episode ends {_listed([*ends, *(f'after {time}' for time in times)], 'or')}."]
 
 
 def _statistics(frame: pd.DataFrame, compared: bool) -> list[str]:

@@ -7,7 +7,7 @@ from lme.worlds.cold_trial import ROBOT
 from runners.records.launch_record import read_launch
 from runners.reports.paper.methods import paragraphs
 from runners.reports.paper.write import Recorded
-from tests.composing import jobs_of
+from tests.composing import jobs_of, last_of_each
 from tests.made_runs import write_run
 
 
@@ -16,9 +16,14 @@ def said(tmp_path):
     """A function from the words of jobs to the paragraphs about them."""
 
     def words_of(*jobs, compared=False, **columns):
-        with jobs_of("eval", "map=barn") as job:
+        with jobs_of() as job:
             for number, words in enumerate(jobs):
-                write_run(tmp_path / str(number), job=job(*words), goal_tolerance_m=1.0, **columns)
+                write_run(
+                    tmp_path / str(number),
+                    job=job(*last_of_each("map=barn", *words)),
+                    goal_tolerance_m=1.0,
+                    **columns,
+                )
         recorded = Recorded.read([tmp_path])
         return paragraphs(recorded.frame, list(map(read_launch, recorded.run_dirs)), compared)
 
@@ -44,6 +49,21 @@ def test_each_robot_is_said_to_be_whose(said):
     assert "For LME: The robot jackal is a rectangle" in robots
     assert "For LME (robot.v_max=1): The robot jackal" in robots
     assert "up to 1 m/s and 4 rad/s" in robots
+
+
+def test_each_simulator_is_said_to_be_whose(said):
+    *_, worlds, _, _ = said(["sim=fast"], ["sim=gazebo", "robot.v_max=1"])
+    assert "For LME: The simulator is lme's fast (" in worlds
+    assert (
+        "For LME (robot.v_max=1): The simulator is lme's gazebo (The BARN Challenge's Jackal in Gazebo"
+        in worlds
+    )
+    assert "docs/" not in worlds
+
+
+def test_a_limit_that_the_path_decides_is_told_as_such(said):
+    *_, worlds, _, _ = said(["sim=fast", "map=traps"])
+    assert "or after a time that grows with the length of the shortest path." in worlds
 
 
 def test_a_robot_of_each_episode_is_not_described(said):
