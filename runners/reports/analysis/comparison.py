@@ -203,7 +203,7 @@ def chart(rows: Sequence[Row]) -> Figure:
     has_metric = any(paired.METRIC in row.stats for row in rows)
     shared = _shared_keys(rows)
     names = [_bar_label(row, shared) for row in rows]
-    row_in = max(ROW_IN, LINE_IN * (1.2 + max(name.count("\n") for name in names)))
+    row_in = max(ROW_IN, LINE_IN * (2 + max(name.count("\n") for name in names)))
     figure = new_figure(page_width(PAGE_IN), AROUND_IN + row_in * len(rows))
     widths = [3.0, 1.4] if has_metric else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]

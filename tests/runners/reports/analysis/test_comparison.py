@@ -55,10 +55,10 @@ def test_rows_are_compared_in_their_own_setting():
     both = [part.assign(**{"sim.latency": value}) for part in (LME, OTHER) for value in values]
     tuned = both[2].assign(**{"planner.samples": "5"})
     studies = Comparison.studies(frame(*both, tuned))
-    assert [study.setting.split(" · ")[0] for study in studies] == ["sim.latency=0", "sim.latency=0.1"]
+    assert [str(study.setting).split(" · ")[0] for study in studies] == ["sim.latency=0", "sim.latency=0.1"]
     assert [list(study.changes) for study in studies] == [["Other", "Other, planner.samples 5"], ["Other"]]
     seeds = Comparison.studies(frame(LME.assign(seed=0), OTHER.assign(seed=0), OTHER.assign(seed=1)))
-    assert [study.setting.split(" · ")[0] for study in seeds] == ["seed 0"]
+    assert [str(study.setting).split(" · ")[0] for study in seeds] == ["seed 0"]
 
 
 def test_other_weights_make_a_row_of_their_own():
@@ -75,7 +75,7 @@ def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
         for people in ("truth", "none")
     ]
     studies = Comparison.studies(frame(*parts))
-    assert [study.setting.split(" · ")[0] for study in studies] == ["people truth", "people none"]
+    assert [str(study.setting).split(" · ")[0] for study in studies] == ["people truth", "people none"]
     assert [list(study.changes) for study in studies] == [["Other"], ["Other"]]
     (study,) = Comparison.studies(frame(parts[0], parts[3]))
     assert list(study.rows) == ["LME", "Other, people none"]
@@ -85,7 +85,7 @@ def test_the_setting_is_what_all_rows_have_in_common():
     values = ((LME, "0.3"), (OTHER, "0"))
     parts = [part.assign(**{"map.count": "4", "planner.back": value}) for part, value in values]
     (study,) = Comparison.studies(frame(*parts))
-    assert study.setting == "map.count=4 · 4 worlds × 2 runs"
+    assert str(study.setting) == "map.count=4 · 4 worlds × 2 runs"
 
 
 def test_files_and_words(tmp_path, says):

@@ -38,7 +38,8 @@ def overlapping(figure):
         owner = text.axes
         if owner is None or owner.get_visible():
             boxes[text] = text.get_window_extent()
-    page = saved_area(figure).transformed(figure.dpi_scale_trans).padded(1)
+    area = saved_area(figure) or figure.bbox_inches
+    page = area.transformed(figure.dpi_scale_trans).padded(1)
     outside = [
         text.get_text()
         for text, box in boxes.items()

@@ -45,6 +45,15 @@ def test_text_is_embedded_as_text(drawn):
         assert b"/Type3" not in content
 
 
+@pytest.mark.filterwarnings("ignore:Glyph")
+def test_the_document_has_the_captions_and_the_pictures_have_none(runs, tmp_path, monkeypatch):
+    kept = []
+    monkeypatch.setattr(figures, "save", lambda figure, *_: kept.append(figure))
+    write_paper(Recorded.read([runs]), tmp_path / "mine")
+    assert len(kept) > 1
+    assert not any(figure.texts for figure in kept)
+
+
 @pytest.mark.parametrize("systems", [2, 3, 12])
 def test_names_in_a_column_do_not_lie_over_one_another(systems):
     frame = pd.concat(
