@@ -27,6 +27,7 @@ def test_every_config_and_map_is_in_the_wheel(wheel):
                 assert f"lme/_data/{path.relative_to(ROOT)}" in packed
     for path in (ROOT / "runners" / "reports" / "explainer" / "assets").rglob("*.*"):
         assert str(path.relative_to(ROOT)) in packed
+    assert {"runners/reports/paper/main.tex", "lme/_data/CITATION.cff"} <= packed
     assert {"lme/py.typed", "runners/py.typed"} <= packed
     assert "lme/pyproject.toml" not in packed  # of the installation for robots
 

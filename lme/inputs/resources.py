@@ -1,4 +1,4 @@
-"""Locations of the data that ships with the package: `conf/` and `maps/`, in a checkout or in a wheel."""
+"""Locations of the data that ships with the package: `conf/`, `maps/`, `CITATION.cff`, in a checkout or in a wheel."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +11,12 @@ def resource_dir(name: str) -> Path:
     """Folder `name` ("conf" or "maps"): next to the package in a checkout, inside it in a wheel."""
     shipped = _PACKAGE / "_data" / name
     return shipped if shipped.is_dir() else _PACKAGE.parent / name
+
+
+def citation_file() -> Path:
+    """Path of `CITATION.cff`, next to the package in a checkout, inside it in a wheel."""
+    shipped = _PACKAGE / "_data" / "CITATION.cff"
+    return shipped if shipped.is_file() else _PACKAGE.parent / "CITATION.cff"
 
 
 def overlaid(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

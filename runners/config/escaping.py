@@ -22,13 +22,27 @@ _MARKUP = re.compile(
     r"<(?=[A-Za-z/!?])|&(?=#?\w+;)|`|(?<=\])\(|!(?=\[)"
 )  # tags, entities, code, links, pictures
 _BLOCK = re.compile(r"^[#>*+-](?=[#\s])")  # at the beginning of a heading, a quotation or a list
+_GREEK = {
+    "α": "alpha", "β": "beta", "γ": "gamma", "δ": "delta", "ε": "varepsilon", "ζ": "zeta", "η": "eta", "θ": "theta",
+    "ι": "iota", "κ": "kappa", "λ": "lambda", "μ": "mu", "ν": "nu", "ξ": "xi", "π": "pi", "ρ": "rho", "σ": "sigma",
+    "ς": "varsigma", "τ": "tau", "υ": "upsilon", "φ": "varphi", "χ": "chi", "ψ": "psi", "ω": "omega",
+    "Γ": "Gamma", "Δ": "Delta", "Θ": "Theta", "Λ": "Lambda", "Ξ": "Xi", "Π": "Pi", "Σ": "Sigma", "Φ": "Phi",
+    "Ψ": "Psi", "Ω": "Omega",
+}  # fmt: skip
+_SIGNS = {
+    "±": r"\pm", "\u2212": "-", "\u00d7": r"\times", "≤": r"\le", "≥": r"\ge", "≠": r"\ne", "≈": r"\approx",
+    "∞": r"\infty", "→": r"\to", "√": r"\surd", "∈": r"\in", "∂": r"\partial", "∑": r"\sum", "⋅": r"\cdot",
+}  # fmt: skip
 _LATEX = {
-    "|Δω|": r"$|\Delta\omega|$", "±": r"$\pm$", "\u2013": "--", "\\": r"\textbackslash{}",
+    "|Δω|": r"$|\Delta\omega|$", "\u2013": "--", "\\": r"\textbackslash{}", '"': r"\symbol{34}",
     "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "`": r"\textasciigrave{}",
     "<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}",
     **{letter: f"\\{letter}" for letter in "_%&#{}$"},
+    **{letter: rf"$\{name}$" for letter, name in _GREEK.items()},
+    **{sign: f"${command}$" for sign, command in _SIGNS.items()},
 }  # fmt: skip
-_IN_LATEX = re.compile("|".join(map(re.escape, _LATEX)))
+_HYPHEN = "-{}"  # before another one, with which it would become a dash
+_IN_LATEX = re.compile("|".join([*map(re.escape, _LATEX), "-(?=-)"]))
 HIDDEN = "***"
 # A password may itself hold `@`, `:` or `/`, so all text up to the last `@` counts as one.
 _ACCOUNT = re.compile(r"(\b[a-z][\w+.-]*:/+[^\s:/]*:)(?!\*\*\*@).+@", re.IGNORECASE)
@@ -63,8 +77,11 @@ def markdown_text(text: str) -> str:
 
 
 def latex_text(text: str) -> str:
-    """Escape text for LaTeX, also for the beginning of a table's line, where \\\\ would take [ or * as its own."""
-    escaped = _IN_LATEX.sub(lambda found: _LATEX[found[0]], visible(text))
+    """Escape text for LaTeX, also for the beginning of a table's line, where \\\\ would take [ or * as its own.
+
+    Greek letters and signs become mathematics, which every engine knows; letters of other scripts stay.
+    """
+    escaped = _IN_LATEX.sub(lambda found: _LATEX.get(found[0], _HYPHEN), visible(text))
     return f"{{{escaped[0]}}}{escaped[1:]}" if escaped[:1] in ("[", "*") else escaped
 
 

@@ -33,16 +33,16 @@ def main(argv: list[str]) -> int:
     for path in arguments.runs:
         _check_named(path, runs)
     comparisons = compare_runs(read_episodes(runs))
-    text = (
-        compare_report.to_markdown(comparisons)
-        if arguments.format == "md"
-        else compare_report.to_text(comparisons)
-    )
-    print(text, end="")
+    renderers = {
+        "text": compare_report.to_text,
+        "md": compare_report.to_markdown,
+        "tex": compare_report.to_latex,
+    }
+    print(renderers[arguments.format](comparisons), end="")
     directory = arguments.into or _default_folder(arguments.runs, runs)
     files = _write(comparisons, directory)
     message = f"Tables and pictures: {', '.join(path.name for path in files)} in {directory}"
-    print(message, file=sys.stderr if arguments.format == "md" else sys.stdout)
+    print(message, file=sys.stdout if arguments.format == "text" else sys.stderr)
     return 0
 
 
@@ -65,9 +65,9 @@ def _parser() -> argparse.ArgumentParser:
         "--into",
         type=Path,
         metavar="DIR",
-        help="where compare.md, .csv and .png go; default: the sweep, if one is given alone, else outputs/compare/",
+        help="where tables and pictures go; default: the sweep, if one is given alone, else outputs/compare/",
     )
-    parser.add_argument("--format", choices=("text", "md"), default="text", help="of what is printed")
+    parser.add_argument("--format", choices=("text", "md", "tex"), default="text", help="of what is printed")
     return parser
 
 
@@ -99,7 +99,7 @@ def _write(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
     """Write the files and return their paths. Raises InputError if that cannot be done."""
     from lme.errors import InputError
     from runners.reports.analysis import compare_report
-    from runners.reports.analysis.compare_report import compare_figures
+    from runners.reports.analysis.compare_pictures import compare_figures
 
     try:
         directory.mkdir(parents=True, exist_ok=True)

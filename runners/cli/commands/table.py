@@ -26,6 +26,7 @@ def main(argv: list[str]) -> int:
     """Print one table over all runs. Raises InputError for a path without records."""
     from runners.config.schema import PictureConfig
     from runners.records.records import find_runs, read_episodes
+    from runners.reports.analysis.summary import rows_of_runs
     from runners.reports.figures.style import PicturePage, drawn_on
 
     arguments = _parser().parse_args(argv)
@@ -33,7 +34,7 @@ def main(argv: list[str]) -> int:
     page = PicturePage(picture.title, picture.caption, picture.width)
     runs = find_runs(arguments.runs)
     frame = read_episodes(runs)
-    rows = _rows(frame, runs, is_sweep=runs != arguments.runs[:1])
+    rows = rows_of_runs(frame, runs, is_sweep=runs != arguments.runs[:1])
     _print(frame, rows, arguments.format)
     if len(arguments.runs) == 1 or arguments.into:
         with drawn_on(page):
@@ -68,25 +69,14 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
-    """Return the rows of the table, in the order that the config of a sweep sets."""
-    from runners.config.systems import systems
-    from runners.records.launch_record import read_launch
-    from runners.reports.analysis.summary import summarise
-
-    launch = read_launch(runs[0])
-    if launch is None:
-        return summarise(frame)
-    order = launch.configs[0].get("table", []) if is_sweep else []
-    return summarise(frame, order, systems(launch.folders))
-
-
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
     from runners.reports.analysis import tables
 
-    renderers = {"md": tables.to_markdown, "csv": tables.to_csv, "tex": tables.to_latex}
+    renderers = {"md": tables.to_markdown, "csv": tables.to_csv}
     if style in renderers:
         print(renderers[style](rows), end="")
+    elif style == "tex":
+        print(tables.to_latex(frame, rows), end="")
     else:
         tables.print_table(frame, rows)
 

@@ -1,25 +1,29 @@
-"""The ablation study: what each part of the method contributes, and whether that agrees with the paper.
-
-The paper describes its figure in words, without numbers (§IV, Ablation Studies). Its statements are data here. The
-rules in `NOTES` decide from our paired differences whether we agree.
-"""
+"""The ablation study: what each part of the method contributes, and whether that agrees with the paper."""
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
-from runners.config.escaping import markdown_table, markdown_text, plot_text
-from runners.config.systems import SEVERAL
+from runners.config.escaping import markdown_text, plot_text
 from runners.reports.analysis import paired
+from runners.reports.analysis.ablation_claims import (
+    CLAIMS,
+    COMPLETE,
+    NOTES,
+    is_the_papers,
+    removed_parts,
+    variant_label,
+    verdict_on,
+)
 from runners.reports.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy
 from runners.reports.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row
-from runners.reports.analysis.tables import TableSetting, picture_titles, shared_setting
+from runners.reports.analysis.tables import TableSetting, driven, picture_titles, shared_setting
+from runners.reports.analysis.text_table import Strong, TextTable
 from runners.reports.figures.style import (
     GRID,
     INK,
@@ -30,57 +34,16 @@ from runners.reports.figures.style import (
     new_figure,
     outcome_keys,
     page_width,
-    save,
     symbol,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-COLUMN, COMPLETE = "ablation", "none"
-SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
-# the paper's statements are about either reading of its method
-SYSTEMS = ("LME", "LME (as run)", "LME as printed")
-ABOUT = {"map": "barn", "robot": "jackal", "scale": ""}  # and its benchmark
-
-
-class Claim(NamedTuple):
-    """The paper's statement about removing a part. tier: from 3, the largest loss, to 0, no loss.
-
-    tier is None for a loss of unknown size. ASSUMED: "noticeable" (2) is more than "moderate" (1), because the paper
-    lists them in this order.
-    """
-
-    tier: int | None
-    words: str
-
-
-CLAIMS = {  # in the order of the paper's figure
-    "no_a_close": Claim(1, "moderate degradation"),
-    "no_a_dev": Claim(0, "almost no effect"),
-    "no_c_o": Claim(3, "the most significant, a substantial decrease"),
-    "no_c_t": Claim(2, "noticeable degradation"),
-    "no_a_mount": Claim(2, "noticeable degradation"),
-    "no_c_h": Claim(1, "moderate degradation"),
-    "no_maintenance": Claim(None, "an important role, a lower success rate"),
-}
-MOST = 3
-ALMOST = 0.02  # of success rate: "almost no effect". ASSUMED: two deviations of the published rate over runs (.009)
-_ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
-FEWEST = 20  # worlds needed for a verdict if no difference is beyond the noise
-MARGIN = 0.1  # of success rate: an interval that reaches farther may contain the loss that the paper states
-NOTES = (
-    f"The paper's statements: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred "
-    "worlds.",
-    "Agrees, if the paper states a loss: yes for a loss beyond the noise; in part if another variant, with a larger "
-    "stated loss, loses less, and the two intervals do not overlap; no otherwise. "
-    'The order of the stated losses is "most significant", "noticeable", "moderate".',
-    f'Agrees, if the paper states "almost no effect": yes unless a change beyond the noise exceeds {ALMOST:g}.',
-    f"Open: nothing is beyond the noise, and there are fewer than {FEWEST} worlds or an interval reaches farther "
-    f"than {MARGIN:g}.",
-)
-
+COLUMN = "ablation"
+_BEYOND, _STATEMENT = "Beyond the noise", ("The paper says", "Agrees")  # columns
 STUDY_IN, AROUND_IN = 3.6, 0.35
 VARIANT_IN = 0.8  # least width of a variant; many variants widen the figure
 STUDIES = 4  # at most: more cannot be read on a page
@@ -88,9 +51,9 @@ BAR = 0.72
 LETTERS = 11  # in a line of a variant's name
 GAP = 0.08  # between panels, in panels
 CAPTION = (
-    f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}",
+    f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}\n"
     "Below: difference in success to the complete method, paired by world and run, 95 % bootstrap over worlds; filled "
-    "where beyond the noise (Holm-adjusted sign-flip p < 0.05).",
+    "where beyond the noise (Holm-adjusted sign-flip p < 0.05)."
 )
 
 
@@ -117,12 +80,14 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class AblationStudy(SweepStudy):
-    """Variants of one system in one setting, the complete one first. heading: the system."""
+    """Variants of one system in one setting, the complete one first. heading: the system. driven: seeds, versions."""
 
     name: ClassVar[str] = "ablation"
+    legend: ClassVar[str] = CAPTION
     heading: str
     setting: TableSetting
     variants: tuple[Variant, ...]
+    driven: str
 
     @classmethod
     def studies(cls, frame: pd.DataFrame) -> list[Self]:
@@ -134,8 +99,10 @@ class AblationStudy(SweepStudy):
 
     @classmethod
     def _of(cls, block: Block) -> Self:
+        import pandas as pd
+
         by_measure = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
-        claims = CLAIMS if _is_the_papers(block) else {}
+        claims = CLAIMS if is_the_papers(block) else {}
         # Variants in the order of the paper, then all others by name.
         names = [
             *(name for name in CLAIMS if name in block.variants),
@@ -145,10 +112,11 @@ class AblationStudy(SweepStudy):
         # Judge each variant about which the paper makes a statement.
         for name in names:
             change = {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
-            verdict = _verdict(name, by_measure[SUCCESS], claims) if name in claims else None
+            verdict = verdict_on(name, by_measure[SUCCESS], claims) if name in claims else None
             claim = claims[name].words if verdict else ""
             variants.append(Variant(name, paired.row(block.variants[name]), change, claim, *(verdict or ())))
-        return cls(block.heading, shared_setting(block.baseline), tuple(variants))
+        frame = pd.concat([block.baseline, *block.variants.values()])
+        return cls(block.heading, shared_setting(block.baseline), tuple(variants), driven(frame))
 
     @property
     def judged(self) -> list[Variant]:
@@ -165,7 +133,12 @@ class AblationStudy(SweepStudy):
         lines = (f"- {markdown_text(variant.label)}: {variant.words}" for variant in self.judged)
         verdicts = "\n".join(lines)
         heading = f"**{markdown_text(f'{self.heading} · {self.setting}')}**"
-        return [heading, _table(self), *([verdicts] if verdicts else ())]
+        return [heading, _table(self).to_markdown(), *([verdicts] if verdicts else ())]
+
+    def to_latex(self, label: str) -> str:
+        """Return the differences from the complete method in LaTeX, without the paper's statements."""
+        caption = f"Ablation of {self.heading}: {self.setting}, {self.driven}. {paired.TEST}"
+        return _table(self).without(_BEYOND, *_STATEMENT).to_latex(label, caption)
 
     def lines(self) -> Iterator[dict[str, object]]:
         """Yield a line for each variant."""
@@ -185,7 +158,7 @@ class AblationStudy(SweepStudy):
         return (*paired.NOTES, *(NOTES if self.judged else ()))
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+    def figure(cls, studies: Sequence[Self]) -> Figure:
         """Draw outcomes and paired differences of every variant."""
         drawn_studies = studies[:STUDIES]
         most = max(len(study.variants) for study in drawn_studies)
@@ -217,119 +190,18 @@ class AblationStudy(SweepStudy):
             labelcolor=INK,
         )
         omitted = [f"{len(studies) - STUDIES} more in {cls.name}.md."] if len(studies) > STUDIES else []
-        entitle(figure, titles[0] if len(titles) == 1 else "", "\n".join([*CAPTION, *changes, *omitted]))
-        return save(figure, folder / cls.name, ("png", "pdf"))
+        entitle(figure, titles[0] if len(titles) == 1 else "", "\n".join([CAPTION, *changes, *omitted]))
+        return figure
 
 
-def variant_label(ablation: str, ablated: str = "") -> str:
-    """Return a label such as "No a_close" for no_a_close, and "No c_o, c_t" for two parts at once.
-
-    ablated: the ablation in words, for one that is not named for what it removes.
-    """
-    if ablation == COMPLETE:
-        return "Complete"
-    removed = removed_parts(ablation)
-    return f"No {', '.join(removed)}" if removed else (ablated[:1].upper() + ablated[1:] or ablation)
-
-
-def removed_parts(ablation: str) -> list[str]:
-    """Return ["c_o", "c_t"] for "no_c_o+no_c_t"; empty if one of several has another name."""
-    names = ablation.split(SEVERAL)
-    return (
-        [name.removeprefix("no_") for name in names] if all(name.startswith("no_") for name in names) else []
-    )
-
-
-def _is_the_papers(block: Block) -> bool:
-    """Return whether the paper's statements apply: its method on its benchmark, with some successes."""
-    baseline = block.baseline.iloc[0]
-    matches = all(str(baseline.get(key, value)) == value for key, value in ABOUT.items())
-    return (
-        matches and str(baseline["system"]) in SYSTEMS and bool((block.baseline["outcome"] == SUCCESS).any())
-    )
-
-
-def _verdict(
-    name: str, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
-) -> tuple[str, str] | None:
-    """Return whether the change agrees with the claim, and a sentence with the reason; None without a comparison."""
-    change = differences.get(name)
-    if change is None:
-        return None
-    agrees, reason = _judge(name, change, differences, claims)
-    interval_text = interval(change)
-    result = f"{signed(change.mean)} ({interval_text})" if interval_text else signed(change.mean)
-    return agrees, f"the paper says {claims[name].words}; ours {result}. {_ANSWERS[agrees]}: {reason}."
-
-
-def _judge(
-    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
-) -> tuple[str, str]:
-    tier = claims[name].tier
-    if _is_open(change, tier):
-        return "open", "too noisy to tell"
-    # The paper states no effect: only a change beyond the noise and beyond ALMOST contradicts it.
-    if tier == 0:
-        if not change.beyond_noise:
-            return "yes", "no change beyond the noise"
-        if abs(change.mean) <= ALMOST:
-            return "yes", f"a change beyond the noise, but not beyond {ALMOST:g}"
-        return "no", f"a {'gain' if change.mean > 0 else 'loss'} beyond the noise"
-    if not change.beyond_noise:
-        return "no", "no loss beyond the noise"
-    if change.mean > 0:
-        return "no", "on the contrary, a gain beyond the noise"
-    if tier is None:
-        return "yes", "a loss beyond the noise"
-    if tier == MOST:
-        return _judge_largest_loss(name, change, differences, claims)
-    larger_losses = list(_exceeded_variants(name, change, differences, claims))
-    if larger_losses:
-        return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(larger_losses)}"
-    return "yes", "a loss beyond the noise"
-
-
-def _is_open(change: Difference, tier: int | None) -> bool:
-    """Return whether there are too few worlds, or too wide an interval, to show a difference."""
-    largest_loss = max(-change.low, change.high) if tier == 0 else -change.low
-    return not change.beyond_noise and (change.worlds < FEWEST or largest_loss > MARGIN)
-
-
-def _judge_largest_loss(
-    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
-) -> tuple[str, str]:
-    rivals = {rival: differences[rival] for rival in claims if rival in differences and rival != name}
-    larger = [variant_label(rival) for rival, difference in rivals.items() if difference.high < change.low]
-    if larger:
-        return "in part", f"a loss beyond the noise, but smaller than that of {' and '.join(larger)}"
-    largest = all(difference.mean > change.mean for difference in rivals.values())
-    return "yes", "the largest loss of all" if largest else "a loss beyond the noise"
-
-
-def _exceeded_variants(
-    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
-) -> Iterator[str]:
-    """Yield the variants with a larger loss in the paper that lose less here, with disjoint intervals."""
-    tier = claims[name].tier or 0
-    for rival, claim in claims.items():
-        if (
-            claim.tier is not None
-            and claim.tier > tier
-            and rival in differences
-            and change.high < differences[rival].low
-        ):
-            yield variant_label(rival)
-
-
-def _table(study: AblationStudy) -> str:
-    change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
+def _table(study: AblationStudy) -> TextTable:
+    change = ["Difference", "95 %", "p (Holm)", _BEYOND]
     has_metric = any(METRIC in variant.row.stats for variant in study.variants)
     measures = {SUCCESS: "Success", METRIC: "BARN metric"} if has_metric else {SUCCESS: "Success"}
     columns = [column for name in measures.values() for column in (name, *change)]
-    header = ["Variant", *columns, "The paper says", "Agrees", "Pairs"]
+    header = ["Variant", *columns, *_STATEMENT, "Pairs"]
     lines = [_cells(variant, list(measures)) for variant in study.variants]
-    rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
-    return markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
+    return TextTable(header, lines, left=(0, *map(header.index, _STATEMENT)))
 
 
 def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
@@ -349,8 +221,10 @@ def _change(change: Difference | None) -> list[str]:
         return [DASH] * 4
     if math.isnan(change.adjusted):
         return [signed(change.mean), DASH, DASH, DASH]
-    verdict = "yes" if change.beyond_noise else "no"
-    return [signed(change.mean), interval(change), paired.p_value(change), verdict]
+    mean, verdict = (
+        (Strong(signed(change.mean)), "yes") if change.beyond_noise else (signed(change.mean), "no")
+    )
+    return [mean, interval(change), paired.p_value(change), verdict]
 
 
 def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:

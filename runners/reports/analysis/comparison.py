@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from runners.config.escaping import markdown_table, plot_text
+from runners.config.escaping import plot_text
 from runners.reports.analysis import paired, published
 from runners.reports.analysis.paired import Block, Difference, interval, signed
 from runners.reports.analysis.study import SweepStudy
@@ -28,7 +28,8 @@ from runners.reports.analysis.summary import (
     row_keys,
     usual,
 )
-from runners.reports.analysis.tables import TableSetting, changed_notes, shared_setting
+from runners.reports.analysis.tables import TableSetting, changed_notes, driven, shared_setting
+from runners.reports.analysis.text_table import Strong, TextTable
 from runners.reports.figures.style import (
     GRID,
     INK,
@@ -53,7 +54,7 @@ REFERENCE = "LME"
 MEASURES = (paired.SUCCESS, paired.METRIC, SMOOTHNESS)
 HEADERS = {metric.key: metric.header for metric in METRICS if metric.key in MEASURES}
 ROW = "row"  # a column of the records: the row's name in the table
-ROW_IN, AROUND_IN = 0.3, 0.85
+ROW_IN, LINE_IN, AROUND_IN = 0.3, 0.135, 0.85  # heights of a row, of a line of its name, and of all besides
 LETTERS_PER_IN = 5.0  # of the names beside the bars, which take a third of the page
 THICK, THIN = 0.8, 0.42  # height of our bars, of published bars
 FADED = 0.45  # opacity of published bars
@@ -64,7 +65,8 @@ MOST = 60  # most bars on a page
 class Comparison(SweepStudy):
     """Differences of the other rows from the reference's row, in one setting. Its picture is the chart of the table.
 
-    reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first.
+    reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first. driven:
+    seeds and versions.
     """
 
     name: ClassVar[str] = "comparison"
@@ -72,6 +74,7 @@ class Comparison(SweepStudy):
     setting: TableSetting
     rows: Mapping[str, Row]
     changes: Mapping[str, Mapping[str, Difference]]
+    driven: str
 
     @classmethod
     def studies(cls, frame: pd.DataFrame) -> list[Self]:
@@ -95,14 +98,16 @@ class Comparison(SweepStudy):
 
         by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
         frames = {reference: block.baseline, **block.variants}
+        frame = pd.concat(frames.values())
         return cls(
             reference,
-            _headed(block.heading, shared_setting(pd.concat(frames.values()))),
+            _headed(block.heading, shared_setting(frame)),
             {name: paired.row(frame) for name, frame in frames.items()},
             {
                 name: {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
                 for name in block.variants
             },
+            driven(frame),
         )
 
     def sentences(self) -> list[str]:
@@ -117,7 +122,12 @@ class Comparison(SweepStudy):
 
     def tables(self) -> list[str]:
         """Return a table with a line for each row other than the reference's."""
-        return [f"**{self.setting}**", _table(self)]
+        return [f"**{self.setting}**", _table(self).to_markdown()]
+
+    def to_latex(self, label: str) -> str:
+        """Return the same table in LaTeX."""
+        caption = f"Differences from {self.reference}: {self.setting}, {self.driven}. {paired.TEST}"
+        return _table(self).to_latex(label, caption)
 
     def lines(self) -> Iterator[dict[str, object]]:
         """Yield a line for each row."""
@@ -146,19 +156,14 @@ def _describe_change(measure: str, change: Difference) -> str:
     return f"{text}, beyond the noise" if change.beyond_noise else text
 
 
-def _table(study: Comparison) -> str:
+def _table(study: Comparison) -> TextTable:
     has_metric = any(paired.METRIC in row.stats for row in study.rows.values())
     measures = [measure for measure in MEASURES if measure != paired.METRIC or has_metric]
     header = [f"Difference from {study.reference}"]
     for measure in measures:
         header += [HEADERS[measure], "95 %", "p (Holm)"]
-    rule = ["---", *["---:"] * len(header)]
-    lines = [
-        [*header, "Pairs"],
-        rule,
-        *(_cells(name, changes, measures) for name, changes in study.changes.items()),
-    ]
-    return markdown_table(lines)
+    lines = [_cells(name, changes, measures) for name, changes in study.changes.items()]
+    return TextTable([*header, "Pairs"], lines)
 
 
 def _cells(name: str, changes: Mapping[str, Difference], measures: Sequence[str]) -> list[str]:
@@ -172,8 +177,12 @@ def _change(change: Difference | None) -> list[str]:
     """Return the difference, bold if it exceeds the noise, its interval and p."""
     if change is None:
         return [DASH] * 3
-    mean = f"**{signed(change.mean)}**" if change.beyond_noise else signed(change.mean)
-    return [mean, interval(change) or DASH, paired.p_value(change) or DASH]
+    mean = signed(change.mean)
+    return [
+        Strong(mean) if change.beyond_noise else mean,
+        interval(change) or DASH,
+        paired.p_value(change) or DASH,
+    ]
 
 
 def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], directory: Path) -> list[Path]:
@@ -181,16 +190,34 @@ def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], directory: Path)
 
     frame: one row per episode. Of more than `MOST` rows the best and the worst are drawn.
     """
+    drawn_rows = best_and_worst(rows)
+    figure = chart(drawn_rows)
+    shared = {key: value for key, value in _shared_keys(drawn_rows).items() if value not in usual(key)}
+    heading = " · ".join([shared_setting(frame).short, *(f"{key} {value}" for key, value in shared.items())])
+    entitle(figure, heading, "\n".join(chart_notes(drawn_rows, len(rows))))
+    return save(figure, directory / Comparison.name, ("png", "pdf"))
+
+
+def chart(rows: Sequence[Row]) -> Figure:
+    """Return a chart with a bar per row and a key."""
     has_metric = any(paired.METRIC in row.stats for row in rows)
-    num_rows, rows = len(rows), best_and_worst(rows)
-    figure = new_figure(page_width(PAGE_IN), AROUND_IN + ROW_IN * len(rows))
+    shared = _shared_keys(rows)
+    names = [_bar_label(row, shared) for row in rows]
+    row_in = max(ROW_IN, LINE_IN * (2 + max(name.count("\n") for name in names)))
+    figure = new_figure(page_width(PAGE_IN), AROUND_IN + row_in * len(rows))
     widths = [3.0, 1.4] if has_metric else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
     _draw_outcomes(panels[0], rows)
     if has_metric:
         _draw_metric(panels[1], rows)
-    _label_chart(figure, panels[0], rows, num_rows, shared_setting(frame).short)
-    return save(figure, directory / Comparison.name, ("png", "pdf"))
+    # Name the rows, and say what the colours are.
+    panels[0].set_yticks(range(len(rows)), names, fontsize=8, color=INK)
+    panels[0].set_ylim(len(rows) - 0.4, -0.6)
+    figure.legend(
+        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK,
+        handlelength=1.5, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip
+    return figure
 
 
 def best_and_worst(rows: Sequence[Row]) -> list[Row]:
@@ -261,22 +288,7 @@ def _draw_whisker(axes: Axes, line: int, low: float, high: float) -> None:
         )  # fmt: skip
 
 
-def _label_chart(figure: Figure, axes: Axes, rows: Sequence[Row], num_rows: int, heading: str) -> None:
-    """Write the names of the rows, the heading and the key above, and the notes below. num_rows: rows of the table."""
-    shared = _shared_keys(rows)
-    axes.set_yticks(range(len(rows)), [_bar_label(row, shared) for row in rows], fontsize=8, color=INK)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    figure.legend(
-        handles=outcome_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK,
-        handlelength=1.5, columnspacing=1.2, handletextpad=0.5,
-    )  # fmt: skip
-    heading = " · ".join(
-        [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
-    )
-    entitle(figure, heading, "\n".join(_chart_notes(rows, num_rows)))
-
-
-def _chart_notes(rows: Sequence[Row], num_rows: int) -> list[str]:
+def chart_notes(rows: Sequence[Row], num_rows: int) -> list[str]:
     """Return the notes on the rows shown. num_rows: number of rows in the table."""
     lines = []
     if len(rows) < num_rows:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from runners.config.escaping import markdown_table, markdown_text, plot_text
@@ -28,12 +27,12 @@ from runners.reports.figures.style import (
     entitle,
     new_figure,
     page_width,
-    save,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
 LEAST = 3  # minimum number of values that make a curve
@@ -73,6 +72,7 @@ class CurveStudy(SweepStudy):
     """
 
     name: ClassVar[str] = "curves"
+    legend: ClassVar[str] = NOTE
     key: str
     setting: TableSetting
     curves: tuple[Curve, ...]
@@ -126,7 +126,7 @@ class CurveStudy(SweepStudy):
         return ()
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+    def figure(cls, studies: Sequence[Self]) -> Figure:
         """Draw a panel for each key and measure, with a line for each system."""
         rows = [row for study in studies for curve in study.curves for _, row in curve.points]
         measures = [name for name in DRAWN if any(name in row.stats for row in rows)]
@@ -149,7 +149,7 @@ class CurveStudy(SweepStudy):
         figure.legend(handles=handles, loc="outside upper left", ncols=entries, frameon=False, fontsize=8)
         (heading, *_), changes = picture_titles([study.setting for study in studies], [""] * len(studies))
         entitle(figure, heading, "\n".join([NOTE, *changes]))
-        return save(figure, folder / cls.name, ("png", "pdf"))
+        return figure
 
 
 def _is_curve(frame: pd.DataFrame, key: str) -> bool:

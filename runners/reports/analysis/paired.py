@@ -41,6 +41,10 @@ LEAST_P = 0.001  # smaller ones are shown as less than this
 RESAMPLES = 9999
 SEED = 0
 TIE = 1e-9  # sums that differ by less are equal
+TEST = (  # for a caption
+    "Differences are paired by world and run, with 95 % bootstrap intervals and sign-flip permutation tests over "
+    f"worlds, adjusted by Holm; bold ones have an adjusted p below {LEVEL:g}."
+)
 IN_TITLE = ("map", "subset", "robot")  # shown by `runners.reports.analysis.tables.title`
 NOTES = (
     "Differences are paired by world and run and averaged over worlds; the world is the unit, as runs of one "

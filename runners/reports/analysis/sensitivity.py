@@ -26,13 +26,13 @@ from runners.reports.figures.style import (
     entitle,
     new_figure,
     page_width,
-    save,
     symbol,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLUMN, UNCHANGED = "scale", ""
 NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
@@ -102,6 +102,7 @@ class SensitivityStudy(SweepStudy):
     """Curves of one system in one setting, in the order of the sweep. heading: the system."""
 
     name: ClassVar[str] = "sensitivity"
+    legend: ClassVar[str] = CAPTION
     heading: str
     setting: TableSetting
     curves: tuple[ParameterCurve, ...]
@@ -171,7 +172,7 @@ class SensitivityStudy(SweepStudy):
         return (*paired.NOTES, *NOTES)
 
     @classmethod
-    def draw(cls, studies: Sequence[Self], folder: Path) -> list[Path]:
+    def figure(cls, studies: Sequence[Self]) -> Figure:
         """Draw a panel for each parameter, all on one scale."""
         drawn_studies = studies[:STUDIES]
         width = page_width(PAGE_IN)
@@ -208,7 +209,7 @@ class SensitivityStudy(SweepStudy):
         )
         omitted = [f"{len(studies) - STUDIES} more in {cls.name}.md."] if len(studies) > STUDIES else []
         entitle(figure, titles[0] if len(titles) == 1 else "", "\n".join([CAPTION, *changes, *omitted]))
-        return save(figure, folder / cls.name, ("png", "pdf"))
+        return figure
 
 
 def factors(curves: Sequence[ParameterCurve]) -> list[float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,6 +18,7 @@ from lme.perception.people.source import People
 from runners.config.schema import PUBLISHED_MARK
 from runners.config.systems import System, ablation_labels, describe_ablation
 from runners.config.systems import systems as named_systems
+from runners.records.launch_record import read_launch
 from runners.records.records import ABLATED, PLANNED_EPISODES, PLANNED_WORLDS, planned
 from runners.reports.analysis import published
 
@@ -136,6 +138,15 @@ def summarise(
     # Put the published figures behind the rows of their system.
     settings = {setting: row for rows in own_rows.values() for row, setting in rows if setting}
     return [row for name, rows in own_rows.items() for row in _with_published(name, rows, settings, figures)]
+
+
+def rows_of_runs(frame: pd.DataFrame, run_dirs: Sequence[Path], is_sweep: bool) -> list[Row]:
+    """Return the rows of the table of recorded runs, in the order that the config of a sweep sets."""
+    launch = read_launch(run_dirs[0])
+    if launch is None:
+        return summarise(frame)
+    order = launch.configs[0].get("table", []) if is_sweep else []
+    return summarise(frame, order, named_systems(launch.folders))
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:

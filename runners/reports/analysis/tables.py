@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds
 from lme.worlds.cold_trial import STAND_IN
-from runners.config.escaping import csv_value, html_text, latex_text, markdown_table, markdown_text, visible
+from runners.config.escaping import csv_value, html_text, markdown_table, markdown_text, visible
 from runners.config.schema import PUBLISHED_MARK
 from runners.records.atomic_write import write_atomically
+from runners.records.launch_record import read_launch
 from runners.reports.analysis import published
 from runners.reports.analysis.failures import failed_section, timeouts_section
 from runners.reports.analysis.summary import (
@@ -32,12 +33,14 @@ from runners.reports.analysis.summary import (
     numbers,
     row_keys,
 )
+from runners.reports.analysis.text_table import TextTable
 
 if TYPE_CHECKING:
     import pandas as pd
     import rich.table
 
 MISSING = DASH
+_INTERVALS = "Intervals of success are Wilson's, over worlds."  # in a caption
 GAP = 2  # between columns on the terminal
 Column = tuple[str, ...]  # its header, then a cell for each row
 FAMILY = "world_family"  # column of map sets that draw a family of worlds for every episode
@@ -140,12 +143,20 @@ def _count_text(frame: pd.DataFrame, column: str) -> str:
     return f"{number} {column}" + "s" * (largest != 1)
 
 
+def driven(frame: pd.DataFrame) -> str:
+    """Return the seeds of these records, and the versions of lme that drove them, for a caption."""
+    seeds = sorted({int(seed) for seed in frame["seed"].dropna()}) if "seed" in frame else []
+    run_dirs = dict.fromkeys(frame["run_dir"].dropna()) if "run_dir" in frame else {}
+    launches = [read_launch(Path(str(run_dir))) for run_dir in run_dirs]
+    versions = dict.fromkeys(launch.code for launch in launches if launch is not None and launch.code)
+    words = f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}" if seeds else "seed not recorded"
+    return "; ".join([words, *(versions or ["version not recorded"])])
+
+
 def to_markdown(rows: Sequence[Row]) -> str:
     """Return the table in GitHub's Markdown, with notes below."""
     header, *lines = _cells(rows, " ± ")
-    label_columns = 1 + len(rows[0].keys)
-    rule = ["---"] * label_columns + ["---:"] * (len(header) - label_columns)
-    table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
+    table = TextTable(header, lines, left=range(1 + len(rows[0].keys))).to_markdown()
     return f"{table}\n\n" + "\n".join(f"{markdown_text(note)}  " for note in notes(rows)) + "\n"
 
 
@@ -178,17 +189,13 @@ def to_html(rows: Sequence[Row]) -> str:
     return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{footer}</p>"
 
 
-def to_latex(rows: Sequence[Row]) -> str:
-    """Return the table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
-    import pandas as pd
-
-    header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
-    label_columns = 1 + len(rows[0].keys)
-    columns = f"@{{}}{'l' * label_columns}{'r' * (len(header) - label_columns)}@{{}}"
-    table = pd.DataFrame(lines, columns=header).to_latex(index=False, escape=False, column_format=columns)
-    comments = "".join(f"% {visible(note)}\n" for note in notes(rows))
-    footer = "".join(f"\\par {latex_text(note)}\n" for note in changed_notes(rows))
-    return f"{comments}{table}{footer}"
+def to_latex(frame: pd.DataFrame, rows: Sequence[Row]) -> str:
+    """Return the table for `frame` as a LaTeX float, with its notes and a caption."""
+    header, *lines = _cells(rows, " ± ")
+    table = TextTable(header, lines, left=range(1 + len(rows[0].keys)))
+    return table.to_latex(
+        "tab:results", f"Results: {title(frame)}, {driven(frame)}. {_INTERVALS}", notes(rows)
+    )
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
@@ -231,7 +238,7 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
     texts = {
         "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{sections}",
         "table.csv": to_csv(rows),
-        "table.tex": to_latex(rows),
+        "table.tex": to_latex(frame, rows),
     }
     for name, text in texts.items():
         write_atomically(run_dir / name, text)

@@ -70,6 +70,8 @@ def test_latex_has_no_markup():
     assert latex_text(r"\input{x}") == r"\textbackslash{}input\{x\}"
     assert latex_text("[2em] x") == "{[}2em] x"
     assert latex_text("|Δω| [rad/s] 0.850 ± 0.050") == r"$|\Delta\omega|$ [rad/s] 0.850 $\pm$ 0.050"
+    assert latex_text("Δ, ω ≤ −2 × 3 – 4") == r"$\Delta$, $\omega$ $\le$ $-$2 $\times$ 3 -- 4"
+    assert latex_text('a--b---c "d"') == r"a-{}-b-{}-{}-c \symbol{34}d\symbol{34}"
 
 
 def test_pictures_and_addresses_and_json():

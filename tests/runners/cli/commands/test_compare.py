@@ -77,7 +77,9 @@ def test_a_sweep_of_weights_is_named_by_them_and_compared_where_it_lies(tmp_path
     assert "weights skid (60 worlds, 120 pairs; BARN metric better in " in text
     assert "All have seed 0: both episodes of a pair draw from the same random numbers." in text
     assert re.search(r"To find a difference of 0\.05 in success takes about [\d,]+ worlds like these", text)
-    assert text.endswith(f"compare.md, compare.csv, compare_worlds.csv, compare.png in {tmp_path}")
+    assert text.endswith(
+        f"compare.md, compare.csv, compare.tex, compare_worlds.csv, compare.png in {tmp_path}"
+    )
     markdown = (tmp_path / "compare.md").read_text(encoding="utf-8")
     assert "| `guide.parameters.a_close` | 1.51 | 3.311 |" in markdown
     assert "![barn_metric by world](compare.png)" in markdown
@@ -316,6 +318,24 @@ def test_many_runs_show_two_measures_on_the_terminal_and_all_in_the_file(tmp_pat
     assert "Path [m]" not in text
     assert "The other measures are in compare.md." in text
     assert "Path [m]" in (tmp_path / "into" / "compare.md").read_text(encoding="utf-8")
+
+
+def test_latex_has_a_caption_and_what_a_reader_must_know(tmp_path, job, capsys):
+    runs = [
+        write(tmp_path / name, job(f"seed={seed}"), rate, seed=seed)
+        for name, seed, rate in (("a", 0, 0.9), ("b", 1, 0.2))
+    ]
+    compare.main([*runs, "--format", "tex", "--into", str(tmp_path / "into")])
+    text = capsys.readouterr().out
+    assert text == (tmp_path / "into" / "compare.tex").read_text(encoding="utf-8")
+    (caption,) = re.findall(r"\\caption\{(.*)\}", text)
+    assert (
+        r"Differences from seed 0: LME · barn · jackal · sim gazebo · 60 worlds $\times$ 2 runs, seeds 0, 1; lme "
+        in caption
+    )
+    assert r"\item Seeds differ (0, 1)" in text
+    assert r"seed 1 & Success & 0." in text
+    assert r" & BARN metric & 0." in text
 
 
 def test_markdown_on_standard_output_is_alone_there(tmp_path, job, capsys):

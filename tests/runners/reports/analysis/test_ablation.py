@@ -11,7 +11,7 @@ from runners.config import schema
 from runners.config.catalogue import shipped
 from runners.config.command_line import plan
 from runners.config.composer import Composer
-from runners.reports.analysis import ablation
+from runners.reports.analysis import ablation_claims
 from runners.reports.analysis.ablation import AblationStudy
 from runners.reports.analysis.study import to_markdown, write
 from tests.runners.reports.analysis.test_paired import episodes
@@ -43,7 +43,7 @@ def test_every_claim_has_an_ablation_file_and_every_file_a_claim():
     of_lme_plus = {
         name for name, title in titles.items() if title.startswith("LME+ ")
     }  # the paper has no such part
-    assert titles.keys() - {"none"} - of_lme_plus == set(ablation.CLAIMS)
+    assert titles.keys() - {"none"} - of_lme_plus == set(ablation_claims.CLAIMS)
 
 
 def test_the_experiment_is_the_figures():
@@ -52,7 +52,7 @@ def test_the_experiment_is_the_figures():
         found = plan(composer, ["experiment=ablation"], multirun=False)
     assert found.multirun
     chosen = [job.hydra.runtime.choices for job in found.configs.values()]
-    variants = ["none", *ablation.CLAIMS]
+    variants = ["none", *ablation_claims.CLAIMS]
     expected = [("lme_as_run", variant) for variant in variants]
     assert [(choices.system, choices.ablation) for choices in chosen] == expected
     assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs.values()} == {
@@ -61,7 +61,7 @@ def test_the_experiment_is_the_figures():
 
 
 def test_records_that_are_as_the_paper_says_agree_with_it():
-    assert agreement(AS_THE_PAPER_SAYS) == dict.fromkeys(ablation.CLAIMS, "yes")
+    assert agreement(AS_THE_PAPER_SAYS) == dict.fromkeys(ablation_claims.CLAIMS, "yes")
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_the_figures_variants_elsewhere(name, maps, runs, robot):
     with Composer("eval") as composer:
         config = composer.compose([f"experiment={name}"])
     params = config.hydra.sweeper.params
-    assert params.ablation.split(",") == ["none", *ablation.CLAIMS]
+    assert params.ablation.split(",") == ["none", *ablation_claims.CLAIMS]
     assert (params.get("map"), config.runs, config.robot.name) == (maps, runs, robot)
     if maps is None:
         assert (config.map.subset, config.map.count) == ("fresh_hard", 300)
@@ -150,7 +150,7 @@ def test_too_few_worlds_leave_the_claim_open(says):
     flipped.loc[noisy.index[:5], "outcome"] = "collision"
     (study,) = AblationStudy.studies(pd.concat([noisy, flipped]))
     change = study.variants[1].change["success"]
-    assert change.low < -ablation.MARGIN < 0 < change.high
+    assert change.low < -ablation_claims.MARGIN < 0 < change.high
     says(study.variants[1].words)
 
 
@@ -175,7 +175,7 @@ def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
 
 def test_two_ablations_at_once_are_shown_last_without_a_verdict():
     (study,) = AblationStudy.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
-    assert [ablation.variant_label(variant.ablation) for variant in study.variants] == [
+    assert [ablation_claims.variant_label(variant.ablation) for variant in study.variants] == [
         "Complete",
         "No c_h",
         "No c_o, c_t",
@@ -197,12 +197,12 @@ def test_the_files_of_an_ablation_are_written(tmp_path):
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
     assert len({len(row) for row in rows}) == 1
     assert dict(zip(rows[0][:6], rows[5][:6], strict=True)) == {
-        "Variant": "No c_o", "Success": "0.100 ± 0.000", "Difference": "\u22120.800",
+        "Variant": "No c_o", "Success": "0.100 ± 0.000", "Difference": "**\u22120.800**",
         "95 %": rows[5][3], "p (Holm)": "< 0.001", "Beyond the noise": "yes",
     }  # fmt: skip
     assert "not Gazebo" in text
     lines = list(csv.DictReader(table.open(encoding="utf-8")))
-    assert [line["ablation"] for line in lines] == ["none", *ablation.CLAIMS]
+    assert [line["ablation"] for line in lines] == ["none", *ablation_claims.CLAIMS]
     assert float(lines[3]["success_difference"]) == pytest.approx(-0.8)
     assert float(lines[3]["success_low"]) == pytest.approx(wilson_interval(10, 100)[0])
     assert float(lines[3]["success_difference_low"]) < -0.8 < float(lines[3]["success_difference_high"])

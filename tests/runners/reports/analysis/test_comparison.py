@@ -36,6 +36,15 @@ def test_without_lme_the_system_driven_first_is_the_reference():
     assert (study.reference, list(study.changes)) == ("Other", ["Third"])
 
 
+def test_several_settings_have_a_latex_table_each(tmp_path):
+    parts = [part.assign(**{"sim.latency": value}) for part in (LME, OTHER) for value in ("0", "0.1")]
+    _, _, latex, *_ = write(Comparison.studies(frame(*parts)), tmp_path)
+    text = latex.read_text(encoding="utf-8")
+    assert text.count(r"\begin{table*}") == 2
+    assert r"\label{tab:comparison-1}" in text
+    assert r"\label{tab:comparison-2}" in text
+
+
 def test_one_system_is_not_compared():
     assert Comparison.studies(frame(LME, LME.assign(ablation="no_c_o"))) == []
 
@@ -46,10 +55,10 @@ def test_rows_are_compared_in_their_own_setting():
     both = [part.assign(**{"sim.latency": value}) for part in (LME, OTHER) for value in values]
     tuned = both[2].assign(**{"planner.samples": "5"})
     studies = Comparison.studies(frame(*both, tuned))
-    assert [study.setting.split(" · ")[0] for study in studies] == ["sim.latency=0", "sim.latency=0.1"]
+    assert [str(study.setting).split(" · ")[0] for study in studies] == ["sim.latency=0", "sim.latency=0.1"]
     assert [list(study.changes) for study in studies] == [["Other", "Other, planner.samples 5"], ["Other"]]
     seeds = Comparison.studies(frame(LME.assign(seed=0), OTHER.assign(seed=0), OTHER.assign(seed=1)))
-    assert [study.setting.split(" · ")[0] for study in seeds] == ["seed 0"]
+    assert [str(study.setting).split(" · ")[0] for study in seeds] == ["seed 0"]
 
 
 def test_other_weights_make_a_row_of_their_own():
@@ -66,7 +75,7 @@ def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
         for people in ("truth", "none")
     ]
     studies = Comparison.studies(frame(*parts))
-    assert [study.setting.split(" · ")[0] for study in studies] == ["people truth", "people none"]
+    assert [str(study.setting).split(" · ")[0] for study in studies] == ["people truth", "people none"]
     assert [list(study.changes) for study in studies] == [["Other"], ["Other"]]
     (study,) = Comparison.studies(frame(parts[0], parts[3]))
     assert list(study.rows) == ["LME", "Other, people none"]
@@ -76,20 +85,27 @@ def test_the_setting_is_what_all_rows_have_in_common():
     values = ((LME, "0.3"), (OTHER, "0"))
     parts = [part.assign(**{"map.count": "4", "planner.back": value}) for part, value in values]
     (study,) = Comparison.studies(frame(*parts))
-    assert study.setting == "map.count=4 · 4 worlds × 2 runs"
+    assert str(study.setting) == "map.count=4 · 4 worlds × 2 runs"
 
 
 def test_files_and_words(tmp_path, says):
     lme = episodes(draws(0.9), runs=2, system="LME", mean_abs_domega_radps=0.25)
     worse = episodes(draws(0.4), runs=2, system="Worse").drop(columns="barn_metric")
     found = Comparison.studies(frame(lme, worse))
-    markdown, table, *_ = write(found, tmp_path)
+    markdown, table, latex, *_ = write(found, tmp_path)
     header, _, line = (row.split(" | ") for row in markdown.read_text("utf-8").splitlines()[2:5])
     cells = dict(zip(header, line, strict=True))
     assert cells["Success"].startswith("**\u2212")
     assert cells["BARN metric"] == cells[r"\|Δω\| [rad/s]"] == DASH
     _, row = csv.DictReader(table.open(encoding="utf-8"))
     assert (row["row"], row["reference"], row["success_beyond_noise"]) == ("Worse", "LME", "True")
+    text = latex.read_text(encoding="utf-8")
+    assert r"Worse & \textbf{$-$0." in text
+    assert (
+        r"\caption{Differences from LME: 60 worlds $\times$ 2 runs, seed not recorded; version not recorded. "
+        in text
+    )
+    assert r"\label{tab:comparison}" in text
     heading, sentence = found[0].sentences()
     says(heading)
     assert sentence.startswith("Worse: Success \u2212")

@@ -6,6 +6,7 @@ import pytest
 
 from runners.reports.analysis import sensitivity
 from runners.reports.analysis.sensitivity import SensitivityStudy
+from runners.reports.analysis.study import write
 from runners.reports.figures.style import saved_area, symbol
 from tests.conf.test_conf import PARAMETERS
 from tests.runners.reports.analysis.test_sensitivity import RATES, launched, sweep
@@ -15,14 +16,12 @@ __all__ = ["launched"]  # a fixture
 EIGHT = {"": 0.9} | {f"{name} × {factor}": 0.8 for name in sorted(PARAMETERS) for factor in (0, 0.25, 4)}
 
 
-def drawn(monkeypatch, tmp_path, records):
-    """The figure, as it is saved, of records or of success rates."""
+def drawn(records):
+    """The figure of records or of success rates, laid out."""
     frame = sweep(records) if isinstance(records, dict) else records
-    kept = []
-    monkeypatch.setattr(sensitivity, "save", lambda figure, *_: kept.append(figure) or [])
-    SensitivityStudy.draw(SensitivityStudy.studies(frame), tmp_path)
-    kept[0].draw_without_rendering()
-    return kept[0]
+    figure = SensitivityStudy.figure(SensitivityStudy.studies(frame))
+    figure.draw_without_rendering()
+    return figure
 
 
 def overlapping(figure):
@@ -39,7 +38,8 @@ def overlapping(figure):
         owner = text.axes
         if owner is None or owner.get_visible():
             boxes[text] = text.get_window_extent()
-    page = saved_area(figure).transformed(figure.dpi_scale_trans).padded(1)
+    area = saved_area(figure) or figure.bbox_inches
+    page = area.transformed(figure.dpi_scale_trans).padded(1)
     outside = [
         text.get_text()
         for text, box in boxes.items()
@@ -59,8 +59,8 @@ def _out_of_view(axis):
     return [tick.label1 for tick in axis.get_major_ticks() if not low <= tick.get_loc() <= high]
 
 
-def test_a_panel_for_each_parameter_all_on_one_scale(monkeypatch, tmp_path):
-    figure = drawn(monkeypatch, tmp_path, EIGHT)
+def test_a_panel_for_each_parameter_all_on_one_scale():
+    figure = drawn(EIGHT)
     panels = [axes for axes in figure.axes if axes.get_visible()]
     titles = [axes.get_title() for axes in panels]
     assert titles == [
@@ -71,8 +71,8 @@ def test_a_panel_for_each_parameter_all_on_one_scale(monkeypatch, tmp_path):
     assert overlapping(figure) == []
 
 
-def test_points_stand_at_their_factors_in_doublings(monkeypatch, tmp_path):
-    figure = drawn(monkeypatch, tmp_path, RATES)
+def test_points_stand_at_their_factors_in_doublings():
+    figure = drawn(RATES)
     (axes,) = [axes for axes in figure.axes if "close" in axes.get_title()]
     points = {
         line.get_xdata()[0]: line
@@ -89,35 +89,35 @@ def test_points_stand_at_their_factors_in_doublings(monkeypatch, tmp_path):
 
 def test_the_same_records_make_the_same_bytes(tmp_path):
     studies = SensitivityStudy.studies(sweep(RATES))
-    paths = SensitivityStudy.draw(studies, tmp_path)
-    assert [path.name for path in paths] == ["sensitivity.png", "sensitivity.pdf"]
+    paths = write(studies, tmp_path)
+    assert [path.name for path in paths][-2:] == ["sensitivity.png", "sensitivity.pdf"]
     before = [path.read_bytes() for path in paths]
-    assert [path.read_bytes() for path in SensitivityStudy.draw(studies, tmp_path)] == before
+    assert [path.read_bytes() for path in write(studies, tmp_path)] == before
 
 
 @pytest.mark.parametrize(
     "factors", [(0.9, 0.95, 1.05, 1.1), (0, 0.001, 1.05, 1.1, 1000), (0.5, 0.6, 0.7, 0.8)]
 )
-def test_names_of_factors_that_lie_close_do_not_overlap(monkeypatch, tmp_path, factors):
+def test_names_of_factors_that_lie_close_do_not_overlap(factors):
     rates = {"": 0.9} | {f"{name} × {factor}": 0.8 for name in sorted(PARAMETERS)[:4] for factor in factors}
-    figure = drawn(monkeypatch, tmp_path, rates)
+    figure = drawn(rates)
     assert overlapping(figure) == []
     assert "1" in [text.get_text() for text in figure.axes[-1].get_xticklabels()]
 
 
-def test_the_dashed_line_is_at_factor_one_whatever_was_not_compared(monkeypatch, tmp_path):
+def test_the_dashed_line_is_at_factor_one_whatever_was_not_compared():
     """Factor 0 drove other worlds, so nothing is known of how it differs."""
     frame = sweep({"": 0.9, "d1 × 0": 0.1, "d1 × 2": 0.5})
     apart = frame[(frame["scale"] == "d1 × 0") != (frame["world"] < 50)]
-    (axes,) = drawn(monkeypatch, tmp_path, apart).axes
+    (axes,) = drawn(apart).axes
     (dashed,) = [
         line for line in axes.lines if line.get_linestyle() == "--" and line.get_color() == sensitivity.INK
     ]
     assert list(dashed.get_ydata()) == [1.0, 1.0]
 
 
-def test_a_single_factor_and_zero_alone_can_be_drawn(monkeypatch, tmp_path):
-    figure = drawn(monkeypatch, tmp_path, {"": 0.9, "d1 × 0": 0.1})
+def test_a_single_factor_and_zero_alone_can_be_drawn():
+    figure = drawn({"": 0.9, "d1 × 0": 0.1})
     assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["0", "1"]
 
 

@@ -249,9 +249,9 @@ def test_a_key_changed_in_all_runs_is_named_and_hides_the_published_rows():
     rows = summarise(frame, systems=SYSTEMS)
     assert [(row.label, row.keys) for row in rows] == [("LME", {})]
     assert "robot.v_max=1.0 · sim.latency=0.1" in title(frame)
-    for text in (to_markdown(rows), to_latex(rows), to_html(rows)):
+    for text in (to_markdown(rows), to_latex(frame, rows), to_html(rows)):
         assert "Changed: robot.v_max=1.0, sim.latency=0.1." in text.replace(r"\_", "_")
-    assert r"\par Changed: robot.v\_max=1.0, sim.latency=0.1." in to_latex(rows).splitlines()
+    assert r"\item Changed: robot.v\_max=1.0, sim.latency=0.1." in to_latex(frame, rows).splitlines()
     assert (
         next(csv.DictReader(io.StringIO(tables.to_csv(rows))))["changes"]
         == "robot.v_max=1.0, sim.latency=0.1"
@@ -335,7 +335,7 @@ def test_a_row_says_how_much_of_an_unfinished_run_was_driven(kept, planned, name
     rows = summarise(frame, systems={})
     assert [row.name for row in rows] == [name]
     assert any("is not finished" in note for note in notes(rows)) == ("of" in name)
-    for text in (to_markdown(rows), tables.to_csv(rows), to_latex(rows), to_html(rows)):
+    for text in (to_markdown(rows), tables.to_csv(rows), to_latex(frame, rows), to_html(rows)):
         assert name in text
 
 
@@ -394,13 +394,13 @@ def test_records_from_before_a_column_have_tables_without_it():
 
 
 def test_latex_escapes_what_latex_would_read():
-    rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
-    text = tables.to_latex(rows)
+    frame = records(ablation="no_c_o")
+    text = tables.to_latex(frame, summarise(frame, systems=SYSTEMS))
     assert r"no\_c\_o" in text
     assert r"0.850 $\pm$ 0.050" in text
     assert r"$|\Delta\omega|$ [rad/s]" in text
     assert "95 \\% CI" in text
-    assert text.count("&") == 2 * (len(text.split(r"\toprule")[1].splitlines()[1].split("&")) - 1)
+    assert text.count(" & ") == 2 * (len(text.split(r"\toprule")[1].splitlines()[1].split("&")) - 1)
 
 
 def test_html_is_the_same_table_with_nothing_left_to_read_as_markup():

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from runners.reports.analysis import compare_report as figures
+from runners.reports.analysis import compare_pictures as figures
 from runners.reports.analysis.compare_runs import compare_runs
 from runners.reports.figures.style import saved_area
 from tests.runners.reports.analysis.test_paired import episodes
