@@ -17,7 +17,8 @@ import numpy as np
 from lme.errors import InputError
 from lme.types import Ints
 
-_FEWEST = 16  # [robots] of a thread: for fewer, waking it takes as long as their step
+_FEWEST = 16  # [robots] in a part: for fewer, calling the kernels takes as long as their step
+_PARTS = 4  # for each thread
 
 
 class Threads:
@@ -34,16 +35,26 @@ class Threads:
         self.count = threads or (1 if is_worker else int(numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
 
     def run(self, work: Callable[[Ints], None], robots: Ints) -> None:
-        """Call `work` with parts of the robots (K,), in this thread and in others at the same time."""
-        count = min(self.count, len(robots) // _FEWEST)
-        if count <= 1:
+        """Call `work` with parts of the robots (K,), in this thread and in others at the same time.
+
+        Each thread takes the next part when it is done with one, so a thread that gets no core delays nobody.
+        """
+        num_parts = min(_PARTS * self.count, len(robots) // _FEWEST)
+        if self.count == 1 or num_parts <= 1:
             work(robots)
             return
-        own, *parts = np.array_split(robots, count)
-        futures = [_pool(self.count, os.getpid()).submit(work, part) for part in parts]
-        work(own)
+        parts = iter(np.array_split(robots, num_parts))  # an iterator of a list: threads may share it
+
+        def take() -> None:
+            for part in parts:
+                work(part)
+
+        helpers = min(self.count, num_parts) - 1
+        futures = [_pool(self.count, os.getpid()).submit(take) for _ in range(helpers)]
+        take()
         for future in futures:
-            future.result()
+            if not future.cancel():
+                future.result()
 
 
 @lru_cache(maxsize=1)
