@@ -2,15 +2,18 @@
 
 var Scorer = {
   pages: [
-    [/^docs\/learn\//, 3],
-    [/^docs\/howto\//, 2],
+    [/^docs\/learn\/faq/, 1.5],
+    [/^docs\/learn\//, 2],
+    [/^docs\/howto\//, 2.5],
     [/^docs\/reference\/commands/, 1.5],
     [/^(CHANGELOG|CONTRIBUTING|SECURITY|benchmarks\/)/, 0.1],
     [/^docs\/reference\/config\//, 0.6],
   ],
-  score: function ([page, , , , score]) {
+  score: function ([page, title, , , score]) {
     const found = this.pages.find(([pattern]) => pattern.test(page));
-    return score * (found ? found[1] : 1);
+    const words = (new URLSearchParams(window.location.search).get("q") ?? "").toLowerCase().split(/\s+/);
+    const isNamed = words.every((word) => title.toLowerCase().includes(word)); // the page is about it
+    return score * (found ? found[1] : 1) * (isNamed ? 2 : 1);
   },
 
   // Sphinx's own
