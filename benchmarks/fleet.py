@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
@@ -102,7 +103,8 @@ def report() -> Iterator[str]:
         alone_us, many_us = turns({"alone": (alone(world), 1), "many": (step_of(world, 64), 64)}).values()
         yield f"| {name} | {len(world.edges):,} | {alone_us:.1f} | {many_us:.2f} | {alone_us / many_us:.1f} |"
     yield "\n## Threads\n"
-    yield f"{FEW}; least wall time of a step. Hashing in two threads shows how far there was a second core for them.\n"
+    yield f"{FEW}; least wall time of a step. Two threads need two free cores, and hashing in two threads shows how far"
+    yield f"they were free; the load average before was {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores.\n"
     yield "| robots | one thread [µs per robot] | two | times as fast |"
     yield "|---|---:|---:|---:|"
     for n in (256, 1024):
