@@ -28,6 +28,7 @@ from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.config.presets import load_robot, load_settings
+from lme.gym.fleet import Fleet
 from lme.perception.raycast import cast_shapes
 from lme.simulation.fast import FastSimulator
 from lme.types import Floats, Pose, Twist
@@ -44,6 +45,7 @@ BEAMS, RANGE_MAX, DT = ROBOT.lidar.num_beams, ROBOT.lidar.range_max, ROBOT.dt
 RADIUS = ROBOT.footprint.circumscribed_radius
 COMMAND = Twist(0.1, 0.5)  # a circle of 0.2 m, without contact
 FOV = 2 * math.pi * (BEAMS - 1) / BEAMS  # from the first beam to the last
+MANY = (16, 64, 256)  # robots at once
 STAGE_S = (100, 1100)  # [s] simulated; the difference is without start and end
 
 
@@ -69,6 +71,35 @@ def report() -> Iterator[str]:
     for name, make_step in {"navground": navground, "ir-sim": ir_sim, "pymunk": pymunk_rays}.items():
         yield peer_row(name, make_step, minimum)
     yield stage_row(minimum)
+    yield from many_robots()
+
+
+def many_robots() -> Iterator[str]:
+    """Yield the table of many robots at once, each in a copy of the world."""
+    yield "\n## Many robots\n"
+    yield f"{time.strftime('%Y-%m-%d')}, {machine()}\n"
+    yield "Each robot takes the step above in such a world of its own, on one core: ours in one call of `Fleet`, the"
+    yield "others one after another, since they have no such call.\n"
+    yield "| simulator | robots | steps of a robot per second, most | median | ours with 256, times |"
+    yield "|---|---:|---:|---:|---:|"
+    rows = {f"lme, `Fleet` | {n}": [us / n for us in measure(fleet(n), 2.0)] for n in MANY}
+    least = rows[f"lme, `Fleet` | {MANY[-1]}"][0]
+    rows["lme, `sim=fast` | 1"] = list(measure(fast(), 2.0))
+    for name, make_step in {"navground": navground, "pymunk": pymunk_rays}.items():
+        try:
+            rows[f"{name} {version(name)} | 1"] = list(measure(make_step(), 2.0))
+        except ImportError:
+            continue
+    for name, (minimum, median) in rows.items():
+        yield f"| {name} | {_rate(minimum)} | {_rate(median)} | {minimum / least:,.1f} |"
+
+
+def fleet(count: int) -> Callable[[], object]:
+    """Our simulator of many robots, on one thread."""
+    robots = Fleet(Barn(load_settings("map/barn", worlds=[TASK.number])), ROBOT, count, threads=1)
+    robots.reset(range(count))
+    commands = np.tile(COMMAND, (count, 1))
+    return lambda: robots.step(commands)
 
 
 def peer_row(name: str, make_step: Callable[[], Step], our_least: float) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.gym.episodes import CODES, DrawRobot, Episodes, Result, Reward, distances, world_of
-from lme.gym.fleet import ONE_BY_ONE, Fleet, TogetherError, Transition, Views
+from lme.gym.fleet import ONE_BY_ONE, Fleet, OneByOneError, Transition, Views
 from lme.gym.frame import frame
 from lme.gym.spaces import (
     Arrays,
@@ -142,7 +142,7 @@ def vector_env(num_envs: int = 1, **keywords: Any) -> VectorEnv[Any, Any, Any]:
         many = NavigationVectorEnv(num_envs, **keywords)
         many.check_worlds()
         return many
-    except TogetherError as error:
+    except OneByOneError as error:
         reason = str(error).removesuffix(f", {ONE_BY_ONE}").removesuffix(f": {ONE_BY_ONE}")
     warnings.warn(
         f"{reason}; {num_envs} robots are therefore simulated one after another, which takes several times as long",
@@ -181,12 +181,12 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         autoreset_mode: Gymnasium's, "SameStep", "NextStep" or "Disabled". threads: see `lme.gym.threads.Threads`.
         """
         if render_mode is not None:
-            raise TogetherError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
+            raise OneByOneError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         if people != People.none:
-            raise TogetherError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
+            raise OneByOneError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
         choices = choose(map, robot, sim, reward, map_config, sim_config)
         if choices.simulator is not FastSimulator:
-            raise TogetherError(
+            raise OneByOneError(
                 f"sim is {sim!r}: only sim=fast has a compiled step of many robots, {ONE_BY_ONE}"
             )
         mode = AutoresetMode(autoreset_mode)
@@ -205,7 +205,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         """Raise InputError if something moves in the first world, as in all worlds of most such map sets."""
         task = self._map_set.task(self._map_set.numbers[0])
         if task.world.movers:
-            raise TogetherError(f"map {task.map_name} has moving obstacles: {ONE_BY_ONE}")
+            raise OneByOneError(f"map {task.map_name} has moving obstacles: {ONE_BY_ONE}")
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -31,7 +31,7 @@ ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectoriza
 SAME_STEP, NEXT_STEP, DISABLED = AUTORESETS = "SameStep", "NextStep", "Disabled"  # as Gymnasium calls them
 
 
-class TogetherError(InputError):
+class OneByOneError(InputError):
     """A choice that the compiled step of many robots does not support."""
 
 
@@ -176,7 +176,7 @@ class Fleet:
         tasks = [task for task, _ in draws]
         for task in tasks:
             if task.world.movers:
-                raise TogetherError(
+                raise OneByOneError(
                     f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}"
                 )
         self._enter(robots, tasks)
@@ -291,7 +291,7 @@ class Fleet:
         values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
         for key, value in values.items():
             if value is not None:
-                raise TogetherError(
+                raise OneByOneError(
                     f"{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
 

@@ -205,10 +205,13 @@ class Sensors:
         """Cast the beams. circles, edges: the current obstacles, those of the world first."""
         range_max, world = self._robot.lidar.range_max, self._world
         # The static obstacles, by leaf or grid, then those that move.
-        is_large = len(world.grid.edges) > 0
-        ranges = cast_leaves(lidar, angles, range_max, world.discs, NO_WALLS if is_large else world.walls)
-        if is_large:
-            ranges = np.minimum(ranges, cast_grid(lidar, angles, range_max, world.grid, world.lattice))
+        if not len(world.grid.edges):
+            ranges = cast_leaves(lidar, angles, range_max, world.discs, world.walls)
+        else:
+            ranges = cast_grid(lidar, angles, range_max, world.grid, world.lattice)
+            if len(world.circles):
+                discs = cast_leaves(lidar, angles, range_max, world.discs, NO_WALLS)
+                ranges = np.minimum(ranges, discs)
         moving = circles[len(world.circles) :], edges[len(world.edges) :]
         if len(moving[0]) or len(moving[1]):
             ranges = np.minimum(ranges, cast_shapes(lidar, angles, range_max, *moving))
