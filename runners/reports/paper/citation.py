@@ -17,7 +17,7 @@ def bibtex() -> str:
     """Return the entries of the software and of the paper. Raises InputError if CITATION.cff cannot be read."""
     citation = read_yaml(citation_file())
     if not isinstance(citation, dict) or not citation.get("references"):
-        raise InputError(f"{citation_file()}: is damaged: install lme again")
+        raise InputError(f"{citation_file()}: is damaged: lme must be installed again")
     return "\n".join([_entry(SOFTWARE, citation), _entry(PAPER, citation["references"][0])])
 
 

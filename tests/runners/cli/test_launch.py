@@ -194,7 +194,7 @@ def test_a_sweep_drives_the_options_as_they_were_when_it_began(probe, tmp_path, 
 def test_a_system_is_its_pair(probe):
     probe.launch("system=lme")
     config, with_system = probe.runs[0]
-    assert config.system["label"] == "LME"
+    assert config.system.label == "LME"
     probe.launch("guide=lme", "planner=simple")
     assert (
         launch_record.read_launch(with_system).fingerprint
