@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
@@ -28,7 +29,6 @@ from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
 from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers.environment import search_working_folder_last
-from runners.workers.progress import activity
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
@@ -65,7 +65,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return show.print_hydra_info(command.name, config_name, args)
     # Compose the config of every job.
     with Composer(config_name, args.config_dir) as composer:
-        with activity("Reading the config"):
+        with _activity("Reading the config"):
             plan = command_line.plan(composer, args.overrides, args.multirun, typed_args.overrides)
         if resumed is not None:
             _check_code(plan, resumed)
@@ -79,7 +79,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
             forkserver.start()  # imports while this process builds and checks the jobs
         # Check every job before anything is written, then choose the directory.
-        with activity("Checking the config, and building its worlds"):
+        with _activity("Checking the config, and building its worlds"):
             jobs = command_line.validated(plan, composer, command.validate)
         record, directory = _directory(command, args, plan, jobs, resumed)
         # Let Hydra run the jobs, and the command finish the sweep if all of them succeeded.
@@ -102,6 +102,15 @@ def launch(command: Command, argv: Sequence[str]) -> int:
                 print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
             return status_of(error) if isinstance(error, KeyboardInterrupt) else 1
         return status
+
+
+def _activity(label: str) -> contextlib.AbstractContextManager[object]:
+    """Show what takes seconds; nothing in a robot's installation, which has no rich."""
+    if find_spec("rich") is None:
+        return contextlib.nullcontext()
+    from runners.workers.progress import activity
+
+    return activity(label)
 
 
 def _with_resumed(command: str, args: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:

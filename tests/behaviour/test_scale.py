@@ -117,7 +117,7 @@ def test_one_run_with_factors_is_not_taken_for_one_without(sweep):
 
 def test_figures_tell_scaled_jobs_apart(sweep):
     labels = [job.label for job in read_runs([sweep])]
-    assert labels == [f"LME, {COMBINED}", f"LME, {COMBINED}, a_close × 0.5"]
+    assert labels == ["LME without c_o and without a_dev", "LME without c_o and without a_dev, a_close × 0.5"]
 
 
 def test_the_sweep_has_its_report_and_table_rewrites_it(sweep, tmp_path, capsys):
