@@ -21,22 +21,16 @@ from lme.types import Bools, Floats, Outcome
 ORDER = (
     "Worst first: collisions by the speed at contact, then falls, then time-outs by the distance to the goal."
 )
-# Extents that count as staying in place, and as pacing. ASSUMED: a robot's size, a room's.
+# Diagonals of the box in which a robot stays in place, and in which it paces. ASSUMED: a robot's size, a room's.
 UP_TO_M = (0.5, 3.0)
-IN_PLACE_S = (
-    10.0  # [s] in which the robot stays that near to count as in place: longer than a careful turn in a gap
-)
-PACING_S = 30.0  # [s] likewise for pacing, in which even a slow robot (0.2 m/s) could leave a room
-STANDS_MPS, STANDS_RADPS = (
-    0.05,
-    0.1,
-)  # [m/s], [rad/s] slower counts as standing: about the noise of wheels and gaits
-JUMP_RAD = math.radians(60.0)  # [rad] by which the bearing of the subgoal changes at once if it jumps
-JUMP_M = 0.3  # [m] nearer subgoals have no telling bearing: about the robot's own radius
-LEAST_JUMPS, JUMPS_EVERY_S = (
-    3,
-    10.0,
-)  # jumps explain lost time if they are as many and, on average, as frequent
+# Longer than a careful turn in a gap; long enough for a slow robot (0.2 m/s) to leave a room.
+IN_PLACE_S, PACING_S = 10.0, 30.0
+# Slower counts as standing: about the noise of wheels and gaits.
+STANDS_MPS, STANDS_RADPS = 0.05, 0.1
+# A subgoal jumps if its bearing changes by so much at once; one nearer than a robot's radius has no telling bearing.
+JUMP_RAD, JUMP_M = math.radians(60.0), 0.3
+# Jumps explain lost time if they are as many and, on average, as frequent.
+LEAST_JUMPS, JUMPS_EVERY_S = 3, 10.0
 TIGHT_M = 0.1  # [m] with less space around it, a robot can hardly turn
 BRAKED_MPS = 0.1  # [m/s] of speed lost within the last second that count as braking
 ALIKE = 0.9  # [-] least length of the mean of unit vectors that counts as one direction: about ±25°
