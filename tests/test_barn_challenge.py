@@ -85,7 +85,7 @@ def test_ros2_has_the_names_and_types_of_the_challenges_launch_files(launched):
     (_, *args), _ = launched()
     with jobs_of("live") as job:
         config = job("live=ros2", "ros=2", *words, *args).config
-    assert (config.system["label"], config.people) == ("LME+", "none")
+    assert (config.system.label, config.people) == ("LME+", "none")
     assert config.live["use_sim_time"]
     topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
     kinds = {

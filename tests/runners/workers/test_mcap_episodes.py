@@ -97,7 +97,7 @@ def read(path):
 
 def snippet():
     """The code that the documentation gives."""
-    text = (ROOT / "docs" / "recording.md").read_text("utf-8")
+    text = (ROOT / "docs" / "howto" / "recording.md").read_text("utf-8")
     scope = {}
     exec(re.search(r"```python\n(.*?)```", text, re.S)[1], scope)
     return scope

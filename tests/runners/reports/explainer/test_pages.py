@@ -245,7 +245,8 @@ def test_a_sweeps_table_leads_into_its_jobs(driven, tmp_path):
 # --- lme explain -----------------------------------------------------------------------------------------
 
 
-def test_without_an_episode_failures_are_listed_and_the_others_counted(driven, capsys, says):
+def test_without_an_episode_failures_are_listed_and_the_others_counted(driven, capsys, says, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")  # so that no sentence is wrapped
     assert main(["explain", str(driven)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in lines[:2]] == [["episode", "outcome"], ["207/0", "timeout"]]
