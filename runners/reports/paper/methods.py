@@ -149,7 +149,7 @@ def _simulator(launch: Launch) -> str:
     option, catalogue = launch.choices[0].get("sim", "?"), Catalogue(launch.folders)
     if option not in catalogue.options("sim"):
         return option
-    return f"{option} ({re.sub(r' [(]docs/.*[)]', '', catalogue.title(f'sim/{option}'))})"
+    return f"{option} ({re.sub(r' [(](docs|research)/.*[)]', '', catalogue.title(f'sim/{option}'))})"
 
 
 def _worlds(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:

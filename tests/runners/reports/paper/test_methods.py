@@ -37,6 +37,11 @@ def test_one_run_in_words(said, says):
     assert "numpy" in software
 
 
+@pytest.mark.parametrize("sim", ["gazebo", "walking"])
+def test_no_reference_to_a_page(said, sim):
+    assert "research/" not in "\n".join(said([f"sim={sim}", "map.worlds=[200]", "runs=1"]))
+
+
 def test_a_cap_and_a_disc(said):
     _, robot, *_ = said(["sim=gazebo", "robot=jackal"])
     assert "Commands are limited to 1 m/s and 1.57 rad/s." in robot
