@@ -13,6 +13,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,6 +33,7 @@ DPI = 200
 COLUMN_IN, PAGE_IN = 3.5, 7.16  # widths of one column, and of two, of an IEEE page
 TEXT_GAP_IN = 0.06  # around the texts above and below a picture
 BEYOND = "beyond"  # marks these texts
+_NARROWEST = 0.27  # of the size of the font: width of its narrowest letters, such as i
 FORMATS = ("png", "pdf", "svg")
 
 
@@ -141,11 +143,13 @@ def _fitting(text: str, width_in: float, size: float, weight: str) -> list[str]:
 
     font = FontProperties(size=size, weight=weight)
 
+    @cache
     def fits(line: str) -> bool:
         width, *_ = text_to_path.get_text_width_height_descent(line, font, ismath=False)
         return width / 72 <= width_in
 
-    letters = max(len(text), 1)
+    # From as many of the narrowest letters as fit downwards; many numbers of letters wrap to the same lines.
+    letters = max(min(len(text), int(width_in * 72 / (_NARROWEST * size))), 1)
     while letters > 1 and not all(map(fits, textwrap.wrap(text, letters))):
         letters -= 1
     return textwrap.wrap(text, letters) or [""]
