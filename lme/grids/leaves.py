@@ -29,9 +29,6 @@ class Leaves(NamedTuple):
     shapes: Floats
 
 
-NO_WALLS = Leaves(np.empty((3, 0)), np.empty((0, 4, LEAF)))
-
-
 def leaves_of(shapes: Floats) -> Leaves:
     """Sort discs (C, 3) or edges (E, 4) into leaves."""
     count, width = shapes.shape
@@ -63,6 +60,9 @@ def _bounds(packed: Floats) -> Floats:
     reaches = (np.hypot(*(points - middles[:, :, None]).transpose(1, 0, 2)) + radii).max(axis=1)
     scale = reaches + np.abs(middles).max(axis=1)
     return np.ascontiguousarray(np.column_stack([middles, reaches + _SLACK * (1.0 + scale)]).T)
+
+
+NO_WALLS = leaves_of(np.empty((0, 4)))
 
 
 def near_discs(leaves: Leaves, poses: Floats, box: tuple[float, float, float]) -> Floats:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lme.grids.leaves import LEAF, Leaves
+from lme.grids.leaves import Leaves, leaves_of
 from lme.gym.kernels import Obstacles, Places
 from lme.types import Ints
 from lme.worlds.world import Task, World
@@ -84,7 +84,7 @@ class _LeafPool:
     """Leaves of many worlds in one array, which doubles when it is full."""
 
     def __init__(self, width: int) -> None:
-        self.leaves = Leaves(np.empty((3, 0)), np.empty((0, width, LEAF)))
+        self.leaves = leaves_of(np.empty((0, width)))
         self._count = 0
 
     def add(self, leaves: Leaves) -> tuple[int, int]:
