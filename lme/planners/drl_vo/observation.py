@@ -48,7 +48,7 @@ class Outlines:
             along, across = self.mount.x * cos + self.mount.y * sin, self.mount.y * cos - self.mount.x * sin
             own = np.sqrt(np.maximum(rounding**2 - across**2, 0.0)) - along
         else:
-            with np.errstate(divide="ignore"):
+            with np.errstate(divide="ignore", over="ignore"):  # a beam along a side meets it at infinity
                 to_end = (half_length - self.mount.x * np.sign(cos)) / np.abs(cos)
                 to_side = (half_width - self.mount.y * np.sign(sin)) / np.abs(sin)
             own = np.minimum(to_end, to_side)
