@@ -18,7 +18,7 @@ from runners.config.systems import systems
 from runners.evaluate.evaluate import drive, report, run_labels
 from runners.records import inputs
 from runners.records.launch_record import launch_of
-from runners.reports.analysis.paired import SUCCESS, Difference, difference, signed
+from runners.reports.analysis.paired import COLLISION, SUCCESS, Difference, difference, signed
 from runners.reports.explainer import pages
 from runners.workers.progress import activity
 from runners.workers.trials import episode_reward
@@ -166,11 +166,13 @@ def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class HeldOutComparison:
-    """Paired comparison of result and start on the same worlds. success, reward: those of the result."""
+    """Paired comparison of result and start on the same worlds. success, collision, reward: those of the result."""
 
     success: float
+    collision: float
     reward: float
     success_difference: Difference
+    collision_difference: Difference
     reward_difference: Difference
 
     @property
@@ -189,6 +191,11 @@ class HeldOutComparison:
         return self.success - self.success_difference.mean
 
     @property
+    def start_collision(self) -> float:
+        """Collision rate of the start."""
+        return self.collision - self.collision_difference.mean
+
+    @property
     def start_reward(self) -> float:
         """Mean reward of the start."""
         return self.reward - self.reward_difference.mean
@@ -205,15 +212,30 @@ class Verdict:
 
     @property
     def sign(self) -> int:
-        """−1 if a map's success or the overall reward is worse beyond the noise, 1 if the reward is better, or 0."""
+        """1 for better, −1 for worse, 0 for a difference within the noise.
+
+        Worse: a map has less success or more collisions, or the overall reward is lower. Better: the reward is higher.
+        """
         if self.overall.worlds < _FEWEST:
             return 0
-        if any(
-            comparison.success_difference.high < 0.0 for comparison in (*self.by_place.values(), self.overall)
-        ):
+        if self._fails_more or self.collides_more:
             return -1
         change = self.overall.reward_difference
         return -1 if change.high < 0.0 else 1 if change.low > 0.0 else 0
+
+    @property
+    def _fails_more(self) -> bool:
+        return any(comparison.success_difference.high < 0.0 for comparison in self._comparisons.values())
+
+    @property
+    def collides_more(self) -> bool:
+        """Return whether a map has more collisions beyond the noise, which the reward counts like time-outs."""
+        return any(comparison.collision_difference.low > 0.0 for comparison in self._comparisons.values())
+
+    @property
+    def _comparisons(self) -> dict[str, HeldOutComparison]:
+        """Comparisons by held-out map, and over all worlds."""
+        return {**self.by_place, "all": self.overall}
 
     @property
     def mean_reward(self) -> float:
@@ -236,18 +258,25 @@ class Verdict:
         if self.is_start:
             return [gap, f"Level: no trial was better than the weights started from ({start}); keep them"]
         lines = [f"Against {start}, paired:"]
-        for map_name, comparison in {**self.by_place, "all": self.overall}.items():
-            success, reward = (
-                _text(change) for change in (comparison.success_difference, comparison.reward_difference)
+        for map_name, comparison in self._comparisons.items():
+            success, collision, reward = map(
+                _text,
+                (
+                    comparison.success_difference,
+                    comparison.collision_difference,
+                    comparison.reward_difference,
+                ),
             )
-            lines.append(f"  {map_name}: success {success}, reward {reward}")
+            lines.append(f"  {map_name}: success {success}, collision {collision}, reward {reward}")
         return [*lines, gap, self._sentence(start)]
 
     def _sentence(self, start: str) -> str:
         if self.sign > 0:
-            return f"Better: the new weights earn more than {start}, beyond the noise, and fail no more often"
+            return f"Better: the new weights earn more than {start}, beyond the noise, and fail and collide no more often"
         if self.sign == 0:
             return f"Level: the new weights and {start} differ by no more than the noise"
+        if self.collides_more:
+            return f"Worse: the new weights collide more often; keep what you have ({start})"
         return f"Worse: keep what you have ({start})"
 
     def content(self) -> dict[str, Any]:
@@ -257,10 +286,12 @@ class Verdict:
                 "worlds": comparison.worlds,
                 "success": _rounded(comparison.success),
                 "success_difference": _numbers(comparison.success_difference),
+                "collision": _rounded(comparison.collision),
+                "collision_difference": _numbers(comparison.collision_difference),
                 "reward": _rounded(comparison.reward),
                 "reward_difference": _numbers(comparison.reward_difference),
             }
-            for map_name, comparison in {**self.by_place, "all": self.overall}.items()
+            for map_name, comparison in self._comparisons.items()
         }
         return {"verdict": _WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": by_map}
 
@@ -311,12 +342,15 @@ def _by_place(held_out: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _comparison(start: pd.DataFrame, result: pd.DataFrame) -> HeldOutComparison:
-    success, reward = (difference(start, result, quantity) for quantity in (SUCCESS, _REWARD))
-    assert success is not None
-    assert reward is not None  # both drove the same worlds
-    return HeldOutComparison(
-        float((result["outcome"] == SUCCESS).mean()), float(result[_REWARD].mean()), success, reward
+    changes = [difference(start, result, quantity) for quantity in (SUCCESS, COLLISION, _REWARD)]
+    success, collision, reward = (
+        cast(Difference, change) for change in changes
+    )  # both drove the same worlds
+    success_rate, collision_rate = (
+        float((result["outcome"] == outcome).mean()) for outcome in (SUCCESS, COLLISION)
     )
+    reward_mean = float(result[_REWARD].mean())
+    return HeldOutComparison(success_rate, collision_rate, reward_mean, success, collision, reward)
 
 
 def _text(change: Difference) -> str:

@@ -111,8 +111,11 @@ def held_out_table(comparisons: Mapping[str, HeldOutComparison], is_start: bool)
     """Write one line per map, and one of all if there are several. is_start: the start won, so nothing differs."""
     rows = list(comparisons.items()) if len(comparisons) > 2 else list(comparisons.items())[:1]
     if is_start:
-        lines = [[_th(name), _episodes(row), rounded(row.success), rounded(row.reward)] for name, row in rows]
-        return _table(["Map", "Episodes", "Success", "Reward"], lines, "held-out")
+        lines = [
+            [_th(name), _episodes(row), rounded(row.success), rounded(row.collision), rounded(row.reward)]
+            for name, row in rows
+        ]
+        return _table(["Map", "Episodes", "Success", "Collision", "Reward"], lines, "held-out")
     lines = [
         [
             _th(name),
@@ -120,16 +123,18 @@ def held_out_table(comparisons: Mapping[str, HeldOutComparison], is_start: bool)
             rounded(row.start_success),
             f"<b>{rounded(row.success)}</b>",
             _change(row.success_difference),
+            rounded(row.start_collision),
+            f"<b>{rounded(row.collision)}</b>",
+            _change(row.collision_difference),
             rounded(row.start_reward),
             f"<b>{rounded(row.reward)}</b>",
             _change(row.reward_difference),
         ]
         for name, row in rows
     ]
-    heads = ["Map", "Episodes", "start", "result", "difference", "start", "result", "difference"]
-    groups = (
-        '<tr class="groups"><td colspan="2"></td><th colspan="3">Success</th><th colspan="3">Reward</th></tr>'
-    )
+    heads = ["Map", "Episodes", *["start", "result", "difference"] * 3]
+    groups = "".join(f'<th colspan="3">{measure}</th>' for measure in ("Success", "Collision", "Reward"))
+    groups = f'<tr class="groups"><td colspan="2"></td>{groups}</tr>'
     return _table(heads, lines, "held-out", groups)
 
 

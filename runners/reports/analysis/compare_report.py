@@ -11,14 +11,14 @@ from runners.config.escaping import counted, markdown_table, markdown_text, visi
 from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
 from runners.reports.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
-from runners.reports.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
+from runners.reports.analysis.paired import COLLISION, METRIC, SUCCESS, interval, p_value, signed
 from runners.reports.analysis.study import labels
 from runners.reports.analysis.summary import DASH, TIMES
 from runners.reports.analysis.tables import aligned, csv_text, driven
 from runners.reports.analysis.text_table import Strong, TextTable
 
 NAME = "compare"
-_SHORT = (SUCCESS, METRIC)  # measures on the terminal if many runs are compared
+_SHORT = (SUCCESS, COLLISION, METRIC)  # measures on the terminal if many runs are compared
 _MANY = 4  # runs
 _MAX_KEYS = 40  # in the table of keys
 _HEADER = ("Measure", "Reference", "This", "Difference", "95 %", "p (Holm)")

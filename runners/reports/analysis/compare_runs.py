@@ -14,7 +14,7 @@ from lme.errors import InputError
 from runners.config.escaping import counted
 from runners.records.launch_record import Launch, read_launch
 from runners.reports.analysis import paired
-from runners.reports.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
+from runners.reports.analysis.paired import COLLISION, METRIC, SUCCESS, TIE, Block, Difference
 from runners.reports.analysis.shared_worlds import (
     ComparedRun,
     Group,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 MEASURES = {
     metric.key: metric
     for metric in METRICS
-    if metric.key in (SUCCESS, METRIC, "time_s", "path_length_m", SMOOTHNESS)
+    if metric.key in (SUCCESS, COLLISION, METRIC, "time_s", "path_length_m", SMOOTHNESS)
 }
 
 EFFECT = 0.05  # difference in success for which the number of worlds is planned

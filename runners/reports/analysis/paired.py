@@ -34,7 +34,7 @@ from runners.reports.analysis.summary import (
 if TYPE_CHECKING:
     import pandas as pd
 
-SUCCESS, METRIC = "success", BARN_METRIC
+SUCCESS, COLLISION, METRIC = "success", "collision", BARN_METRIC
 LEVEL = 0.05  # significance level; intervals have the confidence 1 − LEVEL
 POWER = 0.8  # share of comparisons in which an effect is to be found
 LEAST_P = 0.001  # smaller ones are shown as less than this
@@ -160,8 +160,8 @@ def values(frame: pd.DataFrame, quantity: str) -> pd.Series:
     if quantity == METRIC and METRIC in frame:
         frame = frame.assign(**{METRIC: barn_metric(frame)})
     indexed = frame.set_index(["world", "run"])
-    if quantity == SUCCESS:
-        return (indexed["outcome"] == SUCCESS).astype(float)
+    if quantity in (SUCCESS, COLLISION):
+        return (indexed["outcome"] == quantity).astype(float)
     return indexed.reindex(columns=[quantity])[quantity].astype(float)
 
 

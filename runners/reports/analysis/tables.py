@@ -291,8 +291,8 @@ def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Colum
 def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
     """Return the columns that a table can omit, those that are needed least first.
 
-    These are columns with one value, then spare metrics, then others, each from the right. keys: number of columns at
-    the left that distinguish the rows; they stay if they vary, like the success rate.
+    These are columns with one value, then spare metrics, then others, each from the right, and the collision rate at
+    last. keys: number of columns at the left that distinguish the rows; they stay if they vary, like the success rate.
     """
     metrics = {metric.header: metric for metric in METRICS}
     ranked = []
@@ -303,6 +303,8 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
             rank = 0 if metric is None else 1
         elif metric is None:
             rank = 4
+        elif metric.key == "collision":
+            rank = 5
         else:
             rank = 2 if metric.spare else 3
         if column[0] != METRICS[0].header and (position >= keys or rank == 0):

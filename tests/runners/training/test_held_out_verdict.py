@@ -17,7 +17,7 @@ def places():
     return {"env1": config, "other": config}
 
 
-def records(steps, failures=(), place="env1"):
+def records(steps, failures=(), place="env1", failure="collision"):
     """One episode in each of WORLDS worlds."""
     noise = np.random.default_rng(0).integers(0, 5, WORLDS)
     return pd.DataFrame(
@@ -25,7 +25,7 @@ def records(steps, failures=(), place="env1"):
             "run_dir": f"run/{place}",
             "world": range(WORLDS),
             "run": 0,
-            "outcome": ["collision" if world in failures else "success" for world in range(WORLDS)],
+            "outcome": [failure if world in failures else "success" for world in range(WORLDS)],
             "steps": steps + noise,
         }
     )
@@ -65,6 +65,18 @@ def test_success_on_one_map_counts_even_if_the_reward_on_all_is_better(places):
     assert verdict.overall.reward_difference.mean > 0
     assert verdict.by_place["env1"].success_difference.high < 0
     assert verdict.is_worse
+
+
+def test_more_collisions_are_worse_although_the_reward_counts_them_like_timeouts(places, says):
+    failures = set(range(12))
+    start = pd.concat([records(STEPS, failures, failure="timeout"), records(STEPS, place="other")])
+    verdict = judged(places, start, both(STEPS - 50, failures), 0.9)
+    assert verdict.overall.reward_difference.low > 0
+    assert verdict.by_place["env1"].success_difference.mean == 0
+    assert verdict.by_place["env1"].start_collision == pytest.approx(0)
+    assert verdict.content()["difference_to_start"]["env1"]["collision"] == pytest.approx(0.3)
+    assert verdict.content()["verdict"] == "worse"
+    says(verdict.lines("published"))
 
 
 def test_a_few_worlds_prove_nothing(places):

@@ -23,6 +23,7 @@ from tests.runners.reports.explainer.conftest import browser, open_page  # noqa:
 HOSTILE = '{{RACE}}"><script>alert("1")</script><img src=x onerror=alert(1)>'
 BETTER = Difference(0.1, 0.05, 0.15, 0.01, 20, 60)
 WORSE = Difference(-0.2, -0.3, -0.1, 0.01, 20, 60)
+LEVEL = Difference(0.0, -0.1, 0.1, 1.0, 20, 60)
 ALONE = Difference(0.1, float("nan"), float("nan"), float("nan"), 1, 1)
 SMALL = (
     "trials=5", "configurations=1", "runs=1", "search.startup=2", "tracking=none", "executor=serial",
@@ -32,7 +33,7 @@ FAMILIES = ("training.env1.configurations=2", "training.fresh.count=2", "trainin
 
 
 def row(success_change=BETTER, reward_change=WORSE):
-    return HeldOutComparison(0.9, 0.4, success_change, reward_change)
+    return HeldOutComparison(0.9, 0.05, 0.4, success_change, LEVEL, reward_change)
 
 
 def world(folder, number, outcome="collision", lost=1, start_failed=0):
@@ -104,7 +105,8 @@ def test_the_headline_is_the_verdict(tmp_path):
 def test_held_out_maps_show_both_and_the_paired_difference(tmp_path):
     table = cells(written(tmp_path), "held-out")
     assert table[2] == [
-        "env1", "20 × 3", "0.800", "0.900", "+0.100 +0.050 to +0.150", "0.600", "0.400", "−0.200 −0.300 to −0.100",
+        "env1", "20 × 3", "0.800", "0.900", "+0.100 +0.050 to +0.150",
+        "0.050", "0.050", "0.000 −0.100 to +0.100", "0.600", "0.400", "−0.200 −0.300 to −0.100",
     ]  # fmt: skip
     assert [line[0] for line in table[2:]] == ["env1", "fresh", "all"]
 
@@ -150,7 +152,7 @@ def test_without_a_race_the_page_says_so(tmp_path):
 
 def test_where_the_start_wins_the_best_trial_is_still_shown(tmp_path):
     path = written(tmp_path, winner=START, best=2)
-    assert cells(path, "held-out")[0] == ["Map", "Episodes", "Success", "Reward"]
+    assert cells(path, "held-out")[0] == ["Map", "Episodes", "Success", "Collision", "Reward"]
     assert cells(path, "parameters")[0][:3] == ["Parameter", "Start", "Trial 2"]
     assert "where the start succeeded" not in path.read_text(encoding="utf-8")
 
@@ -272,8 +274,9 @@ def test_the_figures_are_those_of_the_weight_file(trained):
             float(cell.replace("−", "-")) for cell in re.findall(r"<td>(?:<b>)?([−.\d]+)(?:</b>)?</td>", line)
         ]
         each = held_out[place]
-        success, reward = each["success_difference"][0], each["reward_difference"][0]
-        expected = [2, each["success"] - success, each["success"], each["reward"] - reward, each["reward"]]
+        expected = [2]
+        for measure in ("success", "collision", "reward"):
+            expected += [each[measure] - each[f"{measure}_difference"][0], each[measure]]
         assert shown == pytest.approx(expected, abs=6e-4)
 
 
