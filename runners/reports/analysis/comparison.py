@@ -86,7 +86,7 @@ class Comparison(SweepStudy):
         systems = list(dict.fromkeys(frame["system"]))
         reference = REFERENCE if REFERENCE in systems else systems[0]
         of_reference = frame["system"] == reference
-        keys = [key for key in row_keys(frame) if key != WEIGHTS or not _trained_by_seed(frame)]
+        keys = [key for key in row_keys(frame) if key != WEIGHTS or not _trained_by_seed(frame, of_reference)]
         settings = [key for key in keys if key in SETTING or as_text(frame[key][of_reference]).nunique() > 1]
         names = _names(frame, [key for key in keys if key not in settings])
         baseline = names[of_reference].iloc[0]
@@ -137,16 +137,16 @@ class Comparison(SweepStudy):
             yield {"place": str(self.setting), "reference": self.reference, "row": name, **changes}
 
 
-def _trained_by_seed(frame: pd.DataFrame) -> bool:
-    """Return whether every seed gave every system weights of its own: `lme train -m seed=0,1`.
+def _trained_by_seed(frame: pd.DataFrame, of_reference: pd.Series) -> bool:
+    """Return whether the reference has other weights for another seed, and no system several for one seed.
 
-    The weights then belong to the seed, and systems are compared seed by seed.
+    So it is after `lme train -m system=… seed=0,1`. The weights then belong to the seed, and systems are compared seed
+    by seed.
     """
-    if not {SEED, WEIGHTS} <= set(frame):
+    if not {SEED, WEIGHTS} <= set(frame) or frame[WEIGHTS][of_reference].nunique() < 2:
         return False
     trainings = frame[["system", SEED, WEIGHTS]].drop_duplicates()
-    is_one_to_one = not any(trainings.duplicated(["system", key]).any() for key in (SEED, WEIGHTS))
-    return is_one_to_one and trainings[SEED].nunique() > 1
+    return not bool(trainings.duplicated(["system", SEED]).any())
 
 
 def _headed(heading: str, setting: TableSetting) -> TableSetting:

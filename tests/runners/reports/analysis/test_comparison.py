@@ -75,9 +75,11 @@ def test_systems_trained_with_several_seeds_are_compared_seed_by_seed():
         for name, records in (("lme", LME), ("other", OTHER))
     ]
     studies = Comparison.studies(frame(*trained))
-    assert [(str(study.setting).split(" · ")[0], list(study.rows)) for study in studies] == [
-        ("seed 0", ["LME", "Other"]), ("seed 1", ["LME", "Other"]),
-    ]  # fmt: skip
+    by_seed = [("seed 0", ["LME", "Other"]), ("seed 1", ["LME", "Other"])]
+    assert [(str(study.setting).split(" · ")[0], list(study.rows)) for study in studies] == by_seed
+    kept_start = [part.assign(weights="mine") if "Other" in set(part["system"]) else part for part in trained]
+    studies = Comparison.studies(frame(*kept_start))
+    assert [(str(study.setting).split(" · ")[0], list(study.rows)) for study in studies] == by_seed
 
 
 def test_weights_that_one_seed_has_twice_stay_apart():
