@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.inputs.user_code import user_error
-from runners.config import arguments, map_sets
+from runners.config import arguments, map_sets, systems
 from runners.config.changes import namesakes, radius_note
 from runners.config.composer import (
     COMPOSING,
@@ -115,7 +115,24 @@ def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[An
                 raise
             raise InputError(said) from error
         jobs.append(job)
+    _refuse_shared_label(jobs, composer)
     return jobs
+
+
+def _refuse_shared_label(jobs: Sequence[Job[Any]], composer: Composer) -> None:
+    """Raise InputError for one name of the user's for several systems, which no table could tell apart."""
+    pairs: dict[str, dict[str, None]] = {}
+    for job in jobs:
+        label = systems.own_label(job.config.system.label, job.choices.get("system", ""), composer.catalogue)
+        if label is not None:
+            pair = " + ".join(job.choices.get(group, "") for group in systems.PAIR)
+            pairs.setdefault(label, {})[pair] = None
+    for label, names in pairs.items():
+        if len(names) > 1:
+            raise InputError(
+                f"system.label is {label} for {len(names)} systems ({', '.join(names)}): must name one; "
+                "start each in a run of its own, or leave the label out"
+            )
 
 
 def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:

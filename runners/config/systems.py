@@ -116,6 +116,11 @@ def system_settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
     return catalogue.option(name).settings if catalogue.has(name) else {}
 
 
+def own_label(label: str | None, choice: str, catalogue: Catalogue) -> str | None:
+    """Return the name that a user gives a system; None if it is that of the chosen system, or if there is none."""
+    return None if label == system_settings(choice, catalogue).get("system", {}).get("label") else label
+
+
 def ablation_settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
     """Return what an ablation, or several joined by +, sets in the whole config. Names without a file set nothing."""
     merged: dict[str, Any] = {}

@@ -72,6 +72,8 @@ def evaluate(job: Job[EvalConfig], *, progress: bool = True, summary: bool = Tru
             print_table(frame, rows)
             if limits := build.describe_limits(job.config, frame):
                 print(limits)
+            if pointer := failures.pointer(frame, run_dir):
+                print(pointer)
             print(f"Records, tables and pictures: {run_dir}")
             for directory in failures.folder(run_dir):
                 print(f"Why the robot went there: {directory / failures.INDEX}")
@@ -220,9 +222,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
 
 def _own_label(job: Job[DriveConfig]) -> str | None:
     """Return the name that the user gives the system; None without one: the file of a system names its own pair."""
-    settings = systems.system_settings(job.choices.get("system", ""), Catalogue(job.folders))
-    label = job.config.system.label
-    return None if label == settings.get("system", {}).get("label") else label
+    return systems.own_label(job.config.system.label, job.choices.get("system", ""), Catalogue(job.folders))
 
 
 def _own_system(guide: str, planner: str, job: Job[DriveConfig]) -> dict[str, System]:

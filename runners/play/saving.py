@@ -157,7 +157,9 @@ def _write_run(
         record = record_of(labels, key, script.setup.seed, session.tasks[max(session.tasks)], episode, 0.0)
         result = EpisodeResult(record, episode.trajectory)
     else:
-        labels = run_labels(job, build.map_set(job.config, [key.world]))
+        # The words do not have the label that the user gave the system.
+        name = script.setup.systems[0].labels.system
+        labels = replace(run_labels(job, build.map_set(job.config, [key.world])), system=name)
         result = initialise(EpisodePayload(job.config, labels, None))(key)
         if not np.array_equal(result.trajectory[:, :4], [frame.row[:4] for frame in lane.frames]):
             raise InputError(

@@ -185,12 +185,25 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
         )
         run_dirs_here = [path] if has_records(path) else [child for child in children if has_records(child)]
         if not run_dirs_here:
-            problem = "has no records" if path.is_dir() else "is not a directory"
-            raise InputError(
-                f"{path} {problem}: give a run directory ({EPISODES} or {APPEND_LOG} in it) or a sweep's"
-            )
+            raise InputError(_why_no_runs(path, children))
         runs.extend(run for run in run_dirs_here if run not in runs)
     return runs
+
+
+def _why_no_runs(path: Path, children: Sequence[Path]) -> str:
+    """Say what to give in place of a path without runs. Those of a sweep of trainings are a level deeper."""
+    deeper = [
+        run_dir
+        for child in children
+        if child.is_dir()
+        for run_dir in sorted(child.iterdir())
+        if has_records(run_dir)
+    ]
+    if deeper:
+        examples = " ".join(map(str, deeper[:2])) + (" …" if len(deeper) > 2 else "")
+        return f"{path} has no records of its own: give the directories in it that have some: {examples}"
+    problem = "has no records" if path.is_dir() else "is not a directory"
+    return f"{path} {problem}: give a run directory ({EPISODES} or {APPEND_LOG} in it) or a sweep's"
 
 
 def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:

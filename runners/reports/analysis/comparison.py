@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 
 
 REFERENCE = "LME"
+SEED, WEIGHTS = "seed", "weights"
 MEASURES = (paired.SUCCESS, paired.METRIC, SMOOTHNESS)
 HEADERS = {metric.key: metric.header for metric in METRICS if metric.key in MEASURES}
 ROW = "row"  # a column of the records: the row's name in the table
@@ -85,7 +86,7 @@ class Comparison(SweepStudy):
         systems = list(dict.fromkeys(frame["system"]))
         reference = REFERENCE if REFERENCE in systems else systems[0]
         of_reference = frame["system"] == reference
-        keys = row_keys(frame)
+        keys = [key for key in row_keys(frame) if key != WEIGHTS or not _trained_by_seed(frame, of_reference)]
         settings = [key for key in keys if key in SETTING or as_text(frame[key][of_reference]).nunique() > 1]
         names = _names(frame, [key for key in keys if key not in settings])
         baseline = names[of_reference].iloc[0]
@@ -134,6 +135,18 @@ class Comparison(SweepStudy):
         for name, row in self.rows.items():
             changes = paired.to_mapping(row, self.changes.get(name, {}))
             yield {"place": str(self.setting), "reference": self.reference, "row": name, **changes}
+
+
+def _trained_by_seed(frame: pd.DataFrame, of_reference: pd.Series) -> bool:
+    """Return whether the reference has other weights for another seed, and no system several for one seed.
+
+    So it is after `lme train -m system=… seed=0,1`. The weights then belong to the seed, and systems are compared seed
+    by seed.
+    """
+    if not {SEED, WEIGHTS} <= set(frame) or frame[WEIGHTS][of_reference].nunique() < 2:
+        return False
+    trainings = frame[["system", SEED, WEIGHTS]].drop_duplicates()
+    return not bool(trainings.duplicated(["system", SEED]).any())
 
 
 def _headed(heading: str, setting: TableSetting) -> TableSetting:

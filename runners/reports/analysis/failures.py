@@ -13,6 +13,7 @@ from lme.errors import InputError
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from lme.types import Floats, Outcome
 from runners.config.escaping import html_address, markdown_table, markdown_text
+from runners.config.quoting import lme_command
 from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories
@@ -53,6 +54,15 @@ def refuse_link(path: Path, run_dir: Path) -> None:
 def is_failure(episodes: pd.DataFrame) -> pd.Series:
     """Return a mask of the episodes that did not reach the goal."""
     return episodes["outcome"] != str(Outcome.SUCCESS)
+
+
+def pointer(frame: pd.DataFrame, run_dir: Path) -> str:
+    """Return the line with the command that explains failed episodes; empty if none failed or they have pages."""
+    number = int(is_failure(frame).sum())
+    if not number or folder(run_dir):
+        return ""
+    episodes = "episode" if number == 1 else f"{number} episodes"
+    return f"Why the {episodes} failed, worst first: {lme_command('explain', run_dir)}"
 
 
 def failed_section(frame: pd.DataFrame, directory: Path) -> str:

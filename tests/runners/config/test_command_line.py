@@ -31,6 +31,19 @@ def test_flags_choose_folder_and_config(tmp_path):
     assert other.choices["figure"] == "trajectories"
 
 
+@pytest.mark.parametrize("swept", ["system=lme,lme_plus", "guide=target,lme"])
+def test_one_label_for_several_systems_is_refused(swept, says):
+    with pytest.raises(InputError) as error:
+        compose("eval", ["-m", swept, "system.label=Mine"])
+    says(str(error.value))
+
+
+@pytest.mark.parametrize("swept", ["planner.kp=4,5", "map=barn,env1", "ablation=none,no_c_t"])
+def test_one_label_for_a_system_in_several_settings(swept):
+    jobs = compose("eval", ["-m", swept, "system=lme", "system.label=Mine"])
+    assert [job.config.system.label for job in jobs] == ["Mine", "Mine"]
+
+
 def test_the_checks_of_the_command_see_every_job_and_the_words_must_agree(says):
     seen = []
     compose("eval", ["-m", "seed=3,4"], lambda job: seen.append(job.config.seed))

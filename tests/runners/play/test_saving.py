@@ -66,6 +66,18 @@ def test_a_record_of_a_drawn_world_is_a_run_like_any_other(session_of, folder):
     assert ways(again) == ways(session)
 
 
+@pytest.mark.parametrize("changes_the_world", [False, True])
+def test_a_record_keeps_the_label_of_its_system(session_of, folder, changes_the_world):
+    session = session_of("system=lme_plus", "system.label='My policy, 2'")
+    session = edited(session) if changes_the_world else drive(session)
+    saved = save(session, "record", "mine", folder, 0)
+    assert records(folder / saved.path)[0]["system"].unique().tolist() == ["My policy, 2"]
+    again = open_episode(folder / saved.path, "0/0", None)
+    assert [lane.label for lane in again.lanes] == ["My policy, 2"]
+    saved = save(drive(again), "record", "again", folder, 0)
+    assert records(folder / saved.path)[0]["system"].unique().tolist() == ["My policy, 2"]
+
+
 def test_a_record_of_a_world_that_changed_is_played_again_with_its_changes(session_of, folder, capsys, says):
     session = edited(session_of("sim.scan_noise=0.02"))
     saved = save(session, "record", "mine", folder, 0)

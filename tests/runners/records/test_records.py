@@ -320,6 +320,16 @@ def test_a_run_of_an_earlier_version_is_to_be_driven_again(tmp_path, says):
         read_episodes([tmp_path])
 
 
+def test_the_records_below_a_sweep_of_trainings_are_named(tmp_path, says):
+    for training in "01":
+        write(tmp_path / training / "env1", KEYS[:1])
+    with says.raises(InputError):
+        find_runs([tmp_path])
+    write(tmp_path / "1" / "env2", KEYS[:1])
+    with says.raises(InputError):
+        find_runs([tmp_path])
+
+
 def test_missing_and_garbage_files_are_named(tmp_path, says):
     with says.raises(InputError):
         find_runs([tmp_path / "nowhere"])

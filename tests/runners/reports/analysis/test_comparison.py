@@ -68,6 +68,26 @@ def test_other_weights_make_a_row_of_their_own():
     assert list(study.rows) == ["LME", "Other, weights mine"]
 
 
+def test_systems_trained_with_several_seeds_are_compared_seed_by_seed():
+    trained = [
+        records.assign(seed=seed, weights=f"{name}-{seed}")
+        for seed in (0, 1)
+        for name, records in (("lme", LME), ("other", OTHER))
+    ]
+    studies = Comparison.studies(frame(*trained))
+    by_seed = [("seed 0", ["LME", "Other"]), ("seed 1", ["LME", "Other"])]
+    assert [(str(study.setting).split(" · ")[0], list(study.rows)) for study in studies] == by_seed
+    kept_start = [part.assign(weights="mine") if "Other" in set(part["system"]) else part for part in trained]
+    studies = Comparison.studies(frame(*kept_start))
+    assert [(str(study.setting).split(" · ")[0], list(study.rows)) for study in studies] == by_seed
+
+
+def test_weights_that_one_seed_has_twice_stay_apart():
+    twice = [LME.assign(seed=seed, weights=name) for seed in (0, 1) for name in ("a", "b")]
+    studies = Comparison.studies(frame(*twice, OTHER.assign(seed=0, weights="a")))
+    assert [list(study.rows) for study in studies] == [["LME", "Other"]]
+
+
 def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
     parts = [
         part.assign(people=people, run_dir=f"{system}{people}")

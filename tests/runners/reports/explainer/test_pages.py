@@ -148,8 +148,16 @@ def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):
     assert main([*WORDS, "map.worlds=[230]", SHORT, "explain=failures", f"hydra.run.dir={tmp_path}"]) == 0
     out = capsys.readouterr().out
     assert "explain=failures: no episode failed, so there is no page" in out
-    assert "Why the robot went there" not in out
+    assert "Why the" not in out
     assert not (tmp_path / "explain").exists()
+
+
+def test_a_run_with_failures_and_no_pages_ends_with_the_command_that_explains_them(tmp_path, capsys):
+    assert main([*WORDS, FEW, SHORT, f"hydra.run.dir={tmp_path}"]) == 0
+    line, _ = capsys.readouterr().out.splitlines()[-2:]
+    assert line == f"Why the episode failed, worst first: lme explain {tmp_path}"
+    assert main(line.partition("lme ")[2].split()) == 0
+    assert "timeout" in capsys.readouterr().out
 
 
 def test_a_page_calls_the_system_what_the_table_calls_it(tmp_path, drawn):
