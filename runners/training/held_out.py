@@ -272,7 +272,10 @@ class Verdict:
 
     def _sentence(self, start: str) -> str:
         if self.sign > 0:
-            return f"Better: the new weights earn more than {start}, beyond the noise, and fail and collide no more often"
+            return (
+                f"Better: the new weights earn more than {start}, beyond the noise, and fail and collide "
+                "no more often"
+            )
         if self.sign == 0:
             return f"Level: the new weights and {start} differ by no more than the noise"
         if self.collides_more:
