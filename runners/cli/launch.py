@@ -74,7 +74,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
             show.config(plan.first, args.cfg, args.package, args.resolve)
             return 0
-        if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
+        if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES and not _is_short(plan.first):
             from runners.workers import forkserver
 
             forkserver.start()  # imports while this process builds and checks the jobs
@@ -111,6 +111,14 @@ def _activity(label: str) -> contextlib.AbstractContextManager[object]:
     from runners.workers.progress import activity
 
     return activity(label)
+
+
+def _is_short(config: DictConfig) -> bool:
+    """Return whether a config names so few worlds that they will hardly need workers."""
+    from runners.config.build import FEW_EPISODES
+
+    worlds, runs = (OmegaConf.select(config, key) for key in ("map.worlds", "runs"))
+    return bool(worlds and runs) and len(worlds) * int(runs) <= FEW_EPISODES
 
 
 def _with_resumed(command: str, args: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 C = TypeVar("C", bound=DriveConfig)
 
+FEW_EPISODES = 2  # driven in the command's own process before workers would have started
 _CHECKED_TASKS = (
     20  # before anything runs; the others when they are driven, since a task may be slow to build
 )

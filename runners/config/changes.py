@@ -168,11 +168,18 @@ def robots_like(
     settings: keys of the robot that its system sets, which do not make it another robot.
     """
     ours, set_keys = _values(robot), dict(flatten(settings or {}))
-    return [
-        name
-        for name, other in _robots(folders).items()
-        if not any(_differing(ours, {**other, **set_keys}, limits=True))
-    ]
+
+    def is_like(values: Mapping[str, Any]) -> bool:
+        return not any(_differing(ours, {**values, **set_keys}, limits=True))
+
+    # The numbers in their files tell most robots apart: to fill in the defaults of all of them takes longer.
+    written = _robots(folders)
+    numbers = {
+        name: {key: value for key, value in flatten(values) if _is_number(value)}
+        for name, values in written.items()
+    }
+    candidates = [name for name in written if is_like({**ours, **numbers[name]})]
+    return [name for name in candidates if (values := _values(written[name])) and is_like(values)]
 
 
 def robot_difference(robot: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> str:
@@ -183,9 +190,8 @@ def robot_difference(robot: Mapping[str, Any], settings: Mapping[str, Any] | Non
     """
     ours = _values(robot)
     name = ours.get("name")
-    shipped = next((one for one in _robots(SHIPPED).values() if one["name"] == name), None)
-    if shipped is not None:
-        shipped = {**shipped, **dict(flatten(settings or {}))}
+    written = next((one for one in _robots(SHIPPED).values() if one.get("name") == name), None)
+    shipped = None if written is None else {**_values(written), **dict(flatten(settings or {}))}
     key = None if shipped is None else next(_differing(ours, shipped, limits=False), None)
     if shipped is None or key is None:
         return ""
@@ -234,14 +240,14 @@ def namesakes(choices: Mapping[str, str], folders: tuple[Path, ...]) -> Iterator
 
 @cache
 def _robots(folders: tuple[Path, ...]) -> dict[str, dict[str, Any]]:
-    """Return the values of every robot by option; one that cannot be read is left out."""
+    """Return the values in the file of every robot by option; one that cannot be read is left out."""
     catalogue, robots = Catalogue(folders), {}
     for name in catalogue.options("robot"):
         try:
-            robots[name] = _values(catalogue.values(f"robot/{name}"))
+            robots[name] = dict(catalogue.values(f"robot/{name}"))
         except (InputError, OSError, UnicodeDecodeError, AttributeError, TypeError, RecursionError):
             continue
-    return {name: values for name, values in robots.items() if values}
+    return robots
 
 
 def _values(robot: Mapping[str, Any]) -> dict[str, Any]:

@@ -333,8 +333,10 @@ COMMANDS: dict[str, type[SystemConfig]] = {
 
 def register() -> None:
     """Make the schemas and the resolvers known to Hydra; safe to call again."""
+    store = ConfigStore.instance()
     for command, schema in COMMANDS.items():
-        ConfigStore.instance().store(name=f"{command}_schema", node=schema)
+        if f"{command}_schema.yaml" not in store.repo:
+            store.store(name=f"{command}_schema", node=schema)
     register_resolvers()
     OmegaConf.register_new_resolver("sweep", _sweep, replace=True)
 

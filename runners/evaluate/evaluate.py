@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError
 from lme.worlds.world import DrawsRobots, MapSet, Named
@@ -26,7 +26,7 @@ from runners.config.schema import (
     ReportConfig,
 )
 from runners.config.systems import System
-from runners.records import launch_record
+from runners.records import launch_record, trust
 from runners.records.episode_record import CUSTOM_SUBSET, EpisodeKey, RunLabels
 from runners.records.parquet import EPISODES
 from runners.records.records import RecordWriter, find_runs, read_episodes
@@ -36,6 +36,7 @@ from runners.reports.analysis.tables import print_table, write_tables
 from runners.reports.figures.style import PicturePage, drawn_on
 from runners.tracking.tracking import Tracking, closed_by, parameters, short_names
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
+from runners.workers.executor import ProcessExecutor, SerialConfig, SerialExecutor
 from runners.workers.progress import EpisodeProgress, activity
 
 if TYPE_CHECKING:
@@ -135,7 +136,6 @@ def drive(
     config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path, progress: bool = True
 ) -> None:
     """Run the missing episodes of map set × runs into the records of `run_dir`. progress: show a bar."""
-    executor = instantiate.build(config.executor, "executor")
     with (
         RecordWriter(run_dir) as writer,
         EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
@@ -146,6 +146,7 @@ def drive(
         if driven_keys:
             labels = _recorded(labels, run_dir)
         payload = EpisodePayload(config, labels, _recordings(config, run_dir))
+        executor = _executor(config, len(maps.numbers) * config.runs - len(driven_keys))
         # Run by run, so that a partial run covers the map set; the keys are never all in memory.
         worlds = sorted(maps.numbers)
         keys = (EpisodeKey(world, run) for run in range(config.runs) for world in worlds)
@@ -154,6 +155,17 @@ def drive(
             writer.append(result)
             bar.add(result.record.outcome)
         writer.merge()
+
+
+def _executor(config: EpisodesConfig, num_episodes: int) -> Any:
+    """Return what runs the episodes: this process if they are few and the number of workers is left open.
+
+    A user's own code always runs in a worker, since it may end its process.
+    """
+    executor = instantiate.build(config.executor, "executor")
+    is_open = isinstance(executor, ProcessExecutor) and config.executor["workers"] is None
+    is_short = is_open and num_episodes <= build.FEW_EPISODES and not any(trust.foreign(asdict(config)))
+    return SerialExecutor(SerialConfig()) if is_short else executor
 
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds
-from lme.worlds.cold_trial import STAND_IN
 from runners.config.escaping import csv_value, html_text, markdown_table, markdown_text, visible
 from runners.config.schema import PUBLISHED_MARK
 from runners.records.atomic_write import write_atomically
@@ -359,6 +358,8 @@ def families_section(frame: pd.DataFrame) -> str:
     """Return the section of table.md; empty if the records have no families. frame: records of one or more runs."""
     if FAMILY not in frame:
         return ""
+    from lme.worlds.cold_trial import STAND_IN
+
     episodes = frame[frame[FAMILY].notna()]
     # A row for each combination of values and family.
     keys = ["system", *row_keys(frame), FAMILY]

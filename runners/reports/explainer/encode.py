@@ -1,7 +1,8 @@
 """Encode an episode for the explainer page.
 
 Features and all other inputs of a decision are exact: the page computes scores again and must choose as LME does.
-Values that are only drawn are rounded to the millimetre or to single precision.
+Values that are only drawn are rounded to the millimetre or to single precision. What the page can compute itself is
+left out (`drawn.py`).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from lme.types import Floats, Ints
 from lme.worlds.world import World
 from runners.config import build
 from runners.config.schema import SystemConfig
+from runners.reports.explainer.drawn import add_features, drawn_candidates
 from runners.reports.explainer.packer import Packer
 from runners.workers.trace import Trace, TracedStep, TraceEnd
 
@@ -58,8 +60,13 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str =
     add_world(packer, trace.task.world)
     _movers(packer, stretch)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
-    _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
+    drawn = drawn_candidates(trace, reasons) if reasons else None
+    _add_thoughts(
+        packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config), bool(drawn)
+    )
     header = _header(trace, system) | {"story": story} | ({"play": play} if play else {})
+    if drawn:
+        header |= {"drawn": drawn, "computed": add_features(packer, reasons)}
     header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
     return packer.text(header)
 
@@ -74,16 +81,24 @@ def add_stretch(packer: Packer, stretch: Stretch, planned: bool, tracked: bool) 
 
 
 def _add_thoughts(
-    packer: Packer, stretch: Stretch, reasons: Sequence[Explanation], planned: bool, tracked: bool
+    packer: Packer,
+    stretch: Stretch,
+    reasons: Sequence[Explanation],
+    planned: bool,
+    tracked: bool,
+    drawn: bool = False,
 ) -> None:
-    """Add what the guide gave at each step. reasons: of those steps that have one."""
+    """Add what the guide gave at each step. reasons: of those steps that have one. drawn: the page draws candidates."""
     if planned:
         _plans(packer, stretch)
     if tracked:
         _people(packer, stretch)
     if reasons:
         _decisions(packer, reasons)
-        _candidates(packer, reasons)
+        if drawn:
+            packer.add_counts("candidates", [reason.candidates for reason in reasons])
+        else:
+            _candidates(packer, reasons)
         _obstacles(packer, reasons)
 
 

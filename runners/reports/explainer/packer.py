@@ -42,6 +42,10 @@ class Packer:
         kind = next(kind for kind in _WHOLE if kind == _WHOLE[-1] or _fits(numbers, kind))
         self._add(name, numbers.astype(kind), differences)
 
+    def add_bits(self, name: str, values: Any) -> None:
+        """Add truth values, eight in a byte, the first in its lowest bit."""
+        self._add(name, np.packbits(values, bitorder="little"), False)
+
     def add_counts(self, name: str, rows: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
         """Add the number of entries that each step has in the array `name`."""
         self.add_integers(f"{name}.count", [len(row) for row in rows])

@@ -44,6 +44,7 @@ ASSETS = Path(__file__).parent / "assets"
 STYLES = ("uplot/uPlot.min.css", "style.css")
 SCRIPTS = (  # in this order: each may use those before it
     "data.js",
+    "drawn.js",
     "score.js",
     "colours.js",
     "theme.js",

@@ -1,6 +1,6 @@
 // Unpacks what Python packed (see runners/reports/explainer/packer.py).
 
-const TYPES = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i2: Int16Array, i1: Int8Array };
+const TYPES = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i2: Int16Array, i1: Int8Array, u1: Uint8Array };
 
 /** An episode: the header, arrays by name, and the first entry of each step in them. */
 class Trace {
@@ -90,6 +90,7 @@ function parse(raw) {
     arrays[name] = numbers(planes, kind, at, count);
     if (differences) arrays[name] = runningSum(arrays[name]);
   }
+  if (head.drawn) addDrawn(head, arrays);
   return { head, arrays };
 }
 
