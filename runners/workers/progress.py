@@ -27,6 +27,7 @@ from runners.config.escaping import counted
 
 _WIDTH = 100  # [characters]
 _EVERY_S = 0.2  # minimum time between updates of the bar
+_LINE_EVERY_S = 60.0  # without a terminal, where a line is written instead
 _STARTING = "workers start"
 _COMPILING = "Compiling kernels, once after installation: this takes about half a minute."
 
@@ -78,7 +79,10 @@ class NotebookProgress(Progress):
 
 
 class _Bar:
-    """Bar on standard error: label, progress, `columns`, time elapsed and time left."""
+    """Bar on standard error: label, progress, `columns`, time elapsed and time left.
+
+    Without a terminal, as in a log, its line is written once a minute and at the end.
+    """
 
     def __init__(self, label: str, total: int, *columns: str, shown: bool = True, **fields: Any) -> None:
         console = error_console()
@@ -95,6 +99,15 @@ class _Bar:
             disable=not shown,
         )
         self._task = self._bar.add_task(label, start=False, total=total, **fields)
+        self._is_live = self._bar.disable or console.is_terminal or console.is_jupyter
+        self._written_s = monotonic()
+
+    def _update(self, **fields: Any) -> None:
+        """Change the task."""
+        self._bar.update(self._task, **fields)
+        if not self._is_live and monotonic() - self._written_s > _LINE_EVERY_S:
+            self._written_s = monotonic()
+            self._bar.console.print(self._bar.get_renderable())
 
     def __enter__(self) -> Self:
         if not (self._bar.disable or numba_cache.compiled()):
@@ -116,7 +129,7 @@ def activity(label: str) -> AbstractContextManager[object]:
 
 
 class EpisodeProgress(_Bar):
-    """Bar of finished episodes, their outcomes and the time left. Without a terminal, one line at the end."""
+    """Bar of finished episodes, their outcomes and the time left."""
 
     def __init__(self, label: str, total: int, shown: bool = True) -> None:
         super().__init__(label, total, "{task.fields[outcomes]}", shown=shown, outcomes=_STARTING)
@@ -125,13 +138,13 @@ class EpisodeProgress(_Bar):
     def skip(self, done: int) -> None:
         """Count the episodes that an earlier run finished."""
         is_complete = done == self._bar.tasks[self._task].total
-        self._bar.update(self._task, completed=done, outcomes="" if is_complete else _STARTING)
+        self._update(completed=done, outcomes="" if is_complete else _STARTING)
 
     def add(self, outcome: str) -> None:
         """Count one more episode."""
         self._outcomes[outcome] += 1
         text = ", ".join(f"{count} {name}" for name, count in self._outcomes.most_common())
-        self._bar.update(self._task, advance=1, outcomes=text)
+        self._update(advance=1, outcomes=text)
 
 
 class TrialProgress(_Bar):
@@ -152,23 +165,23 @@ class TrialProgress(_Bar):
     def skip(self, done: int, best: float | None) -> None:
         """Count the trials that an earlier run or another machine finished."""
         self._finished_before = done
-        self._bar.update(self._task, completed=done, best=_reward_text(best))
+        self._update(completed=done, best=_reward_text(best))
 
     def add_episode(self) -> None:
         """Count one more episode of this process: trials finish batch by batch, which takes longer."""
         self._num_episodes += 1
-        self._bar.update(self._task, driven=counted(self._num_episodes, "episode"))
+        self._update(driven=counted(self._num_episodes, "episode"))
 
     def set_done(self, done: int, best: float | None) -> None:
         """Set the number of finished trials on all machines, and the best reward."""
         rate = (done - self._finished_before) / max(perf_counter() - self._began, 1e-9)
-        self._bar.update(self._task, completed=done, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
+        self._update(completed=done, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
 
 
 class RaceProgress(_Bar):
     """A bar for each rung below those before: its finished episodes and candidates, and the time that it took.
 
-    Without a terminal, also a line when a rung starts, since the bars then appear at the end.
+    Without a terminal, also a line when a rung starts.
     """
 
     def __init__(self) -> None:
@@ -178,9 +191,8 @@ class RaceProgress(_Bar):
     def begin(self, episodes: int, candidates: int) -> None:
         """Start a rung, or the missing episodes of the search's worlds."""
         field = counted(candidates, "candidate")
-        console = self._bar.console
-        if not (console.is_terminal or console.is_jupyter):
-            console.print(f"race: {field}, {counted(episodes, 'episode')}")
+        if not self._is_live:
+            self._bar.console.print(f"race: {field}, {counted(episodes, 'episode')}")
         if self._has_begun:
             self._task = self._bar.add_task("race", total=episodes, field=field)
         else:
@@ -189,7 +201,7 @@ class RaceProgress(_Bar):
 
     def add(self) -> None:
         """Count one more episode."""
-        self._bar.update(self._task, advance=1)
+        self._update(advance=1)
 
 
 class LearnProgress(_Bar):
@@ -201,11 +213,11 @@ class LearnProgress(_Bar):
 
     def set_done(self, done: int, best: float | None) -> None:
         """Set the number of finished rounds or steps, including those of an earlier run, and the best success."""
-        self._bar.update(self._task, completed=done, best=_reward_text(best), doing="")
+        self._update(completed=done, best=_reward_text(best), doing="")
 
     def describe(self, doing: str) -> None:
         """Show what the learner is doing."""
-        self._bar.update(self._task, doing=doing)
+        self._update(doing=doing)
 
 
 class ScanProgress(_Bar):
@@ -219,7 +231,7 @@ class ScanProgress(_Bar):
 
     def add(self) -> None:
         """Count one more scan."""
-        self._bar.update(self._task, advance=1)
+        self._update(advance=1)
 
 
 def _reward_text(best: float | None) -> str:

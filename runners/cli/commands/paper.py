@@ -39,7 +39,8 @@ def _parser() -> argparse.ArgumentParser:
         "  \\input{paper/lme/tables/results}\n"
         "  \\includegraphics[width=\\columnwidth]{paper/lme/figures/outcomes}\n"
         "\n"
-        "main.tex has all of it and compiles as it is: cd paper/lme && latexmk -pdf main"
+        "main.tex has all of it and compiles as it is: cd paper/lme && latexmk -pdf main (or pdflatex, bibtex\n"
+        "and pdflatex twice)"
     )
     parser = argparse.ArgumentParser(prog="lme paper", **texts(__doc__, EXAMPLES, notes))
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
@@ -57,7 +58,7 @@ def _described(files: list[Path]) -> list[str]:
         for folder in ("tables", "figures")
     }
     return [
-        "main.tex        all of it in one document: latexmk -pdf main",
+        "main.tex        all of it in one document: latexmk -pdf main (or pdflatex, bibtex and pdflatex twice)",
         "methods.tex     what was driven, in words; methods.md: the same",
         *(f"{f'{folder}/':<15} {', '.join(found)}" for folder, found in names.items() if found),
         "references.bib  lme and its paper",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lme.robots import Cap, Robot
@@ -53,10 +53,13 @@ def _systems(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
         launch.choices[0].get("guide") == "lme" for launch in launches
     ):
         sentences.append(f"LME is the Local-Minimum Escaper [@{PAPER}].")
-    details = dict.fromkeys(f"{_system(frame, launch)} {_parts(launch)}." for launch in launches)
+    shared = _shared_changes(launches)
+    details = dict.fromkeys(f"{_system(frame, launch)} {_parts(launch, shared)}." for launch in launches)
     sentences += list(details)[:_MOST_SYSTEMS]
     if len(details) > _MOST_SYSTEMS:
         sentences.append(f"{len(details) - _MOST_SYSTEMS} more configurations are in the table of results.")
+    if shared:
+        sentences.append(f"Every run was driven with {describe_changes(shared)}.")
     return sentences + _weights(launches)
 
 
@@ -78,9 +81,26 @@ def _weights(launches: Sequence[Launch]) -> list[str]:
     return [f"The weight set {name} is {text}." for name, text in values.items()]
 
 
-def _parts(launch: Launch) -> str:
-    """Return guide, planner, weights, and what differs from the shipped options, as the predicate of a sentence."""
-    choices, changes = launch.choices[0], launch.changes[0]
+def _shared_changes(launches: Sequence[Launch]) -> dict[str, Any]:
+    """Return the changed keys, such as those of the map, that all runs share if there are several."""
+    changes = [launch.changes[0] for launch in launches]
+    if len(changes) < 2:
+        return {}
+    return {
+        key: value for key, value in changes[0].items() if all((key, value) in one.items() for one in changes)
+    }
+
+
+def _own_changes(launch: Launch, shared: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in launch.changes[0].items() if key not in shared}
+
+
+def _parts(launch: Launch, shared: Mapping[str, Any]) -> str:
+    """Return guide, planner, weights, and what differs from the shipped options, as the predicate of a sentence.
+
+    shared: changed keys that are not named here.
+    """
+    choices, changes = launch.choices[0], _own_changes(launch, shared)
     guide, planner = (choices.get(group, "?") for group in ("guide", "planner"))
     words = [f"is the guide {guide} with the planner {planner}"]
     if _node(launch, "guide").get("parameters") and launch.weights:
@@ -109,8 +129,10 @@ def _robots(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
 def _whose(frame: pd.DataFrame, launches: Sequence[Launch], texts: Sequence[str]) -> list[str]:
     """Return each different text once, with the systems that it is about if there are several. texts: by launch."""
     systems: dict[str, dict[str, None]] = {}
+    shared = _shared_changes(launches)
     for launch, text in zip(launches, texts, strict=True):
-        changes = f" ({describe_changes(launch.changes[0])})" if launch.changes[0] else ""
+        own = describe_changes(_own_changes(launch, shared))
+        changes = f" ({own})" if own else ""
         systems.setdefault(text, {})[f"{_system(frame, launch)}{changes}"] = None
     if len(systems) < 2:
         return list(systems)
@@ -131,12 +153,14 @@ def _robot(robot: Robot, cap: Cap) -> str:
         if limit is not None
     ]
     limited = f"Commands are limited to {_listed(caps)}. " if caps else ""
+    turned = f", turned by {math.degrees(lidar.yaw):.0f}°" if lidar.yaw else ""
+    mounted = f", mounted at ({lidar.x:g} m, {lidar.y:g} m){turned}," if any(lidar.mount) else ""
     return (
         f"The robot {robot.name} is {shape}, and LME plans with a radius of {robot.r:.3g} m. It drives at up to "
         f"{robot.v_max:g} m/s and {robot.omega_max:g} rad/s, with up to {robot.alpha_v:g} m/s² and "
-        f"{robot.alpha_omega:g} rad/s², and is controlled at {robot.control_rate:g} Hz. {limited}Its lidar takes "
-        f"{lidar.num_beams} ranges over {math.degrees(lidar.fov):.0f}°, from {lidar.range_min:g} m to "
-        f"{lidar.range_max:g} m, with Gaussian noise of {lidar.noise_std:g} m."
+        f"{robot.alpha_omega:g} rad/s², and is controlled at {robot.control_rate:g} Hz. "
+        f"{limited}Its lidar{mounted} takes {lidar.num_beams} ranges over {math.degrees(lidar.fov):.0f}°, "
+        f"from {lidar.range_min:g} m to {lidar.range_max:g} m, with Gaussian noise of {lidar.noise_std:g} m."
     )
 
 

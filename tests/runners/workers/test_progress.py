@@ -57,6 +57,19 @@ def test_trials_count_their_episodes_until_the_batch_is_done(monkeypatch, capsys
     assert "2 episodes" in capsys.readouterr().err
 
 
+def test_a_log_has_a_line_a_minute(monkeypatch, capsys):
+    monkeypatch.setattr(numba_cache, "compiled", lambda: True)
+    clock = iter([0.0, 30.0, 61.0, 61.0, 90.0])
+    monkeypatch.setattr("runners.workers.progress.monotonic", lambda: next(clock))
+    with EpisodeProgress("LME", 9) as bar:
+        lines = []
+        for _ in range(3):
+            bar.add("success")
+            lines.append(capsys.readouterr().err.splitlines())
+    assert [len(line) for line in lines] == [0, 1, 0]
+    assert "2/9 2 success" in lines[1][0]
+
+
 def test_a_bar_says_that_its_workers_start_unless_nothing_is_left(monkeypatch, capsys):
     monkeypatch.setattr(numba_cache, "compiled", lambda: True)
     for done, is_said in ((0, True), (3, False)):

@@ -37,6 +37,14 @@ def test_one_run_in_words(said, says):
     assert "numpy" in software
 
 
+def test_what_all_runs_share_is_said_once(said):
+    shared = ["sim=fast", "map.worlds=[200,201]", "robot.v_max=1"]
+    text = " ".join(said([*shared, "guide.history_length=5"], [*shared, "planner=dwa"]))
+    assert text.count("robot.v_max=1") == 1
+    assert text.count("guide.history_length=5") == 1
+    assert "Every run was driven with " in text
+
+
 @pytest.mark.parametrize("sim", ["gazebo", "walking"])
 def test_no_reference_to_a_page(said, sim):
     assert "research/" not in "\n".join(said([f"sim={sim}", "map.worlds=[200]", "runs=1"]))
