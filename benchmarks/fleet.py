@@ -25,7 +25,7 @@ from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.config.presets import load_robot, load_settings
 from lme.gym.fleet import Fleet
-from lme.gym.kernels import advance, look
+from lme.gym.kernels.steps import advance, look
 from lme.simulation.fast import FastSimulator
 from lme.types import Floats, Pose, Twist
 from lme.worlds.contours import outlines

@@ -51,12 +51,11 @@ class SkidSimulator:
     Config: ClassVar[type[SkidConfig]] = SkidConfig
 
     def __init__(self, config: SkidConfig, robot: Robot) -> None:
-        _check(robot)
+        check_base(robot)
         check_height(config.tilt, robot)
         self._robot = robot
         self._config = config
-        contact = robot.drivetrain and robot.drivetrain.contact
-        self._outline = contact or robot.footprint  # what collides
+        self._outline = outline_that_collides(robot)
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
@@ -187,7 +186,12 @@ class GazeboSimulator(SkidSimulator):
     Config = GazeboConfig
 
 
-def _check(robot: Robot) -> None:
+def outline_that_collides(robot: Robot) -> Footprint:
+    """Outline of the drivetrain if it has one, such as wheels that stand out; else the footprint."""
+    return (robot.drivetrain and robot.drivetrain.contact) or robot.footprint
+
+
+def check_base(robot: Robot) -> None:
     """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
     drivetrain = robot.drivetrain
     if drivetrain is None and robot.response is None:
