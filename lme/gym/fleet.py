@@ -6,6 +6,7 @@ it would if it drove alone.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -16,15 +17,16 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.gym.bases import ExactBase, RollingBase, Scene, SlidingBase
 from lme.gym.episodes import DrawRobot, Episodes, Results, Reward, distances
-from lme.gym.kernels.steps import RUNNING, TIMEOUT, Bodies, States, look, look_by_lattice
+from lme.gym.kernels.steps import RUNNING, TIMEOUT, Bodies, States, look, look_by_lattice, settle
 from lme.gym.sensing import Sensing
 from lme.gym.threads import Threads
 from lme.gym.worlds import MOST_TASKS, WorldStore, places
 from lme.perception.raycast import add_noise, beam_table
 from lme.robots import Robot
-from lme.simulation.fast import FastConfig
-from lme.simulation.skid.simulator import SkidConfig, outline_that_collides
-from lme.types import Bools, Floats, Ints
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.simulator import Simulator
+from lme.simulation.skid.simulator import SkidConfig, SkidSimulator, outline_that_collides
+from lme.types import Bools, Floats, Ints, Observation, Twist
 from lme.worlds.world import MapSet, Task
 
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
@@ -112,6 +114,8 @@ class Fleet:
         self._base = _base_of(self._config, self.robot.dt, self._states)
         is_exact = isinstance(self._base, ExactBase) and not self._config.disturbs_sensors
         self._sensing = None if is_exact else Sensing(self.robot, self._config, num_envs)
+        self._alone: dict[int, tuple[Simulator, Observation]] = {}  # robots in simulators of their own
+        self._has_warned = False
         self._twists = self._states.twists if is_exact else np.zeros((num_envs, 2))  # as measured
         self._distances, self._all = np.zeros(num_envs), np.arange(num_envs)
         self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
@@ -181,11 +185,6 @@ class Fleet:
         """Put robots (K,) at the start of their next episodes, in this world or in worlds drawn at random."""
         draws = [self._episodes.draw(self._rngs[i], world) for i in robots.tolist()]
         tasks = [task for task, _ in draws]
-        for task in tasks:
-            if task.world.movers:
-                raise OneByOneError(
-                    f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}"
-                )
         self._enter(robots, tasks)
         # The bodies, where they differ from episode to episode.
         bodies, states = self._bodies, self._states
@@ -202,11 +201,28 @@ class Fleet:
         for array in (states.twists, states.times, states.lengths, states.steps, states.outcomes, self._over):
             array[robots] = 0
         for i, (task, robot) in zip(robots.tolist(), draws, strict=True):
+            if task.world.movers:
+                self._begin_alone(i, task, robot)
+                continue
+            self._alone.pop(i, None)
             if self._sensing:
                 self._sensing.begin(i, self._rngs[i], task.goal)
             self._base.begin(i, robot, self._rngs[i], states.poses[i])
         states.clocks[robots] = np.where(self._places.rules[robots, 2] > 0.0, np.nan, 0.0)
         self._distances[robots] = distances(self._places.goals[robots], states.poses[robots])
+
+    def _begin_alone(self, i: int, task: Task, robot: Robot) -> None:
+        """Start an episode of robot i in a simulator of its own, which moves the obstacles too."""
+        if not self._has_warned:
+            self._has_warned = True
+            warnings.warn(
+                f"map {task.map_name}, world {task.number} has moving obstacles: the compiled step of many robots "
+                "moves robots only; in such worlds they drive one after another, which takes several times as long",
+                stacklevel=4,
+            )
+        simulator_class: Any = SkidSimulator if self._is_skid else FastSimulator
+        simulator = simulator_class(self._config, robot)
+        self._alone[i] = simulator, simulator.reset(task, self._rngs[i])
 
     def _enter(self, robots: Ints, tasks: list[Task]) -> None:
         """Give robots (K,) their tasks."""
@@ -244,13 +260,27 @@ class Fleet:
                 sensing.ranges(part, self._rngs, encoders.twists, ranges)
                 sensing.motion(part, states, self._places.goals, encoders, views.targets, self._twists)
 
-        self._threads.run(work, robots)
+        alone = [i for i in robots.tolist() if i in self._alone] if self._alone else []
+        self._threads.run(work, np.setdiff1d(robots, alone) if alone else robots)
         columns = (self._twists, encoders.commands, self._bodies.limits, self._bodies.boxes)
         for array, values in zip(views[2:], columns, strict=True):
             if robots is self._all:
                 array[:] = values
             else:
                 array[robots] = values[robots]
+        for i in alone:
+            if motion is not None and (motion[1] is None or not motion[1][i]):
+                self._step_alone(i, motion[0][i])
+            seen = self._alone[i][1]
+            np.minimum(seen.scan.ranges, np.float32(self.robot.lidar.range_max), out=ranges[i])
+            views.targets[i], views.twists[i], views.commands[i] = seen.target, seen.twist, seen.last_command
+
+    def _step_alone(self, i: int, command: Floats) -> None:
+        """Drive robot i in its own simulator. command (2,) [m/s, rad/s]."""
+        simulator, _ = self._alone[i]
+        self._alone[i] = simulator, simulator.step(Twist(*command.tolist()))
+        state = simulator.state
+        settle(i, self._states, self._places, state.travel, state.time, state.contact, state.arrived)
 
     def _add_noise(self, robots: Ints, ranges: NDArray[np.float32]) -> None:
         """Add the lidar's noise, which each robot draws from its own stream."""

@@ -17,7 +17,7 @@ from lme.gym.fleet import Fleet
 from lme.gym.kernels.poses import wrapped
 from lme.gym.kernels.steps import RUNNING
 from lme.navigation.episode import Progress
-from lme.robots import Footprint
+from lme.robots import Footprint, Response
 from lme.simulation.fast import FastSimulator
 from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
 from lme.types import Outcome, Pose, Twist
@@ -211,6 +211,25 @@ def test_wheels_slide_as_those_of_a_robot_that_drives_alone(sim, disturbances):
     assert len(kinds) > 1
 
 
+class _Moving:
+    """Two worlds of a map set: one with people, one without."""
+
+    dynamic, static = load_map_set("dynabarn"), HARD
+    numbers = (0, 200)
+
+    def task(self, number):
+        task = (self.static if number else self.dynamic).task(number)
+        return replace(task, time_limit=3.0)
+
+
+@pytest.mark.parametrize("sim", ["fast", "skid"])
+def test_worlds_where_something_moves_are_driven_as_alone_with_one_warning(sim, says):
+    with says.warns() as warnings:
+        kinds = assert_drives_as_alone(_Moving(), any_jackal, load_settings(f"sim/{sim}"), 70)
+    assert len(warnings) == 1
+    assert kinds
+
+
 class _Large:
     """Two worlds: two thousand discs, and rough walls on a lattice; with several goals in each."""
 
@@ -234,9 +253,15 @@ class _Large:
         return make_task(self.worlds[number % 2], start=Pose(0.0, 0.0, 0.3), goal=goal, time_limit=3.0)
 
 
-def test_many_obstacles_and_many_threads_change_nothing():
+@pytest.mark.parametrize(
+    "config",
+    [load_settings("sim/fast"), load_settings("sim/fast", **DISTURBANCES[-1]), load_settings("sim/gazebo")],
+    ids=["fast", "disturbed", "gazebo"],
+)
+def test_many_obstacles_and_many_threads_change_nothing(config):
     """Sixty robots among discs and on a lattice: one thread, three threads, and six of them alone."""
-    robot, n, config = load_robot("jackal"), 60, load_settings("sim/fast")
+    robot, n = load_robot("jackal"), 60
+    robot.lidar.height = 0.3
     maps, reward = _Large(), Reward()
     one, three = (Fleet(maps, robot, n, config, reward, threads=threads) for threads in (1, 3))
     alone = [Alone(maps, robot, i, config, reward) for i in range(6)]
@@ -382,11 +407,11 @@ def test_angles_are_wrapped_as_in_python(angle):
 
 def test_what_the_compiled_step_does_not_cover_is_refused(says):
     stage, jackal = load_robot("stage"), load_robot("jackal")
+    measured = replace(jackal, drivetrain=None, response=Response(1.0, 1.0, 0.1, 0.1, 2.0, 2.0))
+    with says.raises(InputError):
+        Fleet(HARD, measured, 2, load_settings("sim/skid"))
     with pytest.raises(InputError, match=r"robot\.lidar\.native_beams is 540"):
         Fleet(ROOM, load_robot("turtlebot2"), 2)
-    moving = Fleet(load_map_set("dynabarn"), jackal, 2)
-    with says.raises(InputError):
-        moving.reset(seeds=[0, 1])
     with says.raises(InputError, match="num_envs.*0"):
         Fleet(ROOM, stage, 0)
 
