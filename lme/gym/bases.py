@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from lme.geometry.skid import AXES, Chassis, WheelState
 from lme.gym.kernels.delays import Gaits, Queues
 from lme.gym.kernels.poses import compose
 from lme.gym.kernels.rolling import Encoders, reckon, roll
@@ -19,7 +20,6 @@ from lme.robots import Robot
 from lme.simulation.disturbances import Disturbances
 from lme.simulation.fast import FastConfig, num_substeps
 from lme.simulation.gait import damping_ratio, transition_of
-from lme.simulation.skid.kernels import AXES, Chassis, WheelState
 from lme.simulation.skid.simulator import MAX_SUBSTEP, ODOMETRY_RATE, SkidConfig, check_base
 from lme.simulation.substeps import track
 from lme.types import Floats, Ints
@@ -28,7 +28,7 @@ Generators = list[np.random.Generator]
 Scene = tuple[States, Bodies, Places, Obstacles]
 
 
-class ExactBase:
+class ExactBases:
     """Wheels that follow commands at once, within the limits: `sim=fast` without substeps."""
 
     def __init__(self, config: FastConfig, dt: float, states: States) -> None:
@@ -51,7 +51,7 @@ class ExactBase:
             reckon(robots, scene[0].poses, self._starts, self.encoders.odometry)
 
 
-class DelayedBase:
+class DelayedBases:
     """What other bases of N robots have in common: the queue of commands, the gait and the wheels' slip."""
 
     def __init__(self, config: Disturbances, dt: float, n: int) -> None:
@@ -87,7 +87,7 @@ class DelayedBase:
                 self._factors[i] = 1.0 + self._config.slip * self._slip_rngs[i].standard_normal(2)
 
 
-class RollingBase(DelayedBase):
+class RollingBases(DelayedBases):
     """Wheels without sliding whose commands arrive late, or whose legs overshoot: `sim=fast` in substeps."""
 
     def __init__(self, config: FastConfig, dt: float, n: int) -> None:
@@ -110,7 +110,7 @@ class RollingBase(DelayedBase):
         roll(robots, *scene, commands, *sizes, self._queues, self._gaits, self.encoders, self._rules)
 
 
-class SlidingBase(DelayedBase):
+class SlidingBases(DelayedBases):
     """Wheels that slide on the floor: `sim=skid` and `sim=gazebo`."""
 
     def __init__(self, config: SkidConfig, dt: float, n: int) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.gym.bases import ExactBase, RollingBase, Scene, SlidingBase
+from lme.gym.bases import ExactBases, RollingBases, Scene, SlidingBases
 from lme.gym.episodes import DrawRobot, Episodes, Results, Reward, distances
 from lme.gym.kernels.steps import RUNNING, TIMEOUT, Bodies, States, look, look_by_lattice, settle
 from lme.gym.sensing import Sensing
@@ -112,7 +112,7 @@ class Fleet:
         self._places, self._bodies, self._states = places(num_envs), _bodies(num_envs), _states(num_envs)
         self._is_skid = isinstance(self._config, SkidConfig)
         self._base = _base_of(self._config, self.robot.dt, self._states)
-        is_exact = isinstance(self._base, ExactBase) and not self._config.disturbs_sensors
+        is_exact = isinstance(self._base, ExactBases) and not self._config.disturbs_sensors
         self._sensing = None if is_exact else Sensing(self.robot, self._config, num_envs)
         self._alone: dict[int, tuple[Simulator, Observation]] = {}  # robots in simulators of their own
         self._has_warned = False
@@ -347,12 +347,14 @@ class Fleet:
 
 def _base_of(
     config: FastConfig | SkidConfig, dt: float, states: States
-) -> ExactBase | RollingBase | SlidingBase:
+) -> ExactBases | RollingBases | SlidingBases:
     """Return the base of robots with these states."""
     if isinstance(config, SkidConfig):
-        return SlidingBase(config, dt, len(states.times))
+        return SlidingBases(config, dt, len(states.times))
     return (
-        RollingBase(config, dt, len(states.times)) if config.needs_substeps else ExactBase(config, dt, states)
+        RollingBases(config, dt, len(states.times))
+        if config.needs_substeps
+        else ExactBases(config, dt, states)
     )
 
 

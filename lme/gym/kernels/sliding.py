@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numba import njit
 
+from lme.geometry.skid import Chassis, WheelState, slide
 from lme.gym.kernels.delays import has_gait, receive, remember, send, walk
 from lme.gym.kernels.poses import relative
 from lme.gym.kernels.steps import driven_until, settle
-from lme.simulation.skid.kernels import Chassis, WheelState, slide
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

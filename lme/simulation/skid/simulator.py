@@ -10,13 +10,13 @@ import numpy as np
 
 from lme.errors import InputError, argument_error, require
 from lme.geometry.frames import compose, relative
+from lme.geometry.skid import AXES, Chassis, WheelState, slide
 from lme.inputs.plausibility import check_fields
 from lme.robots import Drivetrain, Footprint, Response, Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
 from lme.simulation.gait import GaitResponse, check_height, response_of
 from lme.simulation.simulator import Sensors, State, forward_enough
-from lme.simulation.skid.kernels import AXES, Chassis, WheelState, slide
 from lme.simulation.substeps import Wheels, rolled, track, until_event
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
