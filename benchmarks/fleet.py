@@ -177,7 +177,10 @@ def part_row(name: str, world: World) -> str:
     us = turns(
         {
             "move": (lambda: advance(robots, fleet._states, fleet._bodies, *scene, commands, *timing), n),
-            "scan": (lambda: look(robots, fleet._states, *scene, *sensor, views.ranges, views.targets), n),
+            "scan": (
+                lambda: look(robots, fleet._states.poses, *scene, *sensor, views.ranges, views.targets),
+                n,
+            ),
             "step": (lambda: fleet.step(commands), n),
         }
     )

@@ -295,8 +295,8 @@ class Fleet:
     def _room(self) -> Views:
         """Return arrays for the observations of all robots."""
         n = self.num_envs
-        ranges = np.empty((n, self.robot.lidar.num_beams), np.float32)
-        return Views(ranges, *(np.empty((n, width)) for width in (2, 2, 2, 4, 3)))
+        ranges, pairs = np.empty((n, self.robot.lidar.num_beams), np.float32), np.empty((3, n, 2))
+        return Views(ranges, pairs[0], pairs[1], pairs[2], np.empty((n, 4)), np.empty((n, 3)))
 
     def _results(self, robots: Ints) -> Results:
         store, states, rows = self._store, self._states, self._rows[robots]
