@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.command import run_main
 from lme.config.presets import load_robot
+from lme.geometry.skid import AXES
 from lme.robots import Drivetrain
-from lme.simulation.skid.kernels import AXES
 from lme.simulation.skid.simulator import SlidingBase
 from lme.types import Pose, Twist
 

@@ -25,7 +25,7 @@ from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.config.presets import load_robot, load_settings
 from lme.gym.fleet import Fleet
-from lme.gym.kernels import advance, look
+from lme.gym.kernels.steps import advance, look
 from lme.simulation.fast import FastSimulator
 from lme.types import Floats, Pose, Twist
 from lme.worlds.contours import outlines
@@ -177,7 +177,10 @@ def part_row(name: str, world: World) -> str:
     us = turns(
         {
             "move": (lambda: advance(robots, fleet._states, fleet._bodies, *scene, commands, *timing), n),
-            "scan": (lambda: look(robots, fleet._states, *scene, *sensor, views.ranges, views.targets), n),
+            "scan": (
+                lambda: look(robots, fleet._states.poses, *scene, *sensor, views.ranges, views.targets),
+                n,
+            ),
             "step": (lambda: fleet.step(commands), n),
         }
     )

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from lme.geometry.motion import drive
 
 HALF_DIAGONAL = np.sqrt(0.5)  # of a cell, as in lme/guides/lme_plus/travel_grid.py
-SLIDE_SWEEPS = 2  # as in lme/simulation/skid/kernels.py
+SLIDE_SWEEPS = 2  # as in lme/geometry/skid.py
 
 
 def cast(lidar_pose, angles, range_max, circles, edges):

@@ -1,4 +1,4 @@
-"""Gymnasium environments: of one robot in any simulator, and of many in `sim=fast`, a thin wrapper around `Fleet`."""
+"""Gymnasium environments: of one robot in any simulator, and of many in one call, a thin wrapper around `Fleet`."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ from lme.perception.people.source import People, people_source
 from lme.robots import Robot
 from lme.simulation.fast import FastSimulator
 from lme.simulation.simulator import Simulator
+from lme.simulation.skid import GazeboSimulator, SkidSimulator
 from lme.types import Bools, Floats, Ints, Observation, Outcome, Twist
 from lme.worlds.world import MapSet
 
@@ -139,9 +140,7 @@ def vector_env(num_envs: int = 1, **keywords: Any) -> VectorEnv[Any, Any, Any]:
     See both for the keywords. A row does not use `threads`.
     """
     try:
-        many = NavigationVectorEnv(num_envs, **keywords)
-        many.check_worlds()
-        return many
+        return NavigationVectorEnv(num_envs, **keywords)
     except OneByOneError as error:
         reason = str(error).removesuffix(f", {ONE_BY_ONE}").removesuffix(f": {ONE_BY_ONE}")
     warnings.warn(
@@ -154,7 +153,7 @@ def vector_env(num_envs: int = 1, **keywords: Any) -> VectorEnv[Any, Any, Any]:
 
 
 class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
-    """Many robots in `sim=fast`, moved by one compiled call.
+    """Many robots in `sim=fast`, `walking`, `skid` or `gazebo`, moved by one compiled call.
 
     To the last bit, each robot does what it would do in `NavigationEnv`. By default, a robot whose episode ends is
     put at the start of the next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
@@ -183,14 +182,15 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         if render_mode is not None:
             raise OneByOneError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         if people != People.none:
-            raise OneByOneError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
-        choices = choose(map, robot, sim, reward, map_config, sim_config)
-        if choices.simulator is not FastSimulator:
             raise OneByOneError(
-                f"sim is {sim!r}: only sim=fast has a compiled step of many robots, {ONE_BY_ONE}"
+                f"people is {people!r}: the compiled step of many robots does not observe people, {ONE_BY_ONE}"
+            )
+        choices = choose(map, robot, sim, reward, map_config, sim_config)
+        if choices.simulator not in (FastSimulator, SkidSimulator, GazeboSimulator):
+            raise OneByOneError(
+                f"sim is {sim!r}: only fast, walking, skid and gazebo have a compiled step of many robots, {ONE_BY_ONE}"
             )
         mode = AutoresetMode(autoreset_mode)
-        self._map_set = choices.map_set
         self.fleet = Fleet(
             choices.map_set, choices.robot, num_envs, choices.config, choices.reward, str(mode.value), threads
         )
@@ -200,12 +200,6 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-
-    def check_worlds(self) -> None:
-        """Raise InputError if something moves in the first world, as in all worlds of most such map sets."""
-        task = self._map_set.task(self._map_set.numbers[0])
-        if task.world.movers:
-            raise OneByOneError(f"map {task.map_name} has moving obstacles: {ONE_BY_ONE}")
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError, require
-from lme.gym.kernels import COLLISION, RUNNING, SUCCESS, TIMEOUT
+from lme.gym.kernels.steps import COLLISION, RUNNING, SUCCESS, TIMEOUT
 from lme.metrics import barn_metric
 from lme.robots import Robot
 from lme.types import Floats, Ints, Outcome
@@ -100,7 +100,7 @@ class Reward:
             require(key, getattr(self, key))
 
     def of(self, previous: Floats, current: Floats, outcomes: Ints) -> Floats:
-        """Rewards (N,). previous, current (N,): distances to the goal [m]; outcomes (N,): see `lme.gym.kernels`."""
+        """Rewards (N,). previous, current (N,): distances to the goal [m]; outcomes (N,): of `lme.gym.kernels`."""
         ends = np.array([0.0, self.success, self.collision, self.timeout])
         return self.progress * (previous - current) + (self.step + ends[outcomes])
 

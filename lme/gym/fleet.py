@@ -1,4 +1,4 @@
-"""Many robots, each in its own world and episode, moved by one compiled call: `sim=fast` in bulk.
+"""Many robots, each in its own world and episode, moved by one compiled call: `sim=fast`, `skid` and `gazebo` in bulk.
 
 It takes and returns arrays and does not need Gymnasium. To the last bit, each robot sees and does what
 it would if it drove alone.
@@ -6,8 +6,8 @@ it would if it drove alone.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,18 +15,20 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
+from lme.gym.bases import ExactBases, RollingBases, Scene, SlidingBases
 from lme.gym.episodes import DrawRobot, Episodes, Results, Reward, distances
-from lme.gym.kernels import RUNNING, TIMEOUT, Bodies, States, advance, look, look_by_lattice
+from lme.gym.kernels.steps import RUNNING, TIMEOUT, Bodies, States, look, look_by_lattice, settle
+from lme.gym.sensing import Sensing
 from lme.gym.threads import Threads
 from lme.gym.worlds import MOST_TASKS, WorldStore, places
 from lme.perception.raycast import add_noise, beam_table
 from lme.robots import Robot
-from lme.simulation.disturbances import Disturbances
-from lme.simulation.fast import FastConfig
-from lme.types import Bools, Floats, Ints
+from lme.simulation.fast import FastConfig, FastSimulator
+from lme.simulation.simulator import Simulator
+from lme.simulation.skid.simulator import SkidConfig, SkidSimulator, outline_that_collides
+from lme.types import Bools, Floats, Ints, Observation, Twist
 from lme.worlds.world import MapSet, Task
 
-_UNSUPPORTED = tuple(field.name for field in fields(Disturbances) if field.name != "goal_rate")
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
 SAME_STEP, NEXT_STEP, DISABLED = AUTORESETS = "SameStep", "NextStep", "Disabled"  # as Gymnasium calls them
 
@@ -39,13 +41,14 @@ class Views(NamedTuple):
     """Observations of K robots.
 
     ranges (K, B) float32 [m], range_max without a return; targets (K, 2): goals in the robots' frames [m]; twists (K,
-    2), which are also the last commands, as far as the robots could follow them [m/s, rad/s]; limits (K, 4): v_max,
-    ω_max, α_v, α_ω; boxes (K, 3): half length, half width and rounding of the collision footprint [m].
+    2) as measured, and commands (K, 2): the last ones, as far as the robots could follow them [m/s, rad/s]; limits (K,
+    4): v_max, ω_max, α_v, α_ω; boxes (K, 3): half length, half width and rounding of the collision footprint [m].
     """
 
     ranges: NDArray[np.float32]
     targets: Floats
     twists: Floats
+    commands: Floats
     limits: Floats
     boxes: Floats
 
@@ -84,14 +87,15 @@ class Fleet:
         map_set: MapSet,
         robot: Robot | DrawRobot,
         num_envs: int,
-        config: FastConfig | None = None,
+        config: FastConfig | SkidConfig | None = None,
         reward: Reward | None = None,
         autoreset: str = SAME_STEP,
         threads: int | None = None,
     ) -> None:
         """autoreset: when the next episode begins after an end: "SameStep", "NextStep" instead of a motion, "Disabled".
 
-        threads: see `Threads`. Raises InputError for anything that the compiled step does not support.
+        config: None for `sim=fast` as shipped. threads: see `Threads`. Raises InputError for anything that the compiled
+        step does not support.
         """
         self._episodes = Episodes(map_set, robot)
         self._config, self._reward = config or load_settings("sim/fast"), reward or Reward()
@@ -106,6 +110,13 @@ class Fleet:
         self._rngs: list[np.random.Generator] = [np.random.default_rng() for _ in range(num_envs)]
         self._store, self._rows = WorldStore(), np.zeros(num_envs, np.int64)
         self._places, self._bodies, self._states = places(num_envs), _bodies(num_envs), _states(num_envs)
+        self._is_skid = isinstance(self._config, SkidConfig)
+        self._base = _base_of(self._config, self.robot.dt, self._states)
+        is_exact = isinstance(self._base, ExactBases) and not self._config.disturbs_sensors
+        self._sensing = None if is_exact else Sensing(self.robot, self._config, num_envs)
+        self._alone: dict[int, tuple[Simulator, Observation]] = {}  # robots in simulators of their own
+        self._has_warned = False
+        self._twists = self._states.twists if is_exact else np.zeros((num_envs, 2))  # as measured
         self._distances, self._all = np.zeros(num_envs), np.arange(num_envs)
         self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
         self._robots: list[Robot | None] = [None] * num_envs
@@ -174,25 +185,44 @@ class Fleet:
         """Put robots (K,) at the start of their next episodes, in this world or in worlds drawn at random."""
         draws = [self._episodes.draw(self._rngs[i], world) for i in robots.tolist()]
         tasks = [task for task, _ in draws]
-        for task in tasks:
-            if task.world.movers:
-                raise OneByOneError(
-                    f"map {task.map_name}, world {task.number} has moving obstacles: {ONE_BY_ONE}"
-                )
         self._enter(robots, tasks)
         # The bodies, where they differ from episode to episode.
         bodies, states = self._bodies, self._states
         for i, (_, robot) in zip(robots.tolist(), draws, strict=True):
             if robot is not self._robots[i]:
-                self._robots[i], hull = robot, robot.footprint
-                bodies.limits[i], bodies.boxes[i] = robot.limits.bounds, hull.box
-                bodies.reaches[i], self._slowest[i] = hull.circumscribed_radius, robot.limits.v_min
+                self._robots[i], outline = (
+                    robot,
+                    outline_that_collides(robot) if self._is_skid else robot.footprint,
+                )
+                bodies.limits[i], bodies.boxes[i] = robot.limits.bounds, outline.box
+                bodies.reaches[i], self._slowest[i] = outline.circumscribed_radius, robot.limits.v_min
         # All else begins at rest at the start.
         states.poses[robots] = [task.start for task in tasks]
         for array in (states.twists, states.times, states.lengths, states.steps, states.outcomes, self._over):
             array[robots] = 0
+        for i, (task, robot) in zip(robots.tolist(), draws, strict=True):
+            if task.world.movers:
+                self._begin_alone(i, task, robot)
+                continue
+            self._alone.pop(i, None)
+            if self._sensing:
+                self._sensing.begin(i, self._rngs[i], task.goal)
+            self._base.begin(i, robot, self._rngs[i], states.poses[i])
         states.clocks[robots] = np.where(self._places.rules[robots, 2] > 0.0, np.nan, 0.0)
         self._distances[robots] = distances(self._places.goals[robots], states.poses[robots])
+
+    def _begin_alone(self, i: int, task: Task, robot: Robot) -> None:
+        """Start an episode of robot i in a simulator of its own, which moves the obstacles too."""
+        if not self._has_warned:
+            self._has_warned = True
+            warnings.warn(
+                f"map {task.map_name}, world {task.number} has moving obstacles: the compiled step of many robots "
+                "moves robots only; in such worlds they drive one after another, which takes several times as long",
+                stacklevel=4,
+            )
+        simulator_class: Any = SkidSimulator if self._is_skid else FastSimulator
+        simulator = simulator_class(self._config, robot)
+        self._alone[i] = simulator, simulator.reset(task, self._rngs[i])
 
     def _enter(self, robots: Ints, tasks: list[Task]) -> None:
         """Give robots (K,) their tasks."""
@@ -211,29 +241,46 @@ class Fleet:
 
         motion: commands (N, 2), and which robots stand still (N,) if any do. Threads share the robots.
         """
-        states, config, store = self._states, self._config, self._store
+        states, store, encoders, sensing = self._states, self._store, self._base.encoders, self._sensing
         scene = self._places, store.obstacles
-        timing = (self.robot.dt, float(config.max_step), config.even_ramp)
+        moving: Scene = (states, self._bodies, *scene)
         sensor, ranges = (self._lidar, self._table, views.ranges), views.ranges
 
         def work(part: Ints) -> None:
             if motion is not None:
                 commands, standing = motion
                 driving = part if standing is None else part[~standing[part]]
-                advance(driving, states, self._bodies, *scene, commands, *timing)
-            look(part, states, *scene, *sensor, views.targets)
+                self._base.advance(driving, moving, commands)
+            look(part, encoders.scans, *scene, *sensor, views.targets)
             for world, members in store.by_lattice(self._rows[part]):
-                look_by_lattice(part[members], states, *sensor, world.grid, world.lattice)
-            self._add_noise(part, ranges)
+                look_by_lattice(part[members], encoders.scans, *sensor, world.grid, world.lattice)
+            if sensing is None:
+                self._add_noise(part, ranges)
+            else:
+                sensing.ranges(part, self._rngs, encoders.twists, ranges)
+                sensing.motion(part, states, self._places.goals, encoders, views.targets, self._twists)
 
-        self._threads.run(work, robots)
-        for array, values in zip(
-            views[2:], (states.twists, self._bodies.limits, self._bodies.boxes), strict=True
-        ):
+        alone = [i for i in robots.tolist() if i in self._alone] if self._alone else []
+        self._threads.run(work, np.setdiff1d(robots, alone) if alone else robots)
+        columns = (self._twists, encoders.commands, self._bodies.limits, self._bodies.boxes)
+        for array, values in zip(views[2:], columns, strict=True):
             if robots is self._all:
                 array[:] = values
             else:
                 array[robots] = values[robots]
+        for i in alone:
+            if motion is not None and (motion[1] is None or not motion[1][i]):
+                self._step_alone(i, motion[0][i])
+            seen = self._alone[i][1]
+            np.minimum(seen.scan.ranges, np.float32(self.robot.lidar.range_max), out=ranges[i])
+            views.targets[i], views.twists[i], views.commands[i] = seen.target, seen.twist, seen.last_command
+
+    def _step_alone(self, i: int, command: Floats) -> None:
+        """Drive robot i in its own simulator. command (2,) [m/s, rad/s]."""
+        simulator, _ = self._alone[i]
+        self._alone[i] = simulator, simulator.step(Twist(*command.tolist()))
+        state = simulator.state
+        settle(i, self._states, self._places, state.travel, state.time, state.contact, state.arrived)
 
     def _add_noise(self, robots: Ints, ranges: NDArray[np.float32]) -> None:
         """Add the lidar's noise, which each robot draws from its own stream."""
@@ -248,8 +295,8 @@ class Fleet:
     def _room(self) -> Views:
         """Return arrays for the observations of all robots."""
         n = self.num_envs
-        ranges = np.empty((n, self.robot.lidar.num_beams), np.float32)
-        return Views(ranges, np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 4)), np.empty((n, 3)))
+        ranges, pairs = np.empty((n, self.robot.lidar.num_beams), np.float32), np.empty((3, n, 2))
+        return Views(ranges, pairs[0], pairs[1], pairs[2], np.empty((n, 4)), np.empty((n, 3)))
 
     def _results(self, robots: Ints) -> Results:
         store, states, rows = self._store, self._states, self._rows[robots]
@@ -280,20 +327,35 @@ class Fleet:
         return np.column_stack((np.maximum(commands[:, 0], self._slowest), commands[:, 1]))
 
     def _check(self) -> None:
-        """Raise InputError for what needs substeps, or for a sensor other than a planar lidar with its own noise."""
+        """Raise InputError for a lidar whose scan is made of something else, and for the response of a real robot."""
         if self.num_envs < 1:
             raise InputError(f"num_envs is {self.num_envs}: must be at least 1")
         if self._autoreset not in AUTORESETS:
             raise InputError(f"autoreset is {self._autoreset!r}: must be one of {', '.join(AUTORESETS)}")
-        config, lidar = self._config, self.robot.lidar
-        values = {f"sim.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
-        values |= {"sim.goal_rate": config.goal_rate}
-        values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
-        for key, value in values.items():
+        lidar = self.robot.lidar
+        for key, value in {"native_beams": lidar.native_beams, "cloud": lidar.cloud}.items():
             if value is not None:
                 raise OneByOneError(
-                    f"{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
+                    f"robot.lidar.{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
+        if isinstance(self._config, SkidConfig) and self.robot.response is not None:
+            raise OneByOneError(
+                f"robot.response is set in robot {self.robot.name}: the compiled step of many robots has only wheels "
+                f"that slide (robot.drivetrain), {ONE_BY_ONE}"
+            )
+
+
+def _base_of(
+    config: FastConfig | SkidConfig, dt: float, states: States
+) -> ExactBases | RollingBases | SlidingBases:
+    """Return the base of robots with these states."""
+    if isinstance(config, SkidConfig):
+        return SlidingBases(config, dt, len(states.times))
+    return (
+        RollingBases(config, dt, len(states.times))
+        if config.needs_substeps
+        else ExactBases(config, dt, states)
+    )
 
 
 def _bodies(n: int) -> Bodies:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lme.config.presets import load_map_set, load_robot, load_simulator
 from lme.errors import InputError, building, nearest, require
 from lme.gym.episodes import DrawRobot, Reward
+from lme.perception.resampling import nearest_by_sector
 from lme.robots import Lidar, Robot
 from lme.types import Floats
 from lme.worlds.world import MapSet
@@ -166,8 +167,7 @@ def flattened(
     action (..., 2): the last one, in [−1, 1]; beams: at most the lidar's; clip [m].
     """
     scan, target = observation["scan"], observation["target"]
-    sectors = np.arange(beams) * scan.shape[-1] // beams  # the first beam of each
-    nearest = np.minimum.reduceat(scan, sectors, axis=-1)
+    nearest = nearest_by_sector(scan, beams)
     distance = np.hypot(target[..., :1], target[..., 1:])
     parts = (
         np.minimum(nearest, clip) / clip * 2.0 - 1.0,

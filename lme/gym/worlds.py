@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lme.grids.leaves import Leaves, leaves_of
-from lme.gym.kernels import Obstacles, Places
+from lme.gym.kernels.steps import Obstacles, Places
 from lme.types import Ints
 from lme.worlds.world import Task, World
 

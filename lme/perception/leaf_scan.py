@@ -1,8 +1,8 @@
 """Ray casting against leaves of discs and of edges: each shape is tested against the beams in its angular extent only.
 
 The extent is a cheap polynomial upper bound; the beams in it are tested exactly. Loops over the shapes of a leaf and
-over beams have no branches, so they are vectorised. Near leaves come first, and those that lie behind what the beams
-have met so far are passed over.
+over beams have no branches, so they are vectorised. Near leaves come first, leaves and discs behind what the beams have
+met so far are passed over, and the last leaf is the one before which all beams have ended.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from lme.grids.leaves import FAR, LEAF, near_first
 _TWO_PI = 2.0 * math.pi
 _ASIN_CUBIC = math.pi / 2.0 - 1.0  # asin(z) ≤ z + (π/2 − 1) z³ on [0, 1], with equality at both ends
 _LANES = 4  # [beams] of a vector: more of them are tested at once than are in the extent
-_SECTOR = 16  # [beams] whose farthest range is kept
-_BATCH = 16  # [leaves] between two looks at what the beams have met
+_FEW = 16  # [leaves] that are not worth a look at what the beams have met
 _SLACK = 1e-6  # share, and [m], by which a leaf must lie behind; far above rounding errors
 
 
@@ -30,9 +29,13 @@ def scan_discs(frame, increment, range_max, table, bounds, shapes, first, stop, 
     frame: x and y of the lidar, cosine and sine of the heading of its first beam; table: `beam_table`.
     """
     leaves, gaps = near_first(frame[0], frame[1], range_max + _SLACK, bounds, first, stop)
-    extents, farthest = np.empty((6, LEAF)), _no_farthest(ranges)
+    extents, nearest, beam = np.empty((7, LEAF)), _nearest_from_each(gaps), 0
     for k in range(len(leaves)):
-        if _is_hidden(k, leaves, gaps, frame, increment, bounds, ranges, farthest):
+        # Beams before this one have met something before this leaf and all later ones.
+        beam = _first_beyond(beam, len(ranges), nearest[k], ranges)
+        if beam == len(ranges):
+            break
+        if k >= _FEW and _is_hidden(leaves[k], gaps[k], frame, increment, bounds, ranges):
             continue
         if _meet_discs(frame, increment, range_max, table, shapes, leaves[k], extents, ranges):
             return True
@@ -43,9 +46,13 @@ def scan_discs(frame, increment, range_max, table, bounds, shapes, first, stop, 
 def scan_edges(frame, increment, range_max, table, bounds, shapes, first, stop, ranges):
     """Shorten ranges (B,) float32 to the edges of leaves first…stop − 1. See `scan_discs`."""
     leaves, gaps = near_first(frame[0], frame[1], range_max + _SLACK, bounds, first, stop)
-    extents, farthest = np.empty((7, LEAF)), _no_farthest(ranges)
+    extents, nearest, beam = np.empty((7, LEAF)), _nearest_from_each(gaps), 0
     for k in range(len(leaves)):
-        if not _is_hidden(k, leaves, gaps, frame, increment, bounds, ranges, farthest):
+        # Beams before this one have met something before this leaf and all later ones.
+        beam = _first_beyond(beam, len(ranges), nearest[k], ranges)
+        if beam == len(ranges):
+            break
+        if k < _FEW or not _is_hidden(leaves[k], gaps[k], frame, increment, bounds, ranges):
             _meet_edges(frame, increment, range_max, table, shapes, leaves[k], extents, ranges)
 
 
@@ -74,45 +81,42 @@ def _fill(leaf, shapes, first, width):
 
 
 @njit(cache=True, error_model="numpy")
-def _is_hidden(k, leaves, gaps, frame, increment, bounds, ranges, farthest):
-    """Return whether leaf k lies behind the ranges met so far. farthest: of each sector, updated every few leaves."""
-    if k < _BATCH:
+def _nearest_from_each(gaps):
+    """Distance to the nearest of leaf k and all later ones, for each k [m]; leaves come only roughly in their order."""
+    nearest = gaps.copy()
+    for k in range(len(gaps) - 2, -1, -1):
+        nearest[k] = min(nearest[k], nearest[k + 1])
+    return nearest
+
+
+@njit(cache=True, error_model="numpy")
+def _first_beyond(first, stop, near, ranges):
+    """First of beams first…stop − 1 that does not clearly end before `near` [m]; `stop` if there is none."""
+    beam, limit = uint64(first), near * (1.0 - _SLACK) - _SLACK
+    while beam < uint64(stop) and ranges[beam] < limit:
+        beam += uint64(1)
+    return beam
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _are_nearer(near, first, stop, ranges):
+    """Return whether beams first…stop − 1 have all met something before `near` [m]."""
+    return _first_beyond(first, stop, near, ranges) == stop
+
+
+@njit(cache=True, error_model="numpy")
+def _is_hidden(leaf, gap, frame, increment, bounds, ranges):
+    """Return whether a leaf lies behind the ranges met so far."""
+    if gap <= 2.0 * _SLACK:
         return False
-    if k % _BATCH == 0:
-        _update_farthest(ranges, farthest)
-    near = gaps[k] * (1.0 - _SLACK) - _SLACK
-    if near <= 0.0:
-        return False
-    if near > farthest[-1]:
-        return True
-    low, high = _leaf_extent(frame, increment, bounds, leaves[k])
-    turn, last_beam = _TWO_PI / increment, len(ranges) - 1
+    low, high = _leaf_extent(frame, increment, bounds, leaf)
+    turn = _TWO_PI / increment
     # The extent, and the same one turn earlier and later.
     for shift in (0.0, -turn, turn):
-        first, last = max(math.ceil(low + shift), 0), min(math.floor(high + shift), last_beam)
-        for sector in range(first // _SECTOR, last // _SECTOR + 1):
-            if farthest[sector] >= near:
-                return False
+        first, stop = _beams(low + shift, high + shift, len(ranges))
+        if not _are_nearer(gap, first, stop, ranges):
+            return False
     return True
-
-
-@njit(cache=True, error_model="numpy")
-def _no_farthest(ranges):
-    """An array for the farthest range of each sector and, at its end, of all."""
-    return np.empty((len(ranges) + _SECTOR - 1) // _SECTOR + 1, np.float32)
-
-
-@njit(cache=True, error_model="numpy")
-def _update_farthest(ranges, farthest):
-    """Compute the farthest range of each sector, and of all."""
-    last = len(farthest) - 1
-    farthest[last] = 0.0
-    for sector in range(last):
-        most = np.float32(0.0)
-        for i in range(uint64(sector * _SECTOR), uint64(min((sector + 1) * _SECTOR, len(ranges)))):
-            most = max(most, ranges[i])
-        farthest[sector] = most
-        farthest[last] = max(farthest[last], most)
 
 
 @njit(cache=True, error_model="numpy")
@@ -133,7 +137,7 @@ def _meet_discs(frame, increment, range_max, table, shapes, leaf, extents, range
     turn = _TWO_PI / increment
     for i in range(LEAF):
         u, v, low, high = extents[0, i], extents[1, i], extents[2, i], extents[3, i]
-        square = extents[4, i]
+        square, near = extents[4, i], extents[6, i]
         if extents[5, i] <= square:
             return True
         # Skip discs that begin beyond range_max.
@@ -141,11 +145,11 @@ def _meet_discs(frame, increment, range_max, table, shapes, leaf, extents, range
         if u * u + v * v >= reach * reach:
             continue
         # Beams within the extent, and within the same extent one turn earlier or later if there are any.
-        _meet_disc(u, v, square, low, high, table, ranges)
+        _meet_disc(u, v, square, near, low, high, table, ranges)
         if high >= turn:
-            _meet_disc(u, v, square, low - turn, high - turn, table, ranges)
+            _meet_disc(u, v, square, near, low - turn, high - turn, table, ranges)
         if low + turn < len(ranges):
-            _meet_disc(u, v, square, low + turn, high + turn, table, ranges)
+            _meet_disc(u, v, square, near, low + turn, high + turn, table, ranges)
     return False
 
 
@@ -163,13 +167,15 @@ def _disc_extents(frame, increment, discs, extents):
         middle = bearing(u, v)
         extents[0, i], extents[1, i] = u, v
         extents[2, i], extents[3, i] = (middle - half) * per_radian, (middle + half) * per_radian
-        extents[4, i], extents[5, i] = r * r, square
+        extents[4, i], extents[5, i], extents[6, i] = r * r, square, math.sqrt(square) - r
 
 
 @njit(cache=True, error_model="numpy")
-def _meet_disc(u, v, square, low, high, table, ranges):
+def _meet_disc(u, v, square, near, low, high, table, ranges):
     """Test beams low…high against a disc of squared radius `square` centred on (u, v)."""
     first, stop = _beams(low, high, len(ranges))
+    if _are_nearer(near, first, stop, ranges):
+        return
     for i in range(uint64(first), uint64(stop)):
         c, s = table[uint64(0), i], table[uint64(1), i]
         across = u * s - v * c

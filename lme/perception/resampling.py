@@ -95,6 +95,16 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
 
+def nearest_by_sector(ranges: Ranges, count: int) -> Ranges:
+    """Return the nearest return in each sector of neighbouring beams: (..., count) [m].
+
+    ranges (..., B) [m]; count: at most B. Sectors differ by one beam if count does not divide B.
+    """
+    first_beams = np.arange(count) * ranges.shape[-1] // count
+    nearest: Ranges = np.minimum.reduceat(ranges, first_beams, axis=-1)
+    return nearest
+
+
 def _check(scan: LaserScan) -> None:
     if len(scan.ranges) < 2:
         raise InputError(f"the scan has {len(scan.ranges)} beams: must have at least 2")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lme.errors import InputError, argument_error, config_key, nearest, require
 from lme.inputs.guarded_file import expanded
 from lme.inputs.onnx_file import OnnxNetwork
+from lme.perception.resampling import nearest_by_sector
 from lme.planners.commands import limited
 from lme.robots import Robot
 from lme.types import Floats, Guidance, LaserScan, Observation, Twist
@@ -160,13 +161,13 @@ class OnnxFeatures:
     """Parts of the observation that `inputs` names, as float32 vectors.
 
     The arithmetic is that of `lme.gym`, in float32 and in the same order, so that an environment's observation and
-    this one are equal to the last bit. Raises InputError unless `planner.scan.beams` divides the lidar's beams.
+    this one are equal to the last bit. Raises InputError for more `planner.scan.beams` than the lidar has.
     """
 
     def __init__(self, config: OnnxConfig, robot: Robot) -> None:
         have, wanted = robot.lidar.num_beams, config.scan.beams
-        if wanted is not None and have % wanted:
-            raise argument_error(f"scan.beams is {wanted}: must divide the lidar's {have}")
+        if wanted is not None and wanted > have:
+            raise argument_error(f"scan.beams is {wanted}: must be at most the lidar's {have}")
         self._config, self._beams = config, have if wanted is None else wanted
         self._have = have
         known = {"scan": self._beams, "target": 2, "twist": 2, "limits": 4, "action": 2}
@@ -201,7 +202,7 @@ def scan_part(scan: LaserScan, beams: int, config: OnnxScanConfig) -> Part:
     ranges = np.where(np.isnan(scan.ranges), np.float32(np.inf), scan.ranges)
     if scan.angle_increment < 0.0:
         ranges = ranges[::-1]
-    nearest = np.minimum(ranges, np.float32(scan.range_max)).reshape(beams, -1).min(axis=1)
+    nearest = nearest_by_sector(np.minimum(ranges, np.float32(scan.range_max)), beams)
     clip = scan.range_max if config.clip is None else config.clip
     cut: Part = np.minimum(nearest, clip)
     if config.scaled is None:

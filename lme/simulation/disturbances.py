@@ -51,6 +51,13 @@ class Disturbances:
         """Return whether legs follow the command, in v or in ω."""
         return self.natural_frequency_v > 0.0 or self.natural_frequency_omega > 0.0
 
+    @property
+    def disturbs_sensors(self) -> bool:
+        """Return whether scan, odometry or localisation are disturbed."""
+        motion = self.odometry_age, self.ripple_v, self.ripple_omega, self.odometry_error
+        scan = self.tilt, self.scan_noise, self.scan_dropout
+        return any((*motion, *scan, self.goal_noise, self.goal_noise_yaw)) or self.goal_rate is not None
+
 
 class Delay:
     """Queue of commands on their way to the wheels. Before the first one arrives, the command is zero."""

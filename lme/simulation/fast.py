@@ -35,6 +35,11 @@ class FastConfig(Disturbances):
         require("max_step", self.max_step, above=0.0)
         check_fields(self)
 
+    @property
+    def needs_substeps(self) -> bool:
+        """Return whether the motion has to be simulated in substeps, even without movers."""
+        return bool(self.latency or self.lag or self.has_gait or self.slip)
+
 
 class FastSimulator:
     """Differential drive with a footprint and a noisy lidar; any contact ends the episode.
@@ -112,7 +117,7 @@ class FastSimulator:
         else:
             crowd.go_on(self._substepper.crowd)
             self._substepper.change(task, crowd)
-            self._substeps = self._count_substeps(crowd)
+            self._substeps = num_substeps(self._robot, self._config, crowd.top_speed)
         self.state = self._substepper.start()
         return self._observe()
 
@@ -125,18 +130,10 @@ class FastSimulator:
     def _make_substepper(self, task: Task, crowd: Crowd, body: Body) -> Substepper | None:
         """Return a substepper if one is needed."""
         robot, config = self._robot, self._config
-        if not (len(crowd) or config.latency or config.lag or config.has_gait or config.slip):
+        if not (len(crowd) or config.needs_substeps):
             return None
-        self._substeps = self._count_substeps(crowd)
+        self._substeps = num_substeps(robot, config, crowd.top_speed)
         return Substepper(task, robot, config, self._rng.spawn(1)[0], crowd, body)
-
-    def _count_substeps(self, crowd: Crowd) -> int:
-        """Number of substeps of a period, so that robot and movers at top speed move at most `max_step` together."""
-        robot, config = self._robot, self._config
-        v_max = (1.0 + config.overshoot_v) * robot.v_max
-        omega_max = (1.0 + config.overshoot_omega) * robot.omega_max
-        fastest = v_max + robot.footprint.circumscribed_radius * omega_max + crowd.top_speed
-        return math.ceil(max(fastest * robot.dt / self._config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:
         """Return the limits; for an even ramp, α is lowered so that velocity changes over the whole period."""
@@ -159,6 +156,14 @@ class FastSimulator:
             return self._sensors.observe(state, wheels.twist, wheels.odometry, *self.obstacles, crowd)
         odometry = relative(state.pose, self._start)
         return self._sensors.observe(state, state.twist, odometry, self._circles, self._edges)
+
+
+def num_substeps(robot: Robot, config: FastConfig, fastest_mover: float = 0.0) -> int:
+    """Number of substeps of a period, so that robot and movers at top speed move at most `max_step` together."""
+    v_max = (1.0 + config.overshoot_v) * robot.v_max
+    omega_max = (1.0 + config.overshoot_omega) * robot.omega_max
+    fastest = v_max + robot.footprint.circumscribed_radius * omega_max + fastest_mover
+    return math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
 
 
 class _MasslessBody:

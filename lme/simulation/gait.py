@@ -14,6 +14,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 
 from lme.errors import argument_error
 from lme.robots import Robot
@@ -60,9 +61,9 @@ class GaitResponse:
             if self._frequencies[axis] == 0.0:
                 motion[axis], reached[axis] = command[axis] * dt, command[axis]
                 continue
-            state = (self.twist[axis], self._rates[axis], command[axis])
-            transition = _transition(self._frequencies[axis], self._dampings[axis], dt)
-            motion[axis], reached[axis], self._rates[axis] = (transition @ state).tolist()
+            transition = transition_of(self._frequencies[axis], self._dampings[axis], dt)
+            state = (self.twist[axis], self._rates[axis], float(command[axis]))
+            motion[axis], reached[axis], self._rates[axis] = respond(transition, *state)
         self.twist = Twist(*reached)
         return motion[0], motion[1]
 
@@ -75,8 +76,16 @@ def response_of(config: Disturbances) -> GaitResponse | None:
     return GaitResponse(frequencies, (config.overshoot_v, config.overshoot_omega))
 
 
-@lru_cache(maxsize=64)
-def _transition(frequency: float, damping: float, dt: float) -> Floats:
+@njit(cache=True, error_model="numpy")
+def respond(transition: Floats, y: float, rate: float, u: float) -> tuple[float, float, float]:
+    """Return the integral of y over a step, and y and y'/f after it. transition (3, 3): `transition_of`; rate: y'/f."""
+    motion = transition[0, 0] * y + transition[0, 1] * rate + transition[0, 2] * u
+    reached = transition[1, 0] * y + transition[1, 1] * rate + transition[1, 2] * u
+    return motion, reached, transition[2, 0] * y + transition[2, 1] * rate + transition[2, 2] * u
+
+
+@lru_cache(maxsize=1024)
+def transition_of(frequency: float, damping: float, dt: float) -> Floats:
     """Matrix (3, 3) from (y, y'/f, u) to the integral of y over dt and y, y'/f after it: a matrix exponential."""
     from scipy.linalg import expm
 
@@ -84,8 +93,7 @@ def _transition(frequency: float, damping: float, dt: float) -> Floats:
     rates[0, 1] = 1.0
     rates[1, 2] = frequency
     rates[2, 1:] = -frequency, -2.0 * damping * frequency, frequency
-    transition: Floats = expm(rates * dt)[:3, 1:]
-    return transition
+    return np.ascontiguousarray(expm(rates * dt)[:3, 1:])
 
 
 def rippled(twist: Twist, ripple_v: float, ripple_omega: float, rng: np.random.Generator) -> Twist:

@@ -185,7 +185,8 @@ class Driving:
         )
         twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
         origin = Pose(0.0, 0.0, 0.0)
-        return Observation(scan, views.targets[row], twist, limits, origin, last_command=twist)
+        command = Twist(*views.commands[row].tolist())
+        return Observation(scan, views.targets[row], twist, limits, origin, last_command=command)
 
     def _follower(self, views: Views, row: int) -> Follower:
         """Return the follower of a robot at the start of an episode."""

@@ -10,13 +10,13 @@ import numpy as np
 
 from lme.errors import InputError, argument_error, require
 from lme.geometry.frames import compose, relative
+from lme.geometry.skid import AXES, Chassis, WheelState, slide
 from lme.inputs.plausibility import check_fields
 from lme.robots import Drivetrain, Footprint, Response, Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances, slip_factors, slipped
 from lme.simulation.gait import GaitResponse, check_height, response_of
 from lme.simulation.simulator import Sensors, State, forward_enough
-from lme.simulation.skid.kernels import AXES, Chassis, WheelState, slide
 from lme.simulation.substeps import Wheels, rolled, track, until_event
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
@@ -51,12 +51,11 @@ class SkidSimulator:
     Config: ClassVar[type[SkidConfig]] = SkidConfig
 
     def __init__(self, config: SkidConfig, robot: Robot) -> None:
-        _check(robot)
+        check_base(robot)
         check_height(config.tilt, robot)
         self._robot = robot
         self._config = config
-        contact = robot.drivetrain and robot.drivetrain.contact
-        self._outline = contact or robot.footprint  # what collides
+        self._outline = outline_that_collides(robot)
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
@@ -187,7 +186,12 @@ class GazeboSimulator(SkidSimulator):
     Config = GazeboConfig
 
 
-def _check(robot: Robot) -> None:
+def outline_that_collides(robot: Robot) -> Footprint:
+    """Outline of the drivetrain if it has one, such as wheels that stand out; else the footprint."""
+    return (robot.drivetrain and robot.drivetrain.contact) or robot.footprint
+
+
+def check_base(robot: Robot) -> None:
     """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
     drivetrain = robot.drivetrain
     if drivetrain is None and robot.response is None:

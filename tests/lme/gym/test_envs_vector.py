@@ -29,6 +29,8 @@ def plain(infos):
     [
         ("Barn", {"map_config": SHORT}),
         ("Barn", {"map_config": SHORT, "robot": any_limits, "reward": {"progress": 3.0, "step": -0.1}}),
+        ("Barn", {"map_config": SHORT, "sim": "gazebo"}),
+        ("Barn", {"map_config": SHORT, "sim_config": {"latency": 0.15, "slip": 0.1, "goal_noise": 0.1}}),
         ("Env1", {"map_config": {"time_limit": 3.0, "worlds": [0, 1]}, "sim_config": {"even_ramp": True}}),
     ],
 )
@@ -83,9 +85,7 @@ def test_the_other_autoreset_modes_are_those_of_gymnasium(mode):
     assert ended > n
 
 
-@pytest.mark.parametrize(
-    "keywords", [{"sim_config": {"latency": 0.1}}, {"map": "dynabarn"}, {"people": "tracked"}], ids=str
-)
+@pytest.mark.parametrize("keywords", [{"sim": "physics"}, {"people": "tracked"}], ids=str)
 def test_what_cannot_be_driven_together_is_driven_in_a_row_with_a_warning(keywords, says):
     with says.warns(match="2 robots are therefore simulated one after another"):
         envs = vector_env(2, **keywords)
@@ -114,8 +114,6 @@ def test_observations_are_not_overwritten_by_later_steps():
     "keywords",
     [
         {"sim": "physics"},
-        {"sim_config": {"latency": 0.1}},
-        {"map": "dynabarn"},
         {"robot": "turtlebot2"},
         {"people": "tracked"},
         {"render_mode": "rgb_array"},

@@ -14,10 +14,12 @@ from lme.geometry.frames import wrap_angle
 from lme.gym import fleet as fleet_module
 from lme.gym.episodes import CODES, Reward
 from lme.gym.fleet import Fleet
-from lme.gym.kernels import RUNNING, wrapped
+from lme.gym.kernels.poses import wrapped
+from lme.gym.kernels.steps import RUNNING
 from lme.navigation.episode import Progress
-from lme.robots import Footprint
+from lme.robots import Footprint, Response
 from lme.simulation.fast import FastSimulator
+from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.contours import outlines
 from lme.worlds.world import World
@@ -53,7 +55,10 @@ class Alone:
         self.task = self.map_set.task(numbers[self.rng.integers(len(numbers))])
         robot = self.robot(self.rng) if callable(self.robot) else self.robot
         self.box = robot.footprint.box
-        self.simulator = FastSimulator(self.config, robot)
+        is_skid = isinstance(self.config, SkidConfig)
+        self.simulator = SkidSimulator(self.config, robot) if is_skid else FastSimulator(self.config, robot)
+        if is_skid and robot.drivetrain.contact:
+            self.box = robot.drivetrain.contact.box
         seen = self.simulator.reset(self.task, self.rng)
         self.progress, self.steps = Progress(self.task, self.simulator.state), 0
         return seen
@@ -79,30 +84,24 @@ def assert_sees(views, i, seen, box):
     np.testing.assert_array_equal(views.ranges[i], seen.scan.ranges)
     np.testing.assert_array_equal(views.targets[i], seen.target)
     assert tuple(views.twists[i]) == seen.twist
+    assert tuple(views.commands[i]) == seen.last_command
     assert tuple(views.limits[i]) == seen.limits[:4]
     assert tuple(views.boxes[i]) == box
 
 
-@pytest.mark.parametrize(
-    ("map_set", "robot", "config"),
-    [
-        (HARD, load_robot("jackal"), load_settings("sim/fast")),
-        (HARD, any_robot, load_settings("sim/fast", max_step=0.1)),
-        (ROOM, load_robot("stage"), load_settings("sim/fast")),
-        (ROOM, any_robot, load_settings("sim/fast", even_ramp=True)),
-        (TRAPS, replace(load_robot("jackal"), alpha_v=3.0, alpha_omega=15.0), load_settings("sim/fast")),
-        (NEAR, any_robot, load_settings("sim/fast")),
-    ],
-)
-def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config):
-    n, reward = 6, Reward(progress=2.0, success=10.0, collision=-10.0, timeout=-0.5, step=-0.01)
-    fleet = Fleet(map_set, robot, n, config, reward)
-    alone = [Alone(map_set, robot, 100 + i, config, reward) for i in range(n)]
+REWARD = Reward(progress=2.0, success=10.0, collision=-10.0, timeout=-0.5, step=-0.01)
+
+
+def assert_drives_as_alone(map_set, robot, config, steps=150, threads=1):
+    """Drive six robots in a fleet and alone; return the kinds of ends of their episodes."""
+    n = 6
+    fleet = Fleet(map_set, robot, n, config, REWARD, threads=threads)
+    alone = [Alone(map_set, robot, 100 + i, config, REWARD) for i in range(n)]
     views = fleet.reset(range(100, 100 + n))
     for i, single in enumerate(alone):
         assert_sees(views, i, single.reset(), single.box)
     rng, kinds = np.random.default_rng(0), set()
-    for _ in range(150):
+    for _ in range(steps):
         commands = rng.normal([0.6, 0.0], [0.5, 1.0], (n, 2))
         moved = fleet.step(commands)
         ended = moved.ended.tolist()
@@ -119,9 +118,116 @@ def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config)
                 assert tuple(moved.results[ended.index(i)]) == single.result(outcome)
                 seen = single.reset()
             assert_sees(moved.views, i, seen, single.box)
-    assert (
-        (Outcome.SUCCESS in kinds) if map_set is NEAR else len(kinds) == 2
-    )  # the comparison has seen these ends
+    return kinds
+
+
+@pytest.mark.parametrize(
+    ("map_set", "robot", "config"),
+    [
+        (HARD, load_robot("jackal"), load_settings("sim/fast")),
+        (HARD, any_robot, load_settings("sim/fast", max_step=0.1)),
+        (ROOM, load_robot("stage"), load_settings("sim/fast")),
+        (ROOM, any_robot, load_settings("sim/fast", even_ramp=True)),
+        (TRAPS, replace(load_robot("jackal"), alpha_v=3.0, alpha_omega=15.0), load_settings("sim/fast")),
+        (NEAR, any_robot, load_settings("sim/fast")),
+    ],
+)
+def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config):
+    kinds = assert_drives_as_alone(map_set, robot, config)
+    # The comparison has seen these ends.
+    assert (Outcome.SUCCESS in kinds) if map_set is NEAR else len(kinds) == 2
+
+
+LOCALISED = {"goal_noise": 0.05, "goal_noise_yaw": 0.02, "goal_rate": 3.0}
+WALKING = {"natural_frequency_v": 10.0, "overshoot_v": 0.7, "overshoot_omega": 0.7}
+DISTURBANCES = [
+    {"scan_noise": 0.02},
+    {"scan_dropout": 0.1},
+    {"goal_noise": 0.1, "goal_noise_yaw": 0.05},
+    {"goal_rate": 0.0},
+    {**LOCALISED, "odometry_error": 0.1},
+    {**LOCALISED, "odometry_age": 0.25},
+    {"latency": 0.25},
+    {"latency": 0.1, "even_ramp": True, "max_step": 0.02},
+    {"lag": 0.2},
+    {"slip": 0.2},
+    {"ripple_v": 0.07, "ripple_omega": 0.25},
+    {"tilt": 0.04},
+    WALKING,
+    {**WALKING, "natural_frequency_omega": 15.0, "natural_frequency_v": 0.0, "lag": 0.1},
+    {
+        **WALKING,
+        **LOCALISED,
+        "natural_frequency_omega": 15.0,
+        "ripple_v": 0.07,
+        "tilt": 0.04,
+        "latency": 0.17,
+        "slip": 0.1,
+        "odometry_error": 0.05,
+        "odometry_age": 0.03,
+        "scan_noise": 0.01,
+        "scan_dropout": 0.05,
+    },
+]
+
+
+def any_jackal(rng):
+    """A robot as `any_robot` draws it, whose lidar's height is known, with another drivetrain."""
+    robot = any_robot(rng)
+    lidar, drivetrain = replace(robot.lidar, height=0.3), load_robot("jackal").drivetrain
+    return replace(robot, lidar=lidar, drivetrain=replace(drivetrain, mass=rng.uniform(10.0, 30.0)))
+
+
+@pytest.mark.parametrize("disturbances", DISTURBANCES, ids=lambda keys: ",".join(keys))
+def test_disturbances_are_those_of_a_robot_that_drives_alone(disturbances):
+    config = load_settings("sim/fast", **disturbances)
+    kinds = assert_drives_as_alone(HARD, any_jackal, config, 90)
+    assert Outcome.TIMEOUT in kinds or Outcome.COLLISION in kinds
+    assert Outcome.SUCCESS in assert_drives_as_alone(NEAR, any_jackal, config, 60)
+
+
+@pytest.mark.parametrize("sim", ["skid", "gazebo"])
+@pytest.mark.parametrize(
+    "disturbances",
+    [
+        {},
+        {"scan_rate": None, "yaw_noise": 0.0, "goal_rate": None, "friction": "body"},
+        {"latency": 0.17, "friction": "wheel", "slip": 0.1, "lag": 0.1, "goal_rate": 2.0, "goal_noise": 0.1},
+        {
+            **WALKING,
+            "natural_frequency_omega": 15.0,
+            "tilt": 0.04,
+            "scan_noise": 0.01,
+            "odometry_error": 0.05,
+        },
+    ],
+    ids=lambda keys: ",".join(keys),
+)
+def test_wheels_slide_as_those_of_a_robot_that_drives_alone(sim, disturbances):
+    config = load_settings(f"sim/{sim}", **disturbances)
+    kinds = assert_drives_as_alone(HARD, any_jackal, config, 90)
+    kinds |= assert_drives_as_alone(NEAR, any_jackal, config, 60)
+    assert Outcome.SUCCESS in kinds
+    assert len(kinds) > 1
+
+
+class _Moving:
+    """Two worlds of a map set: one with people, one without."""
+
+    dynamic, static = load_map_set("dynabarn"), HARD
+    numbers = (0, 200)
+
+    def task(self, number):
+        task = (self.static if number else self.dynamic).task(number)
+        return replace(task, time_limit=3.0)
+
+
+@pytest.mark.parametrize("sim", ["fast", "skid"])
+def test_worlds_where_something_moves_are_driven_as_alone_with_one_warning(sim, says):
+    with says.warns() as warnings:
+        kinds = assert_drives_as_alone(_Moving(), any_jackal, load_settings(f"sim/{sim}"), 70)
+    assert len(warnings) == 1
+    assert kinds
 
 
 class _Large:
@@ -147,9 +253,15 @@ class _Large:
         return make_task(self.worlds[number % 2], start=Pose(0.0, 0.0, 0.3), goal=goal, time_limit=3.0)
 
 
-def test_many_obstacles_and_many_threads_change_nothing():
+@pytest.mark.parametrize(
+    "config",
+    [load_settings("sim/fast"), load_settings("sim/fast", **DISTURBANCES[-1]), load_settings("sim/gazebo")],
+    ids=["fast", "disturbed", "gazebo"],
+)
+def test_many_obstacles_and_many_threads_change_nothing(config):
     """Sixty robots among discs and on a lattice: one thread, three threads, and six of them alone."""
-    robot, n, config = load_robot("jackal"), 60, load_settings("sim/fast")
+    robot, n = load_robot("jackal"), 60
+    robot.lidar.height = 0.3
     maps, reward = _Large(), Reward()
     one, three = (Fleet(maps, robot, n, config, reward, threads=threads) for threads in (1, 3))
     alone = [Alone(maps, robot, i, config, reward) for i in range(6)]
@@ -295,24 +407,11 @@ def test_angles_are_wrapped_as_in_python(angle):
 
 def test_what_the_compiled_step_does_not_cover_is_refused(says):
     stage, jackal = load_robot("stage"), load_robot("jackal")
-    for config, key in (
-        (load_settings("sim/fast", latency=0.1), "sim.latency is 0.1"),
-        (load_settings("sim/fast", slip=0.1), "sim.slip is 0.1"),
-        (load_settings("sim/fast", natural_frequency_v=7.0), "sim.natural_frequency_v is 7.0"),
-        (load_settings("sim/fast", tilt=0.1), "sim.tilt is 0.1"),
-        (load_settings("sim/fast", odometry_error=0.1), "sim.odometry_error is 0.1"),
-        (load_settings("sim/fast", scan_noise=0.1), "sim.scan_noise is 0.1"),
-        (load_settings("sim/fast", scan_dropout=0.1), "sim.scan_dropout is 0.1"),
-        (load_settings("sim/fast", goal_noise_yaw=0.1), "sim.goal_noise_yaw is 0.1"),
-        (load_settings("sim/fast", goal_rate=0.0), "sim.goal_rate is 0.0"),
-    ):
-        with pytest.raises(InputError, match=f'{key}: .* vectorization_mode="sync"'):
-            Fleet(HARD, jackal, 2, config)
+    measured = replace(jackal, drivetrain=None, response=Response(1.0, 1.0, 0.1, 0.1, 2.0, 2.0))
+    with says.raises(InputError):
+        Fleet(HARD, measured, 2, load_settings("sim/skid"))
     with pytest.raises(InputError, match=r"robot\.lidar\.native_beams is 540"):
         Fleet(ROOM, load_robot("turtlebot2"), 2)
-    moving = Fleet(load_map_set("dynabarn"), jackal, 2)
-    with says.raises(InputError):
-        moving.reset(seeds=[0, 1])
     with says.raises(InputError, match="num_envs.*0"):
         Fleet(ROOM, stage, 0)
 

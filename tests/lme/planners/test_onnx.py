@@ -74,6 +74,17 @@ def test_each_group_of_beams_has_its_nearest_return(file):
     assert (scan[0], scan[1], scan[-1]) == (1.0, 2.0, 0.5)
 
 
+def test_groups_that_differ_by_a_beam_are_those_of_the_environments(file):
+    pytest.importorskip("gymnasium")
+    from lme.gym import flattened
+
+    ranges = np.random.default_rng(0).uniform(0.1, 9.0, BEAMS).astype(np.float32)
+    scan = parts(file, ranges, scan={"beams": 72, "clip": 5.0, "scaled": [-1.0, 1.0]})["scan"]
+    assert BEAMS % 72
+    nothing = np.zeros(2, np.float32)
+    np.testing.assert_array_equal(scan, flattened({"scan": ranges, "target": nothing}, nothing, 72)[:72])
+
+
 def test_ranges_are_cut_off_and_scaled(file):
     scan = parts(file, scan={"clip": 2.0, "scaled": [-1.0, 1.0]})["scan"]
     assert scan[:4] == pytest.approx([1.0, 0.0, 1.0, 1.0])
@@ -173,7 +184,7 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"path": None}, {"path": "missing.onnx"}, {"scan": {"beams": 7}}], ids=str
+    "settings", [{"path": None}, {"path": "missing.onnx"}, {"scan": {"beams": 541}}], ids=str
 )
 def test_a_mistake_is_named(file, settings, says):
     with says.raises(InputError):

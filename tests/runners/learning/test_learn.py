@@ -291,7 +291,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
         ["first_world=3"],
         ["training.fresh.subset=all"],
         ["learner=ppo", "sim=physics"],
-        ["learner=ppo", "sim.slip=0.1"],
+        ["learner=ppo", "robot=turtlebot2"],
         ["learner=sac", "learner.alpha=-1"],
         ["learner=ppo", "learner.reward.succes=1"],
         ["learner=sac", "guide=learned_subgoal"],

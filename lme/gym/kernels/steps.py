@@ -9,6 +9,7 @@ from lme.geometry.collision import first_arrival, sweep
 from lme.geometry.motion import drive, even_limits, time_beyond, travelled
 from lme.grids.lattice import cast_lattice
 from lme.grids.leaves import gaps_to, middle_of, shapes_within
+from lme.gym.kernels.poses import wrapped
 from lme.perception.raycast import scan_leaves
 from lme.types import Floats, Ints
 
@@ -69,33 +70,22 @@ def advance(chosen, states, bodies, places, obstacles, commands, dt, max_step, e
     commands (N, 2) [m/s, rad/s]; max_step [m] and even_ramp as in `sim=fast`.
     """
     for i in chosen:
-        x, y, begin = states.poses[i, 0], states.poses[i, 1], states.times[i]
         travel, twist = _motion(i, states, bodies, commands, dt, max_step, even_ramp)
-        # Cut the motion at the arrival, then at the first contact before it.
-        driven, arrived = first_arrival(travel, places.goals[i], places.rules[i, 0])
-        box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
-        contact = _first_contact(travel[:driven], box, places.spans[i], obstacles)
-        if contact >= 0:
-            driven, arrived = contact + 1, False
-        # Store the state at the last pose that was reached.
-        states.poses[i] = travel[driven - 1]
+        driven, contact, arrived = driven_until(i, travel, bodies, places, obstacles)
         states.twists[i, 0], states.twists[i, 1] = twist
-        states.times[i] = begin + dt * driven / len(travel)
-        states.lengths[i] += travelled(x, y, travel[:driven])
-        states.steps[i] += 1
-        _run_clock(i, states, places, travel[:driven], begin)
-        states.outcomes[i] = _outcome(i, states, places, contact >= 0, arrived)
+        end = states.times[i] + dt * driven / len(travel)
+        settle(i, states, places, travel[:driven], end, contact, arrived)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def look(chosen, states, places, obstacles, lidar, table, ranges, targets):
+def look(chosen, poses, places, obstacles, lidar, table, ranges, targets):
     """Write the observations of the chosen robots (K,): their ranges (N, B), and targets (N, 2) in their frames [m].
 
-    lidar: x, y, yaw of the mount, angle_min, angle_increment, range_max; table (2, B): `beam_table`.
+    poses (N, 3). lidar: x, y, yaw of the mount, angle_min, angle_increment, range_max; table (2, B): `beam_table`.
     """
     increment, range_max = lidar[4], lidar[5]
     for i in chosen:
-        x, y, yaw = states.poses[i, 0], states.poses[i, 1], states.poses[i, 2]
+        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
         span = places.spans[i]
         leaves = (
             obstacles.disc_bounds,
@@ -116,10 +106,10 @@ def look(chosen, states, places, obstacles, lidar, table, ranges, targets):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def look_by_lattice(chosen, states, lidar, table, ranges, grid, lattice):
+def look_by_lattice(chosen, poses, lidar, table, ranges, grid, lattice):
     """Shorten ranges (N, B) to the edges of a grid and its lattice, for the chosen robots (K,) in one world."""
     for i in chosen:
-        x, y, heading = _lidar_pose(states.poses[i, 0], states.poses[i, 1], states.poses[i, 2], lidar)
+        x, y, heading = _lidar_pose(poses[i, 0], poses[i, 1], poses[i, 2], lidar)
         met = cast_lattice(
             x,
             y,
@@ -140,15 +130,27 @@ def look_by_lattice(chosen, states, lidar, table, ranges, grid, lattice):
 
 
 @njit(cache=True, error_model="numpy")
-def wrapped(angle):
-    """Wrap an angle to (−π, π] [rad], with exactly the result of `lme.geometry.frames.wrap_angle`."""
-    size = abs(angle)
-    part = size % math.tau
-    complement = math.tau - part
-    if part > complement or (part == complement and 0.5 * (size - part) % math.tau != 0.0):
-        part = -complement
-    part = math.copysign(1.0, angle) * part
-    return math.pi if part <= -math.pi else part
+def driven_until(i, travel, bodies, places, obstacles):
+    """Number of poses up to contact or arrival of robot i, and whether there is contact, or arrival without contact."""
+    # Cut the motion at the arrival, then at the first contact before it.
+    driven, arrived = first_arrival(travel, places.goals[i], places.rules[i, 0])
+    box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
+    contact = _first_contact(travel[:driven], box, places.spans[i], obstacles)
+    if contact >= 0:
+        return contact + 1, True, False
+    return driven, False, arrived
+
+
+@njit(cache=True, error_model="numpy")
+def settle(i, states, places, travel, end, contact, arrived):
+    """Store the state of robot i after it has driven along poses (K, 3) until `end` [s]."""
+    x, y, begin = states.poses[i, 0], states.poses[i, 1], states.times[i]
+    states.poses[i] = travel[len(travel) - 1]
+    states.times[i] = end
+    states.lengths[i] += travelled(x, y, travel)
+    states.steps[i] += 1
+    _run_clock(i, states, places, travel, begin)
+    states.outcomes[i] = _outcome(i, states, places, contact, arrived)
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.simulation.skid.kernels import AXES, GRAVITY, Chassis, WheelState, slide
+from lme.geometry.skid import AXES, GRAVITY, Chassis, WheelState, slide
 from lme.types import Twist
 from tests import oracles, tolerances
 
