@@ -34,6 +34,7 @@ from lme.simulation.fast import FastSimulator
 from lme.simulation.simulator import Simulator
 from lme.simulation.skid.simulator import SkidSimulator
 from lme.worlds.barn.map_set import Barn
+from lme.worlds.indoor.map_set import Indoor
 from lme.worlds.scene import Scene
 from lme.worlds.world import MapSet
 
@@ -61,14 +62,15 @@ def report() -> Iterator[str]:
     yield cloud_row()
     yield skid_row()
     yield "\nOther simulators: [peers.md](peers.md).\n"
-    yield "## Where a step of `stage` spends its time\n"
-    yield "µs of processor time, the kernels with the call from Python; the fastest of five runs.\n"
-    yield "| what | µs | share | calls |"
-    yield "|---|---:|---:|---:|"
-    robot = load_robot("stage")
-    yield from step_rows(
-        Barn(load_settings("map/barn")), lme_on(robot), FastSimulator(load_settings("sim/fast"), robot)
-    )
+    yield "## Where a step spends its time\n"
+    yield "µs of processor time, the kernels with the call from Python; the fastest of five runs."
+    go2, stage = load_robot("go2"), load_robot("stage")
+    offices = Indoor(load_settings("map/indoor", count=25, radius=go2.footprint.circumscribed_radius))
+    for name, maps, robot in (("BARN", Barn(load_settings("map/barn")), stage), ("offices", offices, go2)):
+        yield f"\n### `{robot.name}`, {name}\n"
+        yield "| what | µs | share | calls |"
+        yield "|---|---:|---:|---:|"
+        yield from step_rows(maps, lme_on(robot), FastSimulator(load_settings("sim/fast"), robot))
     yield "\n## Whole commands, wall time\n"
     yield "| command | median [s] | least [s] | peak memory, all processes [MB] |"
     yield "|---|---:|---:|---:|"

@@ -2,6 +2,8 @@
 
 Obstacles reach above every height that counts, so a beam's first hit follows from its azimuth alone. Most beams of
 a cloud hit above or below the heights that count, wherever they hit; they are skipped because of their elevation.
+Of those that are left in a bin of the scan, most cannot be the nearest: neither a beam's noise nor the walls of its
+bucket are near enough. Only the rest is aimed and cast.
 """
 
 from __future__ import annotations
@@ -12,99 +14,30 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.geometry.collision import point_to_segment
 from lme.geometry.fan import direction, unsigned_bearing
 from lme.grids.edge_grid import first_hit, nearest
-from lme.simulation.mid360.raycast3d import BUCKETS, by_bearing, to_circle, to_edge
+from lme.simulation.mid360.pattern import (
+    MOST_NOISE,
+    SECTORS,
+    beams_within,
+    noise_of,
+    rise_share,
+    share_error,
+    turn_share,
+)
+from lme.simulation.mid360.raycast3d import BUCKETS, to_circle, to_edge
+from lme.simulation.mid360.visibility import visible
 from lme.types import Floats, Ints
 
-# Kronecker sequence of the plastic number ρ, ρ³ = ρ + 1: (1/ρ, 1/ρ²) fills a square most evenly.
-# Source: M. Roberts 2018, "The unreasonable effectiveness of quasirandom sequences".
-_TURN, _RISE = 0.7548776662466927, 0.5698402909980532
-
-MOST_NOISE = 2.0 * math.sqrt(3.0)  # [σ] bound of `noise_of`
-
-# SplitMix64. Source: G. Steele, D. Lea, C. Flood 2014, "Fast splittable pseudorandom number generators".
-_STEP = np.uint64(0x9E3779B97F4A7C15)
-_MIX_1, _MIX_2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
-_SHIFTS = (np.uint64(30), np.uint64(27), np.uint64(31))
-_PART, _PARTS = np.uint64(0xFFFF), (np.uint64(16), np.uint64(32), np.uint64(48))
-
-_BORDERS = np.column_stack([f(2.0 * math.pi * np.arange(BUCKETS + 1) / BUCKETS) for f in (np.cos, np.sin)])
-_WIDTH_COS = math.cos(2.0 * math.pi / BUCKETS)  # of the angle between the borders of a bucket
-_ROUNDING = 1e-15  # bound of the rounding error of a share, per beam since the start of the pattern
-_SLACK, _SURE, _SLACK_RAD = (
-    1e-9,
-    1e-9,
-    1e-12,
-)  # [-], [m], [rad] far above the rounding errors of ranges and angles
-
-
-@njit(cache=True, error_model="numpy")
-def beam_pattern(
-    first: int, number: int, phase: tuple[float, float], elevations: tuple[float, float]
-) -> Floats:
-    """Unit vectors of `number` beams from beam `first` on, at all azimuths between two elevations: (number, 3).
-
-    phase: position of beam 0 in azimuth and in elevation, as shares of the field of view; elevations: lowest and
-    highest [rad].
-    """
-    beams = np.empty((number, 3))
-    low, span = elevations[0], elevations[1] - elevations[0]
-    for i in range(number):
-        turn, rise = turn_share(first + i, phase[0]), rise_share(first + i, phase[1])
-        azimuth, elevation = 2.0 * math.pi * turn, low + span * rise
-        # Spherical to Cartesian coordinates.
-        flat = math.cos(elevation)
-        beams[i, 0], beams[i, 1] = flat * math.cos(azimuth), flat * math.sin(azimuth)
-        beams[i, 2] = math.sin(elevation)
-    return beams
-
-
-@njit(cache=True, error_model="numpy")
-def beam_noise(first: int, number: int, seed: int) -> Floats:
-    """Noise of mean 0, variance 1 and at most MOST_NOISE, of `number` beams from beam `first` on: (number,).
-
-    It is nearly normal: the sum of four uniform numbers, with a kurtosis of 2.7 instead of 3.
-    """
-    noise = np.empty(number)
-    for i in range(number):
-        noise[i] = noise_of(first + i, np.uint64(seed))
-    return noise
-
-
-@njit(cache=True, error_model="numpy")
-def turn_share(beam, phase):
-    """Azimuth of a beam as a share of a turn, in [0, 1)."""
-    turn = phase + beam * _TURN
-    return turn - np.floor(turn)
-
-
-@njit(cache=True, error_model="numpy")
-def rise_share(beam, phase):
-    """Elevation of a beam as a share of the field of view, in [0, 1)."""
-    rise = phase + beam * _RISE
-    return rise - np.floor(rise)
-
-
-@njit(cache=True, error_model="numpy")
-def noise_of(beam, seed):
-    """Noise of one beam, which depends only on beam and seed, not on the other beams requested."""
-    mixed = seed + (np.uint64(beam) + np.uint64(1)) * _STEP
-    mixed = (mixed ^ (mixed >> _SHIFTS[0])) * _MIX_1
-    mixed = (mixed ^ (mixed >> _SHIFTS[1])) * _MIX_2
-    mixed = mixed ^ (mixed >> _SHIFTS[2])
-    total = (mixed & _PART) + ((mixed >> _PARTS[0]) & _PART) + ((mixed >> _PARTS[1]) & _PART)
-    total += mixed >> _PARTS[2]
-    return (float(total) - 131070.0) * (
-        math.sqrt(3.0) / 65536.0
-    )  # four of mean 65535 / 2, variance 65536² / 12
+_SURE, _SLACK_RAD = 1e-6, 1e-12  # [m], [rad] far above the rounding errors of ranges and angles
+_MOST_ELEVATION = 0.6  # [rad] up to which the bound of the tangent in `_contenders` holds
 
 
 @njit(cache=True, error_model="numpy")
 def cloud_scan(
     pose: tuple[float, float, float],
     beams: tuple[int, int, float, float],
+    table: tuple[NDArray[np.int32], NDArray[np.int32]],
     noise: tuple[int, float],
     sensor: tuple[float, float, float, float, float],
     heights: tuple[float, float],
@@ -116,226 +49,240 @@ def cloud_scan(
 ) -> NDArray[np.float32]:
     """Least horizontal range of a cloud's points in each bin, inf for a bin without points: (num_bins,) [m].
 
-    pose: of the sensor in the world; beams (first, number, phase in azimuth, phase in elevation) of the pattern
-    (`beam_pattern`); noise (seed, σ [m]); sensor (height above the ground [m], lowest and highest
-    elevation [rad], nearest and farthest distance [m]); heights (lowest, highest) and spans (nearest, farthest):
-    limits of the points that count [m]; circles (C, 3), edges (E, 4) and those of an
+    pose: of the sensor in the world; beams (first, number, phase in azimuth, phase in elevation) of the pattern, and
+    the `BeamTable` of that number (`lme.simulation.mid360.pattern`); noise (seed, σ [m]); sensor (height above the
+    ground [m], lowest and highest elevation [rad], nearest and farthest distance [m]); heights (lowest, highest) and
+    spans (nearest, farthest): limits of the points that count [m]; circles (C, 3), edges (E, 4) and those of an
     `EdgeGrid`. The middle of bin i is at −π + i · 2π / bins.
     """
-    ranges = np.full(num_bins, np.float32(np.inf))
-    first, number, phase = beams[0], beams[1], (beams[2], beams[3])
-    height, elevation_min, rise_span = sensor[0], sensor[1], sensor[2] - sensor[1]
+    first, phase, rises = beams[0], (beams[2], beams[3]), (sensor[1], sensor[2] - sensor[1])
     max_noise = MOST_NOISE * noise[1]
+    # What a beam may hit first in each bucket of bearing, and bounds of how far it gets.
     frame, cells, in_cells = grid
-    # Sort the obstacles by bearing, and keep those of each bucket that a beam may hit first.
-    starts, items = by_bearing(pose, circles, edges, min(sensor[4], spans[1] + max_noise))
-    stops, shapes, nearest_gaps = _visible(pose, starts, items, circles, edges)
-    nearest_gaps = np.minimum(nearest_gaps, nearest(pose[0], pose[1], frame, cells, in_cells))
-    # Elevations within which a beam can give a point that counts, for each bucket and over all of them.
-    low, high = _elevations(nearest_gaps, sensor, heights, max_noise)
-    lowest, highest = (low.min() - elevation_min) / rise_span, (high.max() - elevation_min) / rise_span
-    chosen = beams_between(first, number, phase[1], lowest, highest)
-    turns, buckets, elevations = _aim(chosen, phase, pose[2], (elevation_min, rise_span))
-    chosen, turns, buckets, elevations = _within(low, high, chosen, turns, buckets, elevations)
-    directions, errors = _directions(chosen, turns, pose[2], elevations, noise)
-    for n in range(len(chosen)):
-        # Horizontal range to the first obstacle, of infinite height, or to the ground if that is nearer.
-        bucket, ray, reach = buckets[n], (directions[0, n], directions[1, n], 0.0), np.inf
-        for j in range(starts[bucket], stops[0, bucket]):
-            centre = (shapes[j, 0], shapes[j, 1], shapes[j, 2])
-            reach = min(reach, to_circle(ray, centre, -np.inf, np.inf))
-        for j in range(stops[0, bucket], stops[1, bucket]):
-            ends = (shapes[j, 0], shapes[j, 1], shapes[j, 2], shapes[j, 3])
-            reach = min(reach, to_edge(ray, ends, -np.inf, np.inf))
-        if len(in_cells):
-            beam = (ray[0], ray[1])
-            reach = first_hit(pose[0], pose[1], (1.0, 0.0), beam, reach, frame, cells, in_cells)
-        cos, sin = directions[2, n], directions[3, n]
-        if height * cos + reach * sin < 0.0:
-            reach = -height * cos / sin  # the ground is nearer
-        distance = reach / cos
-        if distance > sensor[4]:
-            continue
-        # Height and horizontal range of the noisy point; if it counts, it goes into the bin of its azimuth.
-        distance += errors[n]
-        z, horizontal = height + distance * sin, distance * cos
-        if distance >= sensor[3] and heights[0] <= z <= heights[1] and spans[0] <= horizontal <= spans[1]:
-            k = int((turns[n] + 0.5 - np.floor(turns[n] + 0.5)) * num_bins + 0.5)
-            k = 0 if k == num_bins else k
-            ranges[k] = min(ranges[k], np.float32(horizontal))
+    range_max = min(sensor[4], spans[1] + max_noise)
+    bounds, edge_in, link_of, links, shapes = visible(pose, circles, edges, range_max)
+    bounds[0] = np.minimum(bounds[0], nearest(pose[0], pose[1], frame, cells, in_cells))
+    # Beams with an elevation that can give a point that counts.
+    error = share_error(first, beams[1])
+    gaps = _sector_gaps(bounds[0], turn_share(first, phase[0]) + pose[2] / (2.0 * math.pi), error)
+    low, high = _elevations(gaps, sensor, heights, max_noise)
+    chosen = beams_within(first, phase[1], table, (low - rises[0]) / rises[1], (high - rises[0]) / rises[1])
+    buckets, bins, aims = _aim(chosen, first, phase, pose[2], rises, noise, num_bins)
+    # Those of them that can be the nearest in their bins.
+    surely = _countable(bounds, sensor, heights, spans, max_noise)
+    contenders = _contenders(
+        buckets, bins, aims, bounds[0], surely, (sensor[0], *heights), max_noise, num_bins
+    )
+    buckets, bins, aims = _copied(contenders, buckets, bins, aims)
+    directions = _directions(aims)
+    reaches = _reaches(buckets, directions, edge_in, link_of, links, shapes, len(circles))
+    if len(in_cells):
+        for n in range(len(reaches)):
+            beam = (directions[0, n], directions[1, n])
+            reaches[n] = first_hit(pose[0], pose[1], (1.0, 0.0), beam, reaches[n], frame, cells, in_cells)
+    ranges: NDArray[np.float32]
+    ranges = _nearest_points(bins, aims, directions, reaches, sensor, heights, spans, num_bins)
     return ranges
 
 
 @njit(cache=True, error_model="numpy")
-def _aim(beams, phase, yaw, rises):
-    """Azimuth about the sensor as a share of a turn, bucket, and elevation [rad] of each beam: 3 × (N,).
-
-    rises: lowest elevation and span [rad]. The loop is vectorised.
-    """
-    heading = yaw / (2.0 * math.pi)
-    turns, buckets, elevations = np.empty(len(beams)), np.empty(len(beams), np.int64), np.empty(len(beams))
-    for n in range(len(beams)):
-        turns[n] = turn_share(beams[n], phase[0])
-        beam_turn = turns[n] + heading
-        beam_turn -= np.floor(beam_turn)
-        buckets[n] = min(int(beam_turn * BUCKETS), BUCKETS - 1)
-        elevations[n] = rises[0] + rises[1] * rise_share(beams[n], phase[1])
-    return turns, buckets, elevations
+def _highest_ground(sensor, max_noise):
+    """Greatest height of a noisy point of the ground, whose noise is along the beam [m]."""
+    return max_noise * math.sin(max(-sensor[1], 0.0)) + _SURE
 
 
 @njit(cache=True, error_model="numpy")
-def _within(low, high, beams, turns, buckets, elevations):
-    """Keep the beams within the elevations of their buckets; the arrays are overwritten. No branches, for speed."""
-    count = 0
-    for n in range(len(beams)):
-        bucket, elevation = buckets[n], elevations[n]
-        beams[count], turns[count], buckets[count], elevations[count] = beams[n], turns[n], bucket, elevation
-        count += (elevation >= low[bucket]) & (elevation <= high[bucket])
-    return beams[:count], turns[:count], buckets[:count], elevations[:count]
+def _sector_gaps(nearest, turn, error):
+    """Lower bound of the range to the first obstacle in each sector of azimuth from a turn on: (SECTORS,) [m].
+
+    nearest (BUCKETS,): that of each bucket; error: of azimuths, as a share of a turn.
+    """
+    gaps = np.full(SECTORS, np.inf)
+    turn -= error
+    for s in range(SECTORS):
+        start = turn + s / SECTORS
+        bucket = min(int((start - np.floor(start)) * BUCKETS), BUCKETS - 1)
+        # The buckets that the sector may touch.
+        for _ in range(BUCKETS // SECTORS + 2):
+            gaps[s] = min(gaps[s], nearest[bucket])
+            bucket = bucket + 1 if bucket + 1 < BUCKETS else 0
+    return gaps
 
 
 @njit(cache=True, error_model="numpy")
-def _directions(beams, turns, yaw, elevations, noise):
-    """Cosine and sine of each beam's bearing in the world and of its elevation, (4, N), and its error (N,) [m].
+def _aim(chosen, first, phase, yaw, rises, noise, num_bins):
+    """Bucket (N,) and bin (N,) of each beam, and (3, N): its bearing in turns, elevation [rad] and error [m].
 
-    The loops are vectorised.
+    chosen: numbers of the beams, counted from `first`; rises: lowest elevation and span [rad]. The loops are
+    vectorised.
     """
-    heading, seed = yaw / (2.0 * math.pi), np.uint64(noise[0])
-    directions, errors = np.empty((4, len(beams))), np.empty(len(beams))
-    for n in range(len(beams)):
-        beam_turn = turns[n] + heading
-        directions[0, n], directions[1, n] = direction(beam_turn - np.floor(beam_turn))
-    for n in range(len(beams)):
-        directions[2, n], directions[3, n] = direction(elevations[n] / (2.0 * math.pi))
-    for n in range(len(beams)):
-        errors[n] = noise[1] * noise_of(beams[n], seed)
-    return directions, errors
+    heading, seed, start = yaw / (2.0 * math.pi), np.uint64(noise[0]), float(first)
+    buckets, bins = np.empty(len(chosen), np.uint32), np.empty(len(chosen), np.uint32)
+    aims = np.empty((3, len(chosen)))
+    for n in range(len(chosen)):
+        turn = turn_share(start + chosen[n], phase[0])
+        half_turned = turn + 0.5 - np.floor(turn + 0.5)
+        nearest_bin = np.int32(half_turned * num_bins + 0.5)
+        bins[n] = 0 if nearest_bin == num_bins else nearest_bin
+        turn += heading
+        turn -= np.floor(turn)
+        bucket = np.int32(turn * BUCKETS)
+        buckets[n] = bucket if bucket < BUCKETS else BUCKETS - 1
+        aims[0, n] = turn
+        aims[1, n] = rises[0] + rises[1] * rise_share(start + chosen[n], phase[1])
+    for n in range(len(chosen)):
+        aims[2, n] = noise[1] * noise_of(first + chosen[n], seed)
+    return buckets, bins, aims
 
 
 @njit(cache=True, error_model="numpy")
-def beams_between(first, number, phase, lowest, highest):
-    """Beams whose elevation lies between two shares of the field of view, in order, and perhaps some next to them.
-
-    From beam to beam the elevation rotates by _RISE, and a rotation returns to an interval after one of three
-    numbers of steps. Source: N. B. Slater 1967, "Gaps and steps for the sequence nθ mod 1".
-    """
-    chosen, count = np.empty(number, np.int64), 0
-    # The interval is wider than asked for by the rounding errors, which thus cannot hide a beam.
-    slack = _ROUNDING * (first + number)
-    low, length = max(lowest, 0.0) - slack, min(highest, 1.0) - max(lowest, 0.0) + 2.0 * slack
-    # The least numbers of steps that lead up, and down, by less than its length.
-    up, down = 1, 1
-    while rise_share(up, 0.0) >= length and up < number:
-        up += 1
-    while 1.0 - rise_share(down, 0.0) >= length and down < number:
-        down += 1
-    rise, fall = rise_share(up, 0.0), 1.0 - rise_share(down, 0.0)
-    beam, is_found = first, False
-    while beam < first + number:
-        above = rise_share(beam, phase) - low + slack
-        above -= np.floor(above) + slack
-        if 0.0 <= above <= length:
-            chosen[count] = beam
-            count += 1
-            is_found = True
-        # Up, down, or both if one alone leads outside.
-        if not is_found:
-            beam += 1
-        elif above + rise < length:
-            beam += up
-        elif above >= fall:
-            beam += down
-        else:
-            beam += up + down
-    return chosen[:count]
-
-
-@njit(cache=True, error_model="numpy")
-def _visible(pose, starts, items, circles, edges):
-    """Obstacles of each bucket without those that others hide: stops (2, BUCKETS), shapes (N, 4), nearest (BUCKETS,).
-
-    Bucket b has the circles [x, y, r, 0] from starts[b] to stops[0, b], and then the edges [x0, y0, x1, y1] to
-    stops[1, b], relative to the pose. nearest: lower bound of the horizontal range to the first of them [m], inf
-    without any.
-    """
-    relative, gaps = _relative(pose, circles, edges)
-    stops, shapes = np.empty((2, BUCKETS), np.int64), np.empty((len(items), 4))
-    nearest, least = np.full(BUCKETS, np.inf), np.empty(len(items))
+def _countable(bounds, sensor, heights, spans, max_noise):
+    """Upper bound of the range in each bucket, inf where not all points between the heights are sure to count [m]."""
+    surely = np.full(BUCKETS, np.inf)
+    # Nothing is sure if the ground may be nearer and count, or if the sensor is not between the heights.
+    if heights[0] <= _highest_ground(sensor, max_noise) or not heights[0] <= sensor[0] <= heights[1]:
+        return surely
+    steepest = math.cos(min(max(abs(sensor[1]), abs(sensor[2])), math.pi / 2.0))
+    nearest, farthest = max(spans[0], sensor[3]) + max_noise, min(spans[1] - max_noise, sensor[4] * steepest)
     for bucket in range(BUCKETS):
-        start, stop = starts[bucket], starts[bucket + 1]
-        x0, y0, x1, y1 = (
-            _BORDERS[bucket, 0],
-            _BORDERS[bucket, 1],
-            _BORDERS[bucket + 1, 0],
-            _BORDERS[bucket + 1, 1],
-        )
-        # Least range to each obstacle; and the farthest that a beam gets, since an obstacle covers the whole bucket.
-        farthest = np.inf
-        for j in range(start, stop):
-            i = items[j]
-            least[j] = gaps[i]
-            ax, ay, bx, by = relative[i, 0], relative[i, 1], relative[i, 2], relative[i, 3]
-            # Signed distances of the centre, with radius bx, or of the first end from the borders.
-            a0, a1 = ax * y0 - ay * x0, ax * y1 - ay * x1
-            if i < len(circles):
-                if gaps[i] > 0.0 and ax * x0 + ay * y0 > 0.0 and max(abs(a0), abs(a1)) < bx - _SURE:
-                    farthest = min(farthest, gaps[i] + bx)
-                continue
-            b0, b1 = bx * y0 - by * x0, bx * y1 - by * x1
-            if (max(a0, a1) < -_SURE and min(b0, b1) > _SURE) or (
-                min(a0, a1) > _SURE and max(b0, b1) < -_SURE
-            ):
-                # Between the borders the range is at most that on one of them, and hardly less than on both.
-                cross = ax * by - ay * bx
-                range_0, range_1 = cross / (a0 - b0), cross / (a1 - b1)
-                if range_0 > 0.0 and range_1 > 0.0:
-                    farthest = min(farthest, max(range_0, range_1))
-                    least[j] = max(least[j], min(range_0, range_1) * _WIDTH_COS)
-        # Copy the obstacles that are not farther away.
-        stops[0, bucket] = stops[1, bucket] = start
-        for j in range(start, stop):
-            if least[j] <= farthest * (1.0 + _SLACK):
-                i, slot = items[j], stops[1, bucket]
-                for k in range(4):
-                    shapes[slot, k] = relative[i, k]
-                stops[0, bucket] += i < len(circles)
-                stops[1, bucket] += 1
-                nearest[bucket] = min(nearest[bucket], least[j])
-    return stops, shapes, nearest
+        if bounds[0, bucket] > nearest + _SURE and bounds[1, bucket] < farthest - _SURE:
+            surely[bucket] = bounds[1, bucket]
+    return surely
 
 
 @njit(cache=True, error_model="numpy")
-def _relative(pose, circles, edges):
-    """Circles, then edges, relative to the pose, (C + E, 4), and the horizontal distance to each (C + E,) [m]."""
-    relative, gaps = np.zeros((len(circles) + len(edges), 4)), np.empty(len(circles) + len(edges))
-    for i in range(len(circles)):
-        x, y, r = circles[i, 0] - pose[0], circles[i, 1] - pose[1], circles[i, 2]
-        relative[i, 0], relative[i, 1], relative[i, 2] = x, y, r
-        gaps[i] = math.sqrt(x * x + y * y) - r
-    for e in range(len(edges)):
-        i = len(circles) + e
+def _contenders(buckets, bins, aims, nearest, surely, heights, max_noise, num_bins):
+    """Indices of the beams that may give the nearest point of their bin: (K,).
+
+    nearest, surely (BUCKETS,): bounds of the range, the upper one as from `_countable`; heights: of the sensor, lowest
+    and highest that count [m].
+    """
+    below, above = heights[0] - heights[1], heights[2] - heights[0]
+    ranges, bounds = np.empty((2, len(bins))), np.empty((2, len(bins)))
+    for n in range(len(bins)):
+        ranges[0, n], ranges[1, n] = nearest[buckets[n]], surely[buckets[n]]
+    # Bounds of a point's horizontal range; the upper one is inf if the point does not surely count. It is vectorised.
+    for n in range(len(bins)):
+        rise, error = aims[1, n], aims[2, n]
+        steep, cos = abs(rise), 1.0 - 0.5 * rise * rise  # 1 − x²/2 < cos(x)
+        # tan(x) < x + 0.4 x³ up to 0.6
+        most_height = (ranges[1, n] + max_noise) * steep * (1.0 + 0.4 * rise * rise)
+        counts = (most_height < (below if rise < 0.0 else above) - _SURE) & (steep < _MOST_ELEVATION)
+        bounds[0, n] = ranges[0, n] + min(error, error * cos) - _SURE
+        bounds[1, n] = ranges[1, n] + max(error, error * cos) + _SURE if counts else np.inf
+    # The bound of each bin, and the beams that may come below it.
+    least = np.full(num_bins, np.inf)
+    for n in range(len(bins)):
+        least[bins[n]] = min(least[bins[n]], bounds[1, n])
+    contenders, count = np.empty(len(bins), np.uint32), 0
+    for n in range(len(bins)):
+        contenders[count] = n
+        count += bounds[0, n] <= least[bins[n]]
+    return contenders[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _copied(contenders, buckets, bins, aims):
+    """Buckets, bins and aims of some beams; loops over the copies are vectorised."""
+    few_buckets, few_bins = np.empty(len(contenders), buckets.dtype), np.empty(len(contenders), bins.dtype)
+    few_aims = np.empty((3, len(contenders)))
+    for n in range(len(contenders)):
+        few_buckets[n], few_bins[n] = buckets[contenders[n]], bins[contenders[n]]
+        for k in range(3):
+            few_aims[k, n] = aims[k, contenders[n]]
+    return few_buckets, few_bins, few_aims
+
+
+@njit(cache=True, error_model="numpy")
+def _directions(aims):
+    """Cosine and sine of each beam's bearing in the world and of its elevation: (4, N). The loops are vectorised."""
+    directions = np.empty((4, aims.shape[1]))
+    for n in range(aims.shape[1]):
+        directions[0, n], directions[1, n] = direction(aims[0, n])
+    for n in range(aims.shape[1]):
+        directions[2, n], directions[3, n] = direction(aims[1, n] / (2.0 * math.pi))
+    return directions
+
+
+@njit(cache=True, error_model="numpy")
+def _reaches(buckets, directions, edge_in, link_of, links, shapes, num_circles):
+    """Horizontal range of each beam to the first obstacle, of infinite height; inf without any: (N,) [m].
+
+    edge_in, link_of, links, shapes: see `visible`. The first loop is vectorised: most buckets have one edge only.
+    """
+    reaches, ends = np.empty(len(buckets)), np.empty((4, len(buckets)))
+    for n in range(len(buckets)):
         for k in range(4):
-            relative[i, k] = edges[e, k] - pose[k % 2]
-        square = point_to_segment(0.0, 0.0, relative[i, 0], relative[i, 1], relative[i, 2], relative[i, 3])
-        gaps[i] = math.sqrt(square)
-    return relative, gaps
+            ends[k, n] = edge_in[k, buckets[n]]
+    for n in range(len(buckets)):
+        dx, dy, ax, ay, bx, by = (
+            directions[0, n],
+            directions[1, n],
+            ends[0, n],
+            ends[1, n],
+            ends[2, n],
+            ends[3, n],
+        )
+        # The arithmetic of `to_edge`.
+        across_start, across_end = ax * dy - ay * dx, bx * dy - by * dx
+        distance = (ax * by - ay * bx) / (across_start - across_end)
+        is_hit = ((across_start > 0.0) != (across_end > 0.0)) & (distance >= 0.0)
+        reaches[n] = distance if is_hit else np.inf
+    for n in range(len(buckets)):
+        ray, link = (directions[0, n], directions[1, n], 0.0), link_of[buckets[n]]
+        while link >= 0:
+            i = links[0, link]
+            if i < num_circles:
+                distance = to_circle(ray, (shapes[0, i], shapes[1, i], shapes[2, i]), -np.inf, np.inf)
+            else:
+                edge = (shapes[0, i], shapes[1, i], shapes[2, i], shapes[3, i])
+                distance = to_edge(ray, edge, -np.inf, np.inf)
+            reaches[n] = min(reaches[n], distance)
+            link = links[1, link]
+    return reaches
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_points(bins, aims, directions, reaches, sensor, heights, spans, num_bins):
+    """Least horizontal range of the points of the beams in each bin: (num_bins,) [m].
+
+    reaches: see `_reaches`. The first loop is vectorised.
+    """
+    points = np.empty(len(bins), np.float32)
+    for n in range(len(bins)):
+        cos, sin, height, reach = directions[2, n], directions[3, n], sensor[0], reaches[n]
+        # The ground may be nearer.
+        reach = -height * cos / sin if height * cos + reach * sin < 0.0 else reach
+        distance = reach / cos
+        is_return = distance <= sensor[4]
+        # Height and horizontal range of the noisy point.
+        distance += aims[2, n]
+        z, horizontal = height + distance * sin, distance * cos
+        counts = is_return & (distance >= sensor[3]) & (heights[0] <= z) & (z <= heights[1])
+        counts &= (spans[0] <= horizontal) & (horizontal <= spans[1])
+        points[n] = horizontal if counts else np.inf
+    ranges = np.full(num_bins, np.float32(np.inf))
+    for n in range(len(bins)):
+        k = bins[n]
+        ranges[k] = min(ranges[k], points[n])
+    return ranges
 
 
 @njit(cache=True, error_model="numpy")
 def _elevations(nearest, sensor, heights, max_noise):
-    """Lowest and highest elevation of the beams in each bucket that may give a point that counts: 2 × (BUCKETS,).
+    """Lowest and highest elevation of the beams in each sector that may give a point that counts: 2 × (SECTORS,).
 
-    A beam hits nothing nearer than the nearest obstacle of its bucket, at nearest (BUCKETS,) [m], or the ground, and
+    A beam hits nothing nearer than the nearest obstacle of its sector, at nearest (SECTORS,) [m], or the ground, and
     its noise is at most `max_noise` [m].
     """
-    low, high = np.full(BUCKETS, -math.pi / 2.0), np.full(BUCKETS, math.pi / 2.0)
+    low, high = np.full(SECTORS, -math.pi / 2.0), np.full(SECTORS, math.pi / 2.0)
     below, above = max(sensor[0] - heights[0], 0.0), max(heights[1] - sensor[0], 0.0)
-    ground_counts = heights[0] <= max_noise
-    for bucket in range(BUCKETS):
+    ground_counts = heights[0] <= _highest_ground(sensor, max_noise)
+    for s in range(SECTORS):
         # A steeper beam is above or below the heights that count where it meets the nearest obstacle.
-        gap = nearest[bucket] - max_noise
+        gap = nearest[s] - max_noise
         if gap > 0.0:
-            high[bucket] = unsigned_bearing(gap, above) + _SLACK_RAD
+            high[s] = unsigned_bearing(gap, above) + _SLACK_RAD
             if not ground_counts:
-                low[bucket] = -unsigned_bearing(gap, below) - _SLACK_RAD
+                low[s] = -unsigned_bearing(gap, below) - _SLACK_RAD
     return low, high

@@ -68,26 +68,16 @@ def _bucket(x, y):
 @njit(cache=True, error_model="numpy")
 def by_bearing(origin, circles, edges, range_max):
     """Return starts, items: bucket b holds items[starts[b]:starts[b + 1]]. Item i < C: circle i, else edge i − C."""
-    count = len(circles) + len(edges)
-    first, number = np.empty(count, np.int64), np.empty(count, np.int64)
+    first, number = bucket_spans(origin, circles, edges, range_max)
     starts = np.zeros(BUCKETS + 1, np.int64)
     # Counting sort: count the items of each bucket first.
-    for i in range(count):
-        if i < len(circles):
-            x, y = circles[i, 0] - origin[0], circles[i, 1] - origin[1]
-            first[i], number[i] = _circle_buckets(x, y, circles[i, 2], range_max)
-        else:
-            e = i - len(circles)
-            ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-            first[i], number[i] = _edge_buckets(
-                ax - origin[0], ay - origin[1], bx - origin[0], by - origin[1]
-            )
+    for i in range(len(first)):
         for j in range(number[i]):
             starts[_wrapped(first[i] + j) + 1] += 1
     # The sums of the counts are the starts; then fill the buckets.
     starts = np.cumsum(starts)
     items, filled = np.empty(starts[-1], np.int64), starts.copy()
-    for i in range(count):
+    for i in range(len(first)):
         for j in range(number[i]):
             bucket = _wrapped(first[i] + j)
             items[filled[bucket]] = i
@@ -102,6 +92,30 @@ def _wrapped(bucket):
 
 
 @njit(cache=True, error_model="numpy")
+def bucket_spans(origin, circles, edges, range_max):
+    """First bucket and number of the buckets that each circle, then each edge, may cover: 2 × (C + E,).
+
+    Buckets are counted on beyond the last one. A circle beyond `range_max` has none.
+    """
+    first, number = (
+        np.empty(len(circles) + len(edges), np.int64),
+        np.empty(len(circles) + len(edges), np.int64),
+    )
+    for i in range(len(circles)):
+        x, y = circles[i, 0] - origin[0], circles[i, 1] - origin[1]
+        first[i], number[i] = _circle_buckets(x, y, circles[i, 2], range_max)
+    for e in range(len(edges)):
+        ax, ay, bx, by = (
+            edges[e, 0] - origin[0],
+            edges[e, 1] - origin[1],
+            edges[e, 2] - origin[0],
+            edges[e, 3] - origin[1],
+        )
+        first[len(circles) + e], number[len(circles) + e] = _edge_buckets(ax, ay, bx, by)
+    return first, number
+
+
+@njit(cache=True, error_model="numpy")
 def _circle_buckets(x, y, r, range_max):
     """First bucket and number of the buckets that a disc around (x, y) may cover."""
     distance = math.hypot(x, y)
@@ -111,23 +125,28 @@ def _circle_buckets(x, y, r, range_max):
         return 0, BUCKETS
     middle, half = math.atan2(y, x), math.asin(r / distance)
     low, high = middle - half, middle + half
-    return _span(math.cos(low), math.sin(low), math.cos(high), math.sin(high))
+    return _span(_bucket(math.cos(low), math.sin(low)), _bucket(math.cos(high), math.sin(high)))
 
 
 @njit(cache=True, error_model="numpy")
 def _edge_buckets(ax, ay, bx, by):
     """First bucket and number of the buckets that an edge may cover; all if the origin is on it or almost."""
     cross, dot = ax * by - ay * bx, ax * bx + ay * by
-    if abs(cross) <= -1e-6 * dot or (ax == 0.0 and ay == 0.0) or (bx == 0.0 and by == 0.0):
-        return 0, BUCKETS
-    return _span(ax, ay, bx, by) if cross >= 0.0 else _span(bx, by, ax, ay)
+    is_everywhere = (abs(cross) <= -1e-6 * dot) | ((ax == 0.0) & (ay == 0.0)) | ((bx == 0.0) & (by == 0.0))
+    # An end at the origin has no bearing.
+    a = 0.0 if is_everywhere else bearing(ax, ay) * (BUCKETS / (2.0 * math.pi))
+    b = 0.0 if is_everywhere else bearing(bx, by) * (BUCKETS / (2.0 * math.pi))
+    low, high = min(a if cross >= 0.0 else b, BUCKETS - 1.0), min(b if cross >= 0.0 else a, BUCKETS - 1.0)
+    first, number = _span(int(low), int(high))
+    return (0 if is_everywhere else first), (BUCKETS if is_everywhere else number)
 
 
 @njit(cache=True, error_model="numpy")
-def _span(ax, ay, bx, by):
-    """Buckets counter-clockwise from direction a to direction b, and one more at either end for rounding."""
-    low, high = _bucket(ax, ay), _bucket(bx, by)
-    return (low - 1) % BUCKETS, min((high - low) % BUCKETS + 3, BUCKETS)
+def _span(low, high):
+    """First bucket and number of the buckets counter-clockwise from one to another, and one more at either end."""
+    number = high - low + 3
+    number += BUCKETS if high < low else 0
+    return (low - 1 if low > 0 else BUCKETS - 1), min(number, BUCKETS)
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,7 +16,8 @@ from lme.geometry.frames import compose
 from lme.grids.edge_grid import NO_EDGES, EdgeGrid
 from lme.perception.point_cloud import rigid_transform
 from lme.robots import Lidar
-from lme.simulation.mid360.cloud_scan import beam_noise, beam_pattern, cloud_scan
+from lme.simulation.mid360.cloud_scan import cloud_scan
+from lme.simulation.mid360.pattern import beam_noise, beam_pattern, beam_table
 from lme.simulation.mid360.raycast3d import cast_rays
 from lme.types import Floats, Pose
 from lme.worlds.world import World
@@ -156,10 +157,13 @@ class Mid360:
         """
         config, cloud = self._config, lidar.cloud
         assert cloud is not None
+        first, number = self._fire(cloud.duration)
+        table = beam_table(number)
         elevations = (config.elevation_min, config.elevation_max)
         ranges: NDArray[np.float32] = cloud_scan(
             compose(pose, lidar.mount),
-            (*self._fire(cloud.duration), *self._phase),
+            (first, number, *self._phase),
+            (table.starts, table.order),
             (self._seed, config.noise_std),
             (cloud.height, *elevations, config.range_min, config.range_max),
             (cloud.min_height, cloud.max_height),

@@ -12,7 +12,7 @@ from lme.geometry.collision import sweep
 from lme.perception.point_cloud import CLEARED, Projection, rigid_transform, to_scan, without_unmeasured
 from lme.robots import Lidar
 from lme.simulation.mid360 import mid360_of
-from lme.simulation.mid360.cloud_scan import MOST_NOISE
+from lme.simulation.mid360.pattern import MOST_NOISE
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Pose
 from lme.worlds.world import World

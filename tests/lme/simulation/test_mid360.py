@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from lme.errors import InputError
 from lme.perception.point_cloud import Projection, rigid_transform, to_scan
 from lme.perception.raycast import cast_shapes
-from lme.simulation.mid360.cloud_scan import beam_pattern
+from lme.simulation.mid360.pattern import beam_pattern
 from lme.simulation.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config, mid360_of
 from lme.types import Pose
 from lme.worlds.world import World
