@@ -29,7 +29,7 @@ from runners.config.systems import System
 from runners.records import launch_record, trust
 from runners.records.episode_record import CUSTOM_SUBSET, EpisodeKey, RunLabels
 from runners.records.parquet import EPISODES
-from runners.records.records import RecordWriter, find_runs, read_episodes
+from runners.records.records import RecordWriter, find_runs, read_episodes, read_first
 from runners.reports.analysis import failures
 from runners.reports.analysis.summary import Row, metrics, summarise
 from runners.reports.analysis.tables import print_table, write_tables
@@ -170,7 +170,7 @@ def _executor(config: EpisodesConfig, num_episodes: int) -> Any:
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
     """Return the labels of the run's records: a resumed run keeps its names, even if files in `conf/` changed."""
-    episode = read_episodes([run_dir]).iloc[0].dropna()
+    episode = read_first(run_dir)
     return RunLabels(**{key: str(episode.get(key, label)) for key, label in asdict(labels).items()})
 
 

@@ -16,7 +16,7 @@ import re
 from array import array
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Self
 
@@ -242,6 +242,7 @@ def _layout(trajectory: dict[str, tuple[str, str]]) -> tuple[tuple[str, str], ..
     return tuple((name, _dtype(kind).str) for name, (kind, _) in trajectory.items())
 
 
+@cache  # asked for every column of every line
 def _dtype(kind: str) -> np.dtype[Any]:
     # NumPy would parse a string with a comma as a structured type.
     if not re.fullmatch(r"[<>|=]?[fiu]\d\d?", kind):

@@ -9,13 +9,14 @@ import dataclasses
 import hashlib
 import json
 import math
+import os
 import platform
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -158,6 +159,29 @@ def read_launch(directory: Path) -> Launch | None:
     if launch is None or not _is_complete(launch):
         raise InputError(f"{directory}: its {LAUNCH} is damaged: restore or remove it")
     return launch
+
+
+def sweep_launch(sweep_dir: Path) -> Launch | None:
+    """Return what `read_launch` does, read once per process: each job of a sweep asks for the sweep's large record."""
+    path = (sweep_dir / LAUNCH).resolve()
+    return _launch_at(path, path.stat().st_mtime_ns) if path.is_file() else None
+
+
+@lru_cache(maxsize=1)
+def _launch_at(path: Path, time_ns: int) -> Launch | None:
+    """time_ns: when the file was written."""
+    return read_launch(path.parent)
+
+
+def job_folders(sweep_dir: Path) -> Iterator[Path]:
+    """Yield the folders of a sweep's jobs: those below it that hold a launch record, without looking into them."""
+    with os.scandir(sweep_dir) as entries:
+        folders = [sweep_dir / entry.name for entry in entries if entry.is_dir(follow_symlinks=False)]
+    for folder in folders:
+        if (folder / LAUNCH).is_file():
+            yield folder
+        else:
+            yield from job_folders(folder)
 
 
 def trust_flags(directory: Path) -> list[str]:

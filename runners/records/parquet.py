@@ -132,7 +132,7 @@ def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     """Return the episodes of the run's Parquet file and append log, each once, sorted by key."""
     path = run_dir / EPISODES
     tables = [read_table(path)] if path.is_file() else []
-    new_keys = keys_not_in(log, set().union(*map(_keys_in, tables)))
+    new_keys = keys_not_in(log, set().union(*map(_keys_in, tables))) if len(log.keys) else ()
     with _explain_conflicts(run_dir):
         return _episodes([*tables, *map(_rows, _blocks(log.entries(new_keys)))])
 
@@ -163,6 +163,7 @@ def trajectory_table(
 
 def write_files(run_dir: Path, log: AppendLog) -> None:
     """Write both files again, with the episodes of the append log added. Raises OSError."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     # Trajectories first: an episode is complete once it is in episodes.parquet.
@@ -180,6 +181,9 @@ def write_files(run_dir: Path, log: AppendLog) -> None:
         episodes = _episodes(rows)
     with replacing(run_dir / EPISODES) as draft, draft.open("wb") as file:
         pq.write_table(episodes, file)
+    # What reads the files next needs as much memory again.
+    del rows, episodes
+    pa.default_memory_pool().release_unused()
 
 
 def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
@@ -226,7 +230,10 @@ def _episodes(tables: Sequence[pa.Table]) -> pa.Table:
     names = _in_order(set(joined.column_names), COLUMNS)
     if not names:
         return joined
-    return joined.select(names).sort_by([(name, "ascending") for name in KEY_COLUMNS]).combine_chunks()
+    joined = joined.select(names)
+    if not (np.diff(_codes(_keys(joined))) > 0).all():  # a file is sorted, and sorting copies it
+        joined = joined.sort_by([(name, "ascending") for name in KEY_COLUMNS])
+    return joined.combine_chunks()
 
 
 def _step_schema(log: AppendLog) -> pa.Schema:

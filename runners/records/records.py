@@ -8,12 +8,18 @@ is killed, every finished episode is in one of the two places or in both. Reader
 from __future__ import annotations
 
 import contextlib
+import io
+import json
+import math
 import os
 import warnings
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from lme.errors import InputError
 from runners.config.catalogue import Catalogue
@@ -41,6 +47,7 @@ from runners.records.parquet import (
     episode_table,
     keys_not_in,
     keys_of,
+    read_table,
     trajectory_table,
     write_files,
 )
@@ -173,7 +180,7 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
 
     Numbered directories come in numerical order. Raises InputError for a path without records.
     """
-    runs: list[Path] = []
+    runs: dict[Path, None] = {}  # in order, each once
     for path in map(Path, paths):
         children = list(path.iterdir()) if path.is_dir() else []
         children.sort(
@@ -186,8 +193,8 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
         run_dirs_here = [path] if has_records(path) else [child for child in children if has_records(child)]
         if not run_dirs_here:
             raise InputError(_why_no_runs(path, children))
-        runs.extend(run for run in run_dirs_here if run not in runs)
-    return runs
+        runs |= dict.fromkeys(run_dirs_here)
+    return list(runs)
 
 
 def _why_no_runs(path: Path, children: Sequence[Path]) -> str:
@@ -213,16 +220,40 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     Raises InputError for a file that is missing or has no records.
     """
     import pandas as pd
+    import pyarrow as pa
 
     frames = []
-    for table, columns in episode_tables(run_dirs):
-        frame = table.to_pandas()
-        added = {key: columns[key] for key in columns if key not in frame}
+    for table, columns in _tables(run_dirs):
+        series = {name: _series(table[name]) for name in table.column_names}
         # Records without the column are of systems that saw the people who were really there.
         truth = str(DEFAULTS["people"])
-        added["people"] = frame["people"].fillna(truth) if "people" in frame else truth
-        frames.append(frame.assign(**added))
-    return pd.concat(frames, ignore_index=True)
+        series["people"] = series["people"].fillna(truth) if "people" in series else _constant(truth, table)
+        added = {key: _constant(value, table) for key, value in columns.items() if key not in series}
+        frames.append(pd.DataFrame({**series, **added}, copy=False))
+    del table  # give its texts back to the system, a third of a large table
+    pa.default_memory_pool().release_unused()
+    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+
+
+def _series(column: pa.ChunkedArray) -> pd.Series:
+    """Return a column of records for pandas. Texts are objects, and equal texts the same object: 8 bytes each."""
+    import pandas as pd
+    import pyarrow as pa
+
+    if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+        return column.to_pandas()
+    encoded = column.combine_chunks().dictionary_encode()
+    texts = np.array([*encoded.dictionary.to_pylist(), math.nan], dtype=object)
+    codes = encoded.indices.fill_null(len(texts) - 1).to_numpy(zero_copy_only=False)
+    return pd.Series(texts[codes], dtype=object)
+
+
+def _constant(value: object, table: pa.Table) -> pd.Series:
+    """Return a column with the same value for every episode."""
+    import pandas as pd
+
+    dtype = object if isinstance(value, str) else None
+    return pd.Series(value, index=range(table.num_rows), dtype=dtype)
 
 
 def planned(episodes: pd.DataFrame, column: str) -> int:
@@ -238,7 +269,11 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
 
     Raises as `read_episodes` does.
     """
-    tables = []
+    return list(_tables(run_dirs))
+
+
+def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, object]]]:
+    has_episodes = False
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
     # Every key that some run has changed is a column of all.
@@ -255,10 +290,22 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
             raise InputError(
                 f"records in {run_dir} lack the columns {missing_columns}: not written by lme eval"
             )
-        tables.append((table, {"run_dir": str(run_dir), **columns}))
-    if not tables:
+        has_episodes = True
+        yield table, {"run_dir": str(run_dir), **columns}
+    if not has_episodes:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
-    return tables
+
+
+def read_first(run_dir: Path) -> dict[str, Any]:
+    """Return one record of a run that has some, by column: its labels are those of all. Raises as `read_episodes`."""
+    if (run_dir / EPISODES).is_file():
+        row = read_table(run_dir / EPISODES).slice(0, 1).to_pylist()[0]
+    else:
+        with (run_dir / APPEND_LOG).open("rb") as lines:
+            first_line = io.BytesIO(lines.readline())
+        row = next(AppendLog(first_line, run_dir / APPEND_LOG).entries()).row
+    known = {name: value for name, value in row.items() if value is not None}
+    return {"people": str(DEFAULTS["people"]), **known}
 
 
 def read_record(run_dir: Path, key: EpisodeKey) -> dict[str, Any]:
@@ -356,10 +403,17 @@ def _likeness(launch: Launch) -> dict[str, str]:
     the run's own.
     """
     config, choices = launch.configs[0], launch.choices[0]
-    robot, map_set = (node if isinstance(node, dict) else {} for node in map(config.get, ("robot", "map")))
-    settings = system_settings(choices.get("system", ""), Catalogue(launch.folders)).get("robot")
+    nodes = json.dumps([node if isinstance(node, dict) else {} for node in map(config.get, ("robot", "map"))])
+    return _likeness_of(nodes, launch.folders, choices.get("system", ""), choices.get("map", ""))
+
+
+@lru_cache(maxsize=256)  # most runs of a sweep share robot and map
+def _likeness_of(nodes: str, folders: tuple[Path, ...], system: str, map_option: str) -> dict[str, str]:
+    """nodes: robot and map set of the config, in JSON."""
+    robot, map_set = json.loads(nodes)
+    settings = system_settings(system, Catalogue(folders)).get("robot")
     return {
-        "robot_like": " ".join(robots_like(robot, launch.folders, settings)),
+        "robot_like": " ".join(robots_like(robot, folders, settings)),
         "robot_difference": robot_difference(robot, settings),
-        "map_like": map_like(map_set, choices.get("map", ""), str(map_set.get("name") or "barn")),
+        "map_like": map_like(map_set, map_option, str(map_set.get("name") or "barn")),
     }

@@ -15,7 +15,15 @@ from lme.errors import InputError
 from runners.config.quoting import lme_command, resume_command
 from runners.records import inputs
 from runners.records.episode_record import APPEND_LOG, lock
-from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
+from runners.records.launch_record import (
+    LAUNCH,
+    Launch,
+    differences,
+    directory_error,
+    job_folders,
+    read_launch,
+    shortened,
+)
 from runners.records.records import has_records, read_episodes
 
 if TYPE_CHECKING:
@@ -133,8 +141,7 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
     num_jobs: number that the command line implies; a sweeper plugin may run more. A folder with a higher number and
     without records was left by a larger sweep that was stopped.
     """
-    folders = [path.parent for path in sweep_dir.rglob(LAUNCH)]
-    records = [(read_launch(folder), folder) for folder in folders]
+    records = [(read_launch(folder), folder) for folder in job_folders(sweep_dir)]
     jobs = {record.job: path for record, path in records if record is not None and record.job is not None}
     return [jobs[number] for number in sorted(jobs) if number < num_jobs or holds_run(jobs[number])]
 
@@ -204,13 +211,16 @@ def collect(folders: Iterable[Path]) -> Collected:
     Raises InputError for a folder that does not exist or has no run below it.
     """
     collected = Collected({}, [])
+    resolved: set[Path] = set()  # several paths may lead to a run, which is read once
     for folder in folders:
         runs = _runs_below(folder)
         if not runs:
             problem = "no run below it" if folder.is_dir() else "no such directory"
             raise InputError(f"{folder}: {problem}; run lme eval first, or give folders that hold runs")
         for run_dir in runs:
-            _add(run_dir, collected)
+            if run_dir.resolve() not in resolved:
+                resolved.add(run_dir.resolve())
+                _add(run_dir, collected)
     return collected
 
 
@@ -220,9 +230,7 @@ def _runs_below(folder: Path) -> list[Path]:
 
 
 def _add(run_dir: Path, collected: Collected) -> None:
-    """Read a run, only once if several paths lead to it."""
-    if any(run_dir.samefile(collected_dir) for collected_dir in collected.frames):
-        return
+    """Read a run."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about a run without episodes: the error says so

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from runners.config.quoting import resume_command
-from runners.records.launch_record import NO_RESULTS, commit, read_launch, versions
+from runners.records.launch_record import NO_RESULTS, commit, read_launch, sweep_launch, versions
 from runners.tracking.store import NAME, NOTE
 
 SWEEP = "sweep"
@@ -24,7 +24,7 @@ def run_tags(run_dir: Path, tags: Mapping[str, Any], sweep_dir: Path | None = No
     tags: the labels of its records, and `command`.
     """
     launch = read_launch(run_dir)
-    sweep = None if sweep_dir is None else read_launch(sweep_dir)
+    sweep = None if sweep_dir is None else sweep_launch(sweep_dir)
     all_tags = {
         **environment_tags(),
         **tags,

@@ -185,10 +185,11 @@ def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> No
 
     A launcher may run the jobs after the process that submitted them has ended, so every job looks at the others.
     """
-    from runners.records.launch_record import read_launch  # slow to import, and `lme doctor` does not need it
+    # slow to import, and `lme doctor` does not need it
+    from runners.records.launch_record import job_folders, sweep_launch
 
-    launch = read_launch(sweep_dir)
-    num_started = sum(1 for _ in sweep_dir.rglob(f"*/{RUN_ID_FILE}"))
+    launch = sweep_launch(sweep_dir)
+    num_started = sum((folder / RUN_ID_FILE).is_file() for folder in job_folders(sweep_dir))
     if launch is not None and launch.num_jobs is not None and num_started < launch.num_jobs:
         return
     if not children(client, parent, RUNNING):

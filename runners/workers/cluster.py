@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import math
 import pickle
@@ -37,6 +38,7 @@ _CONNECT_S = 5.0
 _NO_WORKER_S = 30  # the run ends if a cluster on this machine has had no worker for this long
 _WITHOUT_DASK = "add resume=true, and executor=process to continue without dask"
 _BATCHES_PER_WORKER = 4  # of a short list, so that the last batches end at about the same time
+_IN_FLIGHT = 10_000  # batches: enough for some thousand workers
 _NUMERIC = ("numpy", "numba", "scipy", "onnxruntime")  # packages that may change the last bit of a result
 
 
@@ -106,7 +108,7 @@ class DaskExecutor:
             self._client(at_once) as client,
             _registered(client, initialise, payload) as token,
         ):
-            yield lambda items: _submit_batches(client, token, list(items), self._config.batch)
+            yield lambda items: _submit_batches(client, token, items, self._config.batch)
 
     @property
     def _max_workers(self) -> int:
@@ -192,26 +194,45 @@ def _registered(client: Client, initialise: Initialise, payload: Any) -> Iterato
                 client.unregister_worker_plugin(token)
 
 
-def _submit_batches(client: Client, token: str, items: Sequence[Item], batch: int) -> Iterator[Any]:
-    """Submit the items in batches; the scheduler gives each worker the next one as soon as it is free."""
+def _submit_batches(client: Client, token: str, items: Iterable[Item], batch: int) -> Iterator[Any]:
+    """Submit the items in batches; the scheduler gives each worker the next one as soon as it is free.
+
+    The scheduler knows at most `_IN_FLIGHT` batches at once: of a million, each would take some kilobytes of it.
+    """
     from distributed import as_completed
 
     from runners.workers.cluster_worker import run_batch
 
-    size = _batch_size(len(items), sum(client.nthreads().values()), batch)
-    batches = [items[start : start + size] for start in range(0, len(items), size)]
-    futures = client.map(run_batch, batches, token=token, pure=False)
-    batches_by_key = {future.key: batch for future, batch in zip(futures, batches, strict=True)}
+    # A short list is divided into smaller batches.
+    workers = max(sum(client.nthreads().values()), 1)
+    remaining = iter(items)
+    first_items = list(itertools.islice(remaining, batch * _BATCHES_PER_WORKER * workers))
+    size = _batch_size(len(first_items), workers, batch)
+    remaining = itertools.chain(first_items, remaining)
+    batches = iter(lambda: list(itertools.islice(remaining, size)), [])
+    futures: dict[Any, Future[Any]] = {}
+    items_of: dict[Any, list[Item]] = {}
+    finished = as_completed(loop=client.loop)
     try:
-        for future in as_completed(futures, loop=client.loop):
-            results, error = _receive(future, batches_by_key[future.key])
-            future.release()
+        while True:
+            # Submit many at a time, which takes a fraction of the time of one by one.
+            room = _IN_FLIGHT - len(futures)
+            if room >= _IN_FLIGHT // 2 and (next_batches := list(itertools.islice(batches, room))):
+                submitted = client.map(run_batch, next_batches, token=token, pure=False)
+                for future, its_items in zip(submitted, next_batches, strict=True):
+                    futures[future.key], items_of[future.key] = future, its_items
+                finished.update(submitted)
+            if not futures:
+                break
+            future = next(finished)
+            results, error = _receive(future, items_of.pop(future.key))
+            futures.pop(future.key).release()
             yield from results
             if error is not None:
                 raise error
     finally:
         if client.status == "running":
-            client.cancel(futures)
+            client.cancel(list(futures.values()))
 
 
 def _batch_size(items: int, workers: int, max_size: int) -> int:

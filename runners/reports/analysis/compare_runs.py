@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lme.errors import InputError
 from runners.config.escaping import counted
 from runners.records.launch_record import Launch, read_launch
@@ -228,7 +230,7 @@ def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozens
     ]
     if number < len(common):
         reasons.append(f"{counted(len(common) - number, 'world')} with another start, goal or layout")
-    single = sum(world in shared for world, _ in reference.episodes ^ run.episodes)
+    single = sum(world in shared for world in (np.setxor1d(reference.episodes, run.episodes) >> 32).tolist())
     if single:
         reasons.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
     return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(reasons)}." if reasons else ""
@@ -250,7 +252,7 @@ def _describe_power(compared: Sequence[Compared]) -> list[str]:
 
 def _describe_worlds(run: ComparedRun) -> str:
     """Return "barn with crowd orca, 20 worlds from 0 to 285, run 0", or "runs 0 to 2" for several runs."""
-    numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
+    numbers, runs = run.worlds, sorted(run.frame["run"].unique())
     times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
     map_text = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")
     return f"{map_text}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -146,6 +147,8 @@ def _link(path: Path, directory: Path) -> str:
 
 
 def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
+    if not (run_dir / FOLDER).is_dir():
+        return False
     episodes = frame[frame["run_dir"] == str(run_dir)]
     keys = map(EpisodeKey.of, episodes[list(KEY_COLUMNS)].to_dict("records"))
     return any(page_path(run_dir, key).is_file() for key in keys)
@@ -156,12 +159,9 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
     runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
     launches = {run_dir: launch_record.read_launch(run_dir) for run_dir in runs}
     settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
+    counts = Counter(setting for run_settings in settings.values() for setting in set(run_settings))
     distinguishing = {
-        run: [
-            setting
-            for setting in run_settings
-            if not all(setting in other_settings for other_settings in settings.values())
-        ]
+        run: [setting for setting in run_settings if counts[setting] < len(settings)]
         for run, run_settings in settings.items()
     }
     return {run: markdown_text(" ".join([run.name, *distinguishing[run][:_MAX_SETTINGS]])) for run in runs}

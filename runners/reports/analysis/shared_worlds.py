@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lme.types import Bools
+from lme.types import Bools, Ints
 from runners.config.changes import flatten
 from runners.config.escaping import visible
 from runners.records.launch_record import Launch
@@ -55,9 +55,11 @@ class ComparedRun:
         return set(self.frame["world"])
 
     @property
-    def episodes(self) -> set[tuple[int, int]]:
-        """World and number of the run, of each episode."""
-        return set(zip(self.frame["world"], self.frame["run"], strict=True))
+    def episodes(self) -> Ints:
+        """World times 2³² plus the number of the run, of each episode: a million keys in 8 MB."""
+        worlds, runs = (self.frame[name].to_numpy(np.int64) for name in ("world", "run"))
+        codes: Ints = (worlds << 32) + runs
+        return codes
 
     def text(self, column: str) -> str:
         """Return the value that all episodes have in a column; empty without the column."""
@@ -90,7 +92,8 @@ def groups(runs: Sequence[ComparedRun]) -> list[Group]:
 
 def _with_pairs(worlds: frozenset[int], reference: ComparedRun, run: ComparedRun) -> frozenset[int]:
     """Return the worlds if the runs have an episode in common in one of them; otherwise none."""
-    return worlds if any(world in worlds for world, _ in reference.episodes & run.episodes) else frozenset()
+    common = np.intersect1d(reference.episodes, run.episodes) >> 32
+    return frozenset() if worlds.isdisjoint(np.unique(common).tolist()) else worlds
 
 
 def same_worlds(reference: ComparedRun, other_run: ComparedRun) -> frozenset[int]:

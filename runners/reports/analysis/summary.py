@@ -13,6 +13,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from lme.metrics import interval_over_worlds, mean_std_over_runs
 from lme.perception.people.source import People
 from runners.config.schema import PUBLISHED_MARK
@@ -127,10 +129,9 @@ def summarise(
     keys = row_keys(frame)
     grouping = ["system", *keys]
     # Measure a row for each combination of values, and find the setting that it can be compared in.
-    texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
     own_rows: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
-    for values, group in texts.groupby(grouping, sort=False):
-        row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
+    for values, group in groups(frame, grouping):
+        row = measure(group, values[0], dict(zip(keys, values[1:], strict=True)))
         name, setting = _system_name(group, systems), published.setting_of(group)
         reason = setting.why_none(name, figures) if setting else ""
         row = replace(row, unpublished=reason)
@@ -212,10 +213,12 @@ def numbers(row: Row) -> dict[str, float]:
 
 def row_keys(frame: pd.DataFrame) -> list[str]:
     """Return the columns besides `system` that distinguish rows: those that vary, or have unusual values."""
+    candidates = [*(key for key in GROUP_KEYS if key in frame), *changed_columns(frame)]
+    kinds = frame[["system", *candidates]].drop_duplicates()  # few, of a million episodes
     keys = [
         key
-        for key in [*(key for key in GROUP_KEYS if key in frame), *changed_columns(frame)]
-        if (key in NAMED and not set(as_text(frame[key])) <= usual(key)) or _varies(frame, key)
+        for key in candidates
+        if (key in NAMED and not set(as_text(kinds[key])) <= usual(key)) or _varies(kinds, key)
     ]
     if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
         # two runs of the same config, or of configs that differ in a key without a column
@@ -248,7 +251,21 @@ def barn_metric(frame: pd.DataFrame) -> pd.Series:
 
 def as_text(column: pd.Series) -> pd.Series:
     """Return the values of a column as text, as a table shows them; empty for a missing value."""
-    return column.astype(object).where(column.notna(), "").astype(str)
+    import pandas as pd
+
+    codes, values = pd.factorize(column)
+    texts = np.array([*map(str, values.astype(object)), ""], dtype=object)  # the last is for the code -1
+    return pd.Series(texts[codes], column.index, dtype=object, name=column.name)
+
+
+def groups(frame: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[tuple[str, ...], pd.DataFrame]]:
+    """Yield each combination of the columns' texts and its records, in the order of the first ones."""
+    texts = frame.assign(**{key: as_text(frame[key]) for key in columns})
+    kinds = texts[list(columns)].drop_duplicates()
+    if len(kinds) == 1:  # all of them, which need no copy
+        yield tuple(kinds.iloc[0]), texts
+        return
+    yield from texts.groupby(list(columns), sort=False)
 
 
 def _with_published(

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import textwrap
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -76,7 +76,7 @@ def shared_setting(frame: pd.DataFrame) -> TableSetting:
     return TableSetting(
         tuple(shared(key for key in ("map", "subset", "robot") if key in frame).values()),
         tuple(f"{key}={value}" for key, value in shared(changed_columns(frame)).items()),
-        f"{_count_text(frame, 'world')} {TIMES} {_count_text(frame, 'run')}",
+        f" {TIMES} ".join(_count_texts(frame, ["world", "run"])),
     )
 
 
@@ -133,13 +133,15 @@ def changed_notes(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in own_rows if row.changes))
 
 
-def _count_text(frame: pd.DataFrame, column: str) -> str:
-    """Return the number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
+def _count_texts(frame: pd.DataFrame, columns: list[str]) -> Iterator[str]:
+    """Yield the numbers of worlds and runs per row of the table; the minimum and the maximum if rows differ."""
     keys = ["system", *row_keys(frame)]
-    counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
-    fewest, largest = int(counts.min()), int(counts.max())
-    number = str(largest) if fewest == largest else f"{fewest}{DASH}{largest}"
-    return f"{number} {column}" + "s" * (largest != 1)
+    texts = frame[[*keys, *columns]].assign(**{key: as_text(frame[key]) for key in keys})
+    counts = texts.groupby(keys)[columns].nunique()
+    for column in columns:
+        fewest, largest = int(counts[column].min()), int(counts[column].max())
+        number = str(largest) if fewest == largest else f"{fewest}{DASH}{largest}"
+        yield f"{number} {column}" + "s" * (largest != 1)
 
 
 def driven(frame: pd.DataFrame) -> str:

@@ -31,6 +31,7 @@ from runners.records.records import (
     find_runs,
     planned,
     read_episodes,
+    read_first,
     read_trajectories,
 )
 from tests.builders import episode_record
@@ -63,6 +64,22 @@ def write(run_dir, keys, merge=True):
 
 def contents(run_dir):
     return [(run_dir / name).read_bytes() for name in (EPISODES, TRAJECTORIES)]
+
+
+@pytest.mark.parametrize("merge", [False, True])
+def test_one_record_is_read_without_the_others(tmp_path, merge):
+    write(tmp_path, KEYS, merge)
+    record = read_first(tmp_path)
+    assert EpisodeKey.of(record) in KEYS
+    assert record["people"] == read_episodes([tmp_path])["people"].iloc[0]
+
+
+def test_equal_texts_are_held_once(tmp_path):
+    """A million episodes have twenty texts each."""
+    write(tmp_path, KEYS)
+    frame = read_episodes([tmp_path])
+    for column in ("system", "outcome", "run_dir"):
+        assert len({id(text) for text in frame[column]}) == 1
 
 
 @pytest.mark.parametrize("merge", [False, True])

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from lme.errors import InputError
-from runners.records.launch_record import LAUNCH, Launch, read_launch
+from runners.records.launch_record import LAUNCH, Launch, job_folders, read_launch
 from runners.records.records import RecordWriter
 from runners.records.run_directories import check_same, jobs_of_sweep, locked, make_fresh
 
@@ -31,6 +31,13 @@ def test_jobs_beyond_those_named_need_records(tmp_path):
         launch(job=number).write(place)
     (tmp_path / "job2" / "episodes.parquet").touch()
     assert [place.name for place in jobs_of_sweep(tmp_path, 1)] == ["job0", "job2"]
+
+
+def test_jobs_may_lie_deeper_but_not_in_other_jobs(tmp_path):
+    for name in ("a=1/b=2", "a=1/b=3", "a=1/b=3/held_out"):
+        (tmp_path / name).mkdir(parents=True)
+        launch(job=0).write(tmp_path / name)
+    assert sorted(job_folders(tmp_path)) == [tmp_path / "a=1/b=2", tmp_path / "a=1/b=3"]
 
 
 @pytest.mark.parametrize(

@@ -218,6 +218,14 @@ def test_settings_are_checked(settings, says):
         load_settings("executor/dask", **settings)
 
 
+def test_a_long_list_is_submitted_in_parts(executor, monkeypatch):
+    """The scheduler of a million episodes would otherwise need gigabytes."""
+    monkeypatch.setattr(module, "_IN_FLIGHT", 2)
+    items = [EpisodeKey(world, 0) for world in range(50)]
+    results = [result for _, result, _ in executor.map(multiply, {"factor": 10}, iter(items))]
+    assert sorted(results) == [10 * world for world in range(50)]
+
+
 def test_a_short_list_goes_to_every_worker():
     assert [module._batch_size(count, 2, 4) for count in (1, 8, 9, 24, 300)] == [1, 1, 2, 3, 4]
     assert module._batch_size(300, 0, 4) == 4  # before the first worker has come
