@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
@@ -18,7 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from lme.errors import InputError
+from lme.errors import InputError, building
 from lme.guides.learned_subgoal.guide import SubgoalInterface
 from lme.guides.lme.weight_files import with_network
 from lme.gym.episodes import Result, Reward
@@ -28,7 +28,6 @@ from lme.simulation.fast import FastConfig, FastSimulator
 from lme.types import Bools, Floats, LaserScan, Limits, Observation, Outcome, Planner, Pose, Twist
 from lme.worlds.world import MapSet, Task
 from runners.config import build
-from runners.config.instantiate import build as built
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import learned_config, learns_guide
@@ -74,6 +73,8 @@ class Driving:
         self._num, self._seeds = num_robots, np.random.SeedSequence([config.seed, part])
         self._learned = learned_config(config)
         self._planner_rng = np.random.default_rng([config.seed, part, _PLANNERS])
+        # Of the planners that drive to subgoals; reading it for every episode took half of the driving.
+        self._planner = configured(with_network(config.planner), "planner")
         self.stage = 0
         self.episodes = 0
         self._returns = np.zeros(num_robots)
@@ -98,7 +99,7 @@ class Driving:
         self._views = self._fleet.reset(seeds)
         self._returns[:] = 0.0
         self._followers = [self._follower(self._views, i) for i in range(self._num)]
-        return self._features(self._views, range(self._num))
+        return self._features(self._views)
 
     def step(self, answers: Tensor) -> Experience:
         """Drive until the next answer is due. answers: the network's, (N, …)."""
@@ -115,7 +116,7 @@ class Driving:
         for i, result in ends.results.items():
             self._finished(i, result)
         return Experience(
-            features=self._features(self._views, range(self._num)),
+            features=self._features(self._views),
             rewards=self._tensor(rewards.astype(np.float32)),
             terminated=self._tensor(ends.terminated),
             truncated=self._tensor(ends.ended & ~ends.terminated),
@@ -148,25 +149,29 @@ class Driving:
     def _commands(self, standing: Bools) -> Floats:
         """Return commands (N, 2); robots at the start of an episode stand still until the next answer."""
         commands = np.zeros((self._num, 2))
-        for i in np.flatnonzero(~standing).tolist():
-            commands[i] = self._followers[i].command(self._observation(self._views, i))
+        driving = np.flatnonzero(~standing).tolist()
+        for i, observation in zip(driving, self._observations(self._views, driving), strict=True):
+            commands[i] = self._followers[i].command(observation)
         return commands
 
     def _take_ends(self, done: Transition, ends: _Ends) -> None:
         """Record the episodes that ended in a control period, and begin the next ones."""
         for row, i in enumerate(done.ended.tolist()):
             if not ends.ended[i]:
-                final_view = self._observation(done.last_views, row)
+                (final_view,) = self._observations(done.last_views, [row])
                 ends.last[i] = self._followers[i].features(final_view, final_view.target)
                 ends.ended[i], ends.terminated[i] = True, done.terminated[i]
                 ends.results[i] = done.results[row]
             self._followers[i] = self._follower(done.views, i)
 
-    def _features(self, views: Views, robots: Iterable[int]) -> Features:
-        """Return the features of the rows of `views`, which belong to `robots`."""
-        observations = [(i, self._observation(views, row)) for row, i in enumerate(robots)]
+    def _features(self, views: Views) -> Features:
+        """Return the features of all robots."""
+        observations = self._observations(views, range(self._num))
         return self._stacked(
-            [self._followers[i].features(observation, observation.target) for i, observation in observations]
+            [
+                follower.features(observation, observation.target)
+                for follower, observation in zip(self._followers, observations, strict=True)
+            ]
         )
 
     def _stacked(self, rows: Sequence[tuple[Floats, ...]]) -> Features:
@@ -178,15 +183,15 @@ class Driving:
     def _tensor(self, array: NDArray[Any]) -> Tensor:
         return torch.from_numpy(array).to(self._device)
 
-    def _observation(self, views: Views, row: int) -> Observation:
-        lidar = self._config.robot.lidar
-        scan = LaserScan(
-            views.ranges[row], lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
-        )
-        twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
-        origin = Pose(0.0, 0.0, 0.0)
-        command = Twist(*views.commands[row].tolist())
-        return Observation(scan, views.targets[row], twist, limits, origin, last_command=command)
+    def _observations(self, views: Views, rows: Iterable[int]) -> Iterator[Observation]:
+        """Yield the observations of rows of `views`."""
+        lidar, here = self._config.robot.lidar, Pose(0.0, 0.0, 0.0)
+        sensor = (lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
+        twists, commands, limits = views.twists.tolist(), views.commands.tolist(), views.limits.tolist()
+        for row in rows:
+            scan, target = LaserScan(views.ranges[row], *sensor), views.targets[row]
+            twist, command = Twist(*twists[row]), Twist(*commands[row])
+            yield Observation(scan, target, twist, Limits(*limits[row]), here, last_command=command)
 
     def _follower(self, views: Views, row: int) -> Follower:
         """Return the follower of a robot at the start of an episode."""
@@ -194,7 +199,9 @@ class Driving:
         interface = self._network.interface(self._learned, robot)
         if not learns_guide(self._config):
             return CommandFollower(interface)
-        planner = built(with_network(self._config.planner), "planner", robot)
+        planner_class, planner_config = self._planner
+        with building("planner"):
+            planner = planner_class(planner_config, robot)
         planner.reset(self._planner_rng.spawn(1)[0])
         return SubgoalFollower(interface, planner)
 

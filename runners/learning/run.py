@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -78,8 +79,9 @@ class Run:
         self.sharpness = 1.0  # factor on the logits of components while the network drives
         self._drive = drive
         self._progress = progress
-        self._seconds = 0.0
-        self._began = perf_counter()
+        self._seconds = self._cpu_seconds = 0.0  # before a resume
+        self._workers: dict[int, float] = {}  # processor time of each [s]
+        self._began, self._cpu_began = perf_counter(), process_time()
         self.device = device_of(config.device)
         network = network_class(config)
         self.network: Learnable = network()
@@ -93,6 +95,11 @@ class Run:
         """Time spent on the training [s], including that before it was resumed."""
         return self._seconds + perf_counter() - self._began
 
+    @property
+    def cpu_seconds(self) -> float:
+        """Processor time of the training and its workers [s], including that before it was resumed."""
+        return self._cpu_seconds + process_time() - self._cpu_began + sum(self._workers.values())
+
     def restore(self, take: Callable[[dict[str, Any]], T]) -> T | None:
         """Restore curves and network from the checkpoint; return what `take` makes of the learner's state in it.
 
@@ -103,7 +110,8 @@ class Run:
             return None
         try:
             saved = torch.load(path, map_location="cpu", weights_only=True)
-            self.rows, self.best, self._seconds = saved["rows"], saved["best"], saved["seconds"]
+            self.rows, self.best = saved["rows"], saved["best"]
+            self._seconds, self._cpu_seconds = saved["seconds"], saved["cpu_seconds"]
             self.network.load_state_dict(saved["network"])
             self._progress.set_done(int(saved["done"]), self.best)
             return take(saved["state"])
@@ -124,13 +132,15 @@ class Run:
             if self.best is None or row["success"] > self.best:
                 self.best = row["success"]
                 self.write(NETWORK)
-            self.rows.append({**row, "best_success": self.best, "hours": self.seconds / 3600})
+            cost = {"hours": self.seconds / 3600, "cpu_hours": self.cpu_seconds / 3600}
+            self.rows.append({**row, "best_success": self.best, **cost})
             write_curves(self.rows, self.run_dir / CURVES)
         saved = {
             "done": done,
             "rows": self.rows,
             "best": self.best,
             "seconds": self.seconds,
+            "cpu_seconds": self.cpu_seconds,
             "network": self.network.state_dict(),
             "state": dict(state),
         }
@@ -177,6 +187,9 @@ class Run:
         """Drive the rollouts and yield their results in any order. doing: text for the progress bar."""
         for number, result in enumerate(self._drive(rollouts), 1):
             self.describe(f"{doing} {number}/{len(rollouts)}")
+            worker, cpu_seconds = result.process
+            if worker != os.getpid():  # the serial executor drives in this process
+                self._workers[worker] = cpu_seconds
             yield result
 
     def places(self, first: int, count: int) -> list[tuple[str, int]]:
@@ -228,34 +241,38 @@ def write_curves(rows: Iterable[Row], path: Path) -> None:
 
 
 def curves_figure(rows: Sequence[Mapping[str, float]], path: Path) -> Path:
-    """Save `path` as PNG: the outcomes in validation, and panels of the losses and of the return, if there are any.
+    """Save `path` as PNG: outcomes in validation by steps and by time, and the losses and the return, if there are any.
 
     rows: of the curves in their order. The first key is the axis; a name with `loss` is a loss.
     """
-    # Choose the panels: validation always, losses and return where the rows have them.
     axis, *names = rows[0]
     losses = [name for name in names if "loss" in name]
-    panels = [losses] if losses else []
-    if "return" in names:
-        panels.append(["return"])
-    figure = new_figure(_WIDTH_IN, _PANEL_IN * (1 + len(panels)))
-    outcome_panel, *further_panels = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    x_values = [row[axis] for row in rows]
-    for outcome in LEGEND_ORDER:
-        style = STYLES[outcome]
-        shares = [row[outcome] for row in rows]
-        outcome_panel.plot(x_values, shares, style.line, color=style.colour, marker=".", label=outcome)
-    outcome_panel.set(ylim=(0.0, 1.0), ylabel="share in validation")
-    outcome_panel.set_title(f"best success {rows[-1]['best_success']:.3f}", fontsize=10)
-    for panel, columns in zip(further_panels, panels, strict=True):
+    lines = [columns for columns in (losses, ["return"] if "return" in names else []) if columns]
+    figure = new_figure(_WIDTH_IN, _PANEL_IN * (2 + len(lines)))
+    panels = figure.subplots(2 + len(lines), 1, squeeze=False)[:, 0]
+    by_axis, *line_panels, by_time = panels
+    x_values, minutes = [row[axis] for row in rows], [60.0 * row["hours"] for row in rows]
+    # Outcomes twice, losses and return in between, above the axis that they share with the first panel.
+    for panel, positions in ((by_axis, x_values), (by_time, minutes)):
+        for outcome in LEGEND_ORDER:
+            style, shares = STYLES[outcome], [row[outcome] for row in rows]
+            panel.plot(positions, shares, style.line, color=style.colour, marker=".", label=outcome)
+        panel.set(ylim=(0.0, 1.0), ylabel="share in validation")
+    by_axis.set_title(f"best success {rows[-1]['best_success']:.3f}", fontsize=10)
+    for panel, columns in zip(line_panels, lines, strict=True):
         for name, colour in zip(columns, _COLOURS, strict=False):
-            panel.plot(
-                x_values, [row[name] for row in rows], color=colour, marker=".", label=name.replace("_", " ")
-            )
+            label = name.replace("_", " ")
+            panel.plot(x_values, [row[name] for row in rows], color=colour, marker=".", label=label)
         panel.set_ylabel("loss" if columns is losses else columns[0])
-    for panel in (outcome_panel, *further_panels):
+        panel.sharex(by_axis)
+    for panel in panels:
         panel.spines[["top", "right"]].set_visible(False)
         panel.tick_params(labelsize=8.5, colors=INK)
         panel.legend(frameon=False, fontsize=8.5, ncols=4)
-    (further_panels or [outcome_panel])[-1].set_xlabel(axis)
+    for panel in (by_axis, *line_panels)[:-1]:
+        panel.tick_params(labelbottom=False)
+    (by_axis, *line_panels)[-1].set_xlabel(axis)
+    by_time.set(
+        xlim=(0.0, None), xlabel=f"minutes; {60.0 * rows[-1]['cpu_hours']:.1f} of processor time in all"
+    )
     return save(figure, path.with_suffix(""))[0]

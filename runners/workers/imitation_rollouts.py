@@ -5,10 +5,12 @@ Worker processes call this module. It treats networks as planners and does not n
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from time import process_time
 from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
@@ -74,13 +76,14 @@ class RolloutResult(NamedTuple):
     """Result of a rollout of T steps.
 
     features: one array (T, …) for each input of the network; actions: the expert's, (T, A). Both are empty if the
-    network was evaluated.
+    network was evaluated. process: that drove it, with the processor time that it has used so far [s].
     """
 
     rollout: ImitationRollout
     outcome: str
     features: Arrays
     actions: NDArray[np.float32]
+    process: tuple[int, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,14 +126,14 @@ def initialise(payload: RolloutPayload) -> Callable[[ImitationRollout], RolloutR
             check_task(task, config.robot)
             navigator = Navigator(*_student(payload, rollout, config.robot))
             episode = run_episode(task, navigator, build.simulator(config), rng)
-            return RolloutResult(rollout, str(episode.outcome), (), np.empty((0, 0), np.float32))
+            return RolloutResult(rollout, str(episode.outcome), (), np.empty((0, 0), np.float32), _cost())
         # ImitationRollout: the network and the expert together, on a robot drawn for this world.
         task = replace(task, time_limit=rollout.time_limit or task.time_limit)
         robot = draw_robot(config.robot, config.robots, _rng(config.seed, rollout.world, _ROBOT))
         pair = TeachingNavigator(payload, rollout, robot)
         simulator = build.simulator(replace(config, robot=robot))
         outcome = run_episode(task, pair, simulator, rng).outcome
-        return RolloutResult(rollout, str(outcome), *pair.labels())
+        return RolloutResult(rollout, str(outcome), *pair.labels(), _cost())
 
     return run
 
@@ -207,6 +210,11 @@ def _student(payload: RolloutPayload, rollout: ImitationRollout, robot: Robot) -
             instantiate.build(with_network(node, group), group, robot) for group, node in nodes.items()
         )
     return guide, planner
+
+
+def _cost() -> tuple[int, float]:
+    """Return the number of this process, and the processor time that it has used [s]."""
+    return os.getpid(), process_time()
 
 
 def _without_warnings() -> warnings.catch_warnings[None]:

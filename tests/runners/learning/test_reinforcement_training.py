@@ -168,7 +168,8 @@ def test_robots_are_seen_as_their_planner_would_see_them(config):
             load_settings("planner/dclp"),
             replace(config.robot, footprint=footprint, v_max=views.limits[i, 0]),
         )
-        seen = own.features(made._observation(views, i), views.targets[i])
+        (observation,) = made._observations(views, [i])
+        seen = own.features(observation, views.targets[i])
         np.testing.assert_allclose(directions[i].numpy(), seen.directions, atol=FLOAT32_LAYER)
     assert len(set(views.limits[:, 0])) == 3
     assert views.twists[0, 0] == pytest.approx(0.5 * views.limits[0, 0])
