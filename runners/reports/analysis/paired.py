@@ -12,7 +12,7 @@ method. The tests compare with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
@@ -41,6 +41,7 @@ LEAST_P = 0.001  # smaller ones are shown as less than this
 RESAMPLES = 9999
 SEED = 0
 TIE = 1e-9  # sums that differ by less are equal
+_KEPT = 1000  # worlds up to which draws and signs are drawn once, 80 MB each, and beyond which they come in blocks
 TEST = (  # for a caption
     "Differences are paired by world and run, with 95 % bootstrap intervals and sign-flip permutation tests over "
     f"worlds, adjusted by Holm; bold ones have an adjusted p below {LEVEL:g}."
@@ -226,33 +227,58 @@ def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
     if worlds < 2:
         return math.nan, math.nan, math.nan
     low, high = _bounds(by_world)
-    signs = _signs(worlds)
     # TIE: sums that are equal in exact arithmetic must not differ by rounding.
-    is_as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
+    least = abs(by_world.sum()) - TIE
+    num_as_far = sum(np.count_nonzero(np.abs(signs @ by_world) >= least) for signs in _signs(worlds))
     # With all sign flips the p-value is exact; with random ones, the observed signs count as one more draw.
-    is_exact = len(signs) == 2**worlds
-    p = is_as_far.mean() if is_exact else (1 + is_as_far.sum()) / (1 + len(signs))
+    p = num_as_far / 2**worlds if _all_signs_fit(worlds) else (1 + num_as_far) / (1 + RESAMPLES)
     return low, high, float(p)
 
 
 def _bounds(by_world: Floats) -> tuple[float, float]:
     """Return the bootstrap interval of the mean of one value per world (W,)."""
-    means = by_world[_draws(len(by_world))].mean(axis=1)
+    means = np.concatenate([by_world[draws].mean(axis=1) for draws in _draws(len(by_world))])
     low, high = np.quantile(means, [LEVEL / 2, 1 - LEVEL / 2])
     return float(low), float(high)
 
 
+def _draws(worlds: int) -> Iterable[Ints]:
+    """Return blocks of indices (…, W) of worlds drawn with replacement, RESAMPLES rows in all, for the bootstrap."""
+    if worlds <= _KEPT:
+        return (_kept_draws(worlds),)
+    rng = np.random.default_rng(SEED)
+    return (rng.integers(worlds, size=(rows, worlds)) for rows in _rows_of_blocks(worlds))
+
+
+def _signs(worlds: int) -> Iterable[Floats]:
+    """Return blocks of signs (…, W), +1 or -1: all combinations if they are few, else RESAMPLES random rows in all."""
+    if worlds <= _KEPT:
+        return (_kept_signs(worlds),)
+    rng = np.random.default_rng(SEED)
+    return (rng.choice([-1.0, 1.0], size=(rows, worlds)) for rows in _rows_of_blocks(worlds))
+
+
+def _rows_of_blocks(worlds: int) -> Iterator[int]:
+    """Yield the numbers of rows of blocks that fit into memory however many worlds there are."""
+    rows = max(1, RESAMPLES * _KEPT // worlds)
+    for first in range(0, RESAMPLES, rows):
+        yield min(rows, RESAMPLES - first)
+
+
 @cache
-def _draws(worlds: int) -> Ints:
-    """Return indices (RESAMPLES, W) of worlds drawn with replacement, for the bootstrap."""
+def _kept_draws(worlds: int) -> Ints:
     return np.random.default_rng(SEED).integers(worlds, size=(RESAMPLES, worlds))
 
 
 @cache
-def _signs(worlds: int) -> Floats:
-    """Return signs (S, W), +1 or -1: all combinations if there are at most RESAMPLES, else RESAMPLES random ones."""
-    if 2**worlds <= RESAMPLES:
+def _kept_signs(worlds: int) -> Floats:
+    if _all_signs_fit(worlds):
         # Row i holds the bits of i.
         bits = np.arange(2**worlds)[:, None] >> np.arange(worlds) & 1
         return np.where(bits, -1.0, 1.0).astype(np.float64)
     return np.random.default_rng(SEED).choice([-1.0, 1.0], size=(RESAMPLES, worlds))
+
+
+def _all_signs_fit(worlds: int) -> bool:
+    """Return whether there are so few combinations of signs that all of them are tried."""
+    return worlds < RESAMPLES.bit_length()

@@ -70,6 +70,13 @@ def test_few_worlds_have_every_sign_tried():
     assert found.p == pytest.approx(2 / 8)
 
 
+def test_blocks_of_draws_give_the_figures_of_all_at_once(monkeypatch):
+    both = episodes(draws(0.9)), episodes(draws(0.7, seed=1))
+    whole = paired.difference(*both, SUCCESS)
+    monkeypatch.setattr(paired, "_KEPT", 7)
+    assert paired.difference(*both, SUCCESS) == whole
+
+
 def test_the_world_is_the_unit():
     """Runs that repeat one another teach nothing: neither the interval nor p gets any better."""
     one, other = draws(0.9), draws(0.7, seed=1)
