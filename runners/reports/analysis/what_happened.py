@@ -74,16 +74,17 @@ def what_happened(record: Mapping[str, Any], trajectory: Floats) -> Account:
         speed = abs(float(drive.v[-1])) if len(drive.v) else 0.0
         end = f"fell at {speed:.2f} m/s" if is_fall else _collision(record, drive, part)
         return Account((1 if is_fall else 0, -speed), f"{end}{where}{before}")
+    # A drive that is not an episode of an evaluation may have been cancelled.
+    has_arrived = outcome in (Outcome.SUCCESS, LiveState.ARRIVED)
     driven = f"{record.get('path_length_m', math.nan):.1f} m"
     if record.get("shortest_path_length_m", 0.0) > 0.0:
-        ratio = record["path_length_m"] / record["shortest_path_length_m"]
+        # Whoever arrives may stop short of the goal, by its tolerance.
+        ratio = max(record["path_length_m"] / record["shortest_path_length_m"], 1.0 if has_arrived else 0.0)
         driven = f"{driven}, {ratio:.1f} times the shortest way"
     if outcome == Outcome.TIMEOUT:
         state = "was still on its way" if len(drive.v) else "did not arrive in time"
         end = f"{lost}{where}{cause}" if lost else f"{state}{where}, after {driven}"
         return Account((2, -float(np.nan_to_num(distance))), end)
-    # A drive that is not an episode of an evaluation may have been cancelled.
-    has_arrived = outcome in (Outcome.SUCCESS, LiveState.ARRIVED)
     end = f"reached the goal after {driven}" if has_arrived else f"drove {driven}{where}"
     return Account((3, 0.0), f"{end}{before}")
 

@@ -117,6 +117,7 @@ def test_falls_and_other_ends(says):
     says(told("collision", drive((5.0, 0.4, 0.0)), contact_part=FALL).sentence)
     says(told("success", drive((15.0, *STILL), (9.0, 1.0, 0.0))).sentence)
     says(told("success", drive((9.0, 1.0, 0.0)), shortest_path_length_m=math.nan).sentence)
+    says(told("success", drive((9.0, 1.0, 0.0)), path_length_m=9.4).sentence)  # stops within the tolerance
     says(told("cancelled", drive((9.0, 1.0, 0.0))).sentence)
 
 
