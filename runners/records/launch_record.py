@@ -173,15 +173,15 @@ def _launch_at(path: Path, time_ns: int) -> Launch | None:
     return read_launch(path.parent)
 
 
-def job_folders(sweep_dir: Path) -> Iterator[Path]:
-    """Yield the folders of a sweep's jobs: those below it that hold a launch record, without looking into them."""
+def job_folders(sweep_dir: Path, marked_by: str = LAUNCH) -> Iterator[Path]:
+    """Yield the folders of a sweep's jobs: those below it that hold a file of this name, without looking into them."""
     with os.scandir(sweep_dir) as entries:
         folders = [sweep_dir / entry.name for entry in entries if entry.is_dir(follow_symlinks=False)]
     for folder in folders:
-        if (folder / LAUNCH).is_file():
+        if (folder / marked_by).is_file():
             yield folder
         else:
-            yield from job_folders(folder)
+            yield from job_folders(folder, marked_by)
 
 
 def trust_flags(directory: Path) -> list[str]:

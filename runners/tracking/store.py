@@ -189,7 +189,7 @@ def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> No
     from runners.records.launch_record import job_folders, sweep_launch
 
     launch = sweep_launch(sweep_dir)
-    num_started = sum((folder / RUN_ID_FILE).is_file() for folder in job_folders(sweep_dir))
+    num_started = sum(1 for _ in job_folders(sweep_dir, RUN_ID_FILE))
     if launch is not None and launch.num_jobs is not None and num_started < launch.num_jobs:
         return
     if not children(client, parent, RUNNING):

@@ -19,7 +19,7 @@ from tests.places import ROOT
 )
 def test_files_of_no_size_at_all_are_one_line(tmp_path, executor, said):
     """As after `ulimit -f 0`."""
-    words = ["eval", "map.worlds=[0]", "runs=1", "tracking=none", f"executor={executor}"]
+    words = ["eval", "map.worlds=[0,1,2]", "runs=1", "tracking=none", f"executor={executor}"]
     done = subprocess.run(
         [sys.executable, "-m", "runners.cli.main", *words],
         cwd=tmp_path,
