@@ -259,15 +259,13 @@ class Verdict:
             return [gap, f"Level: no trial was better than the weights started from ({start}); keep them"]
         lines = [f"Against {start}, paired:"]
         for map_name, comparison in self._comparisons.items():
-            success, collision, reward = map(
-                _text,
-                (
-                    comparison.success_difference,
-                    comparison.collision_difference,
-                    comparison.reward_difference,
-                ),
-            )
-            lines.append(f"  {map_name}: success {success}, collision {collision}, reward {reward}")
+            differences = {
+                SUCCESS: comparison.success_difference,
+                COLLISION: comparison.collision_difference,
+                _REWARD: comparison.reward_difference,
+            }
+            texts = (f"{measure} {_text(change)}" for measure, change in differences.items())
+            lines.append(f"  {map_name}: {', '.join(texts)}")
         return [*lines, gap, self._sentence(start)]
 
     def _sentence(self, start: str) -> str:
@@ -345,10 +343,12 @@ def _by_place(held_out: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _comparison(start: pd.DataFrame, result: pd.DataFrame) -> HeldOutComparison:
-    changes = [difference(start, result, quantity) for quantity in (SUCCESS, COLLISION, _REWARD)]
     success, collision, reward = (
-        cast(Difference, change) for change in changes
-    )  # both drove the same worlds
+        difference(start, result, quantity) for quantity in (SUCCESS, COLLISION, _REWARD)
+    )
+    assert success is not None
+    assert collision is not None
+    assert reward is not None  # both drove the same worlds
     success_rate, collision_rate = (
         float((result["outcome"] == outcome).mean()) for outcome in (SUCCESS, COLLISION)
     )
