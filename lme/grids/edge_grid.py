@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from lme.geometry.collision import point_to_segment
+from lme.geometry.edges import ray_to_edge
 from lme.types import Floats, Ints
 
 _SLACK = 1e-6  # [m] by which an edge may lie outside a cell that it belongs to; far above rounding errors
@@ -201,15 +202,8 @@ def _first_hit_among(x, y, turn, beam, dx, dy, nearest, edges, start, stop):
         start_side, end_side = ax * dy - ay * dx, bx * dy - by * dx
         if (start_side > _SURE and end_side > _SURE) or (start_side < -_SURE and end_side < -_SURE):
             continue
-        # The exact test, in the lidar's frame: the beam passes the two ends on different sides.
+        # The exact test, in the lidar's frame.
         start_x, start_y = cos * ax + sin * ay, cos * ay - sin * ax
         end_x, end_y = cos * bx + sin * by, cos * by - sin * bx
-        across_start = start_x * beam[1] - start_y * beam[0]
-        across_end = end_x * beam[1] - end_y * beam[0]
-        if (across_start > 0.0) != (across_end > 0.0):
-            distance = (start_x * end_y - start_y * end_x) / (across_start - across_end)
-            # by rounding, an edge behind may seem to be met where its line and the beam's are one
-            is_behind = ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
-            if distance >= 0.0 and not is_behind:
-                nearest = min(nearest, distance)
+        nearest = min(nearest, ray_to_edge(start_x, start_y, end_x, end_y, beam[0], beam[1]))
     return nearest

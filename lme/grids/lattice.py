@@ -18,6 +18,7 @@ import numpy as np
 from numba import int64, njit, uint64
 from numpy.typing import NDArray
 
+from lme.geometry.edges import ray_to_edge
 from lme.grids.edge_grid import first_hit
 from lme.types import Floats
 
@@ -306,8 +307,6 @@ def _hit_edges(x, y, turn, beams, sides, edges, steps, ends, ranges, doubtful):
         # Distance along the beam to the edge's line, in the lidar's frame.
         start_x, start_y = cos * ax + sin * ay, cos * ay - sin * ax
         end_x, end_y = cos * bx + sin * by, cos * by - sin * bx
-        across_start = start_x * beams[1, i] - start_y * beams[0, i]
-        across_end = end_x * beams[1, i] - end_y * beams[0, i]
-        distance = (start_x * end_y - start_y * end_x) / (across_start - across_end)
-        doubtful[i] = ((across_start > 0.0) == (across_end > 0.0)) | (distance < 0.0)
+        distance = ray_to_edge(start_x, start_y, end_x, end_y, beams[0, i], beams[1, i])
+        doubtful[i] = distance == np.inf
         ranges[i] = min(float(ranges[i]), distance)

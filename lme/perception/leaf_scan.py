@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit, uint64
 
+from lme.geometry.edges import ray_to_edge
 from lme.geometry.fan import BEARING_ERROR, bearing
 from lme.grids.leaves import FAR, LEAF, near_first
 
@@ -233,21 +234,12 @@ def _edge_extents(frame, increment, edges, extents):
 
 @njit(cache=True, error_model="numpy")
 def _meet_edge(start, end, low, high, table, ranges):
-    """Test beams low…high against the edge from start to end.
-
-    A beam hits the edge if it passes the two ends on different sides. Edges with a shared corner agree on the
-    corner's side, so no beam passes between them.
-    """
+    """Test beams low…high against the edge from start to end."""
     first, stop = _beams(low, high, len(ranges))
-    lever = start[0] * end[1] - start[1] * end[0]
     for i in range(uint64(first), uint64(stop)):
         c, s = table[uint64(0), i], table[uint64(1), i]
-        across_start = start[0] * s - start[1] * c
-        across_end = end[0] * s - end[1] * c
-        # Distance along the beam to the line of the edge.
-        distance = lever / (across_start - across_end)
-        is_hit = ((across_start > 0.0) != (across_end > 0.0)) & (distance >= 0.0) & (distance < ranges[i])
-        ranges[i] = np.float32(distance) if is_hit else ranges[i]
+        distance = ray_to_edge(start[0], start[1], end[0], end[1], c, s)
+        ranges[i] = np.float32(distance) if distance < ranges[i] else ranges[i]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
