@@ -65,7 +65,7 @@ def choose(
     numbers = list(dict.fromkeys(number for word in what if "=" not in word for number in _numbers(word)))
     # Build the robot first: a map set's settings may follow it.
     if of_robot or robot is None:
-        robot = _robot(of_robot, configs)
+        robot = choose_robot(of_robot, configs)
     node = _node(name, settings, robot, configs)
     check_given((setting.partition("=")[0] for setting in settings), node)
     if numbers:
@@ -88,8 +88,8 @@ def _numbers(word: str) -> list[int]:
     return list(parse_worlds(word, "map.worlds"))
 
 
-def _robot(words: Sequence[str], configs: Catalogue) -> Robot:
-    """Return the robot that overrides of `lme eval` choose."""
+def choose_robot(words: Sequence[str], configs: Catalogue) -> Robot:
+    """Return the robot that overrides of `lme eval` choose. Raises InputError."""
     from runners.config.instantiate import fill_dataclass
 
     names = [word.partition("=")[2] for word in words if word.startswith("robot=")]

@@ -18,7 +18,6 @@ from runners.evaluate.evaluate import drive, page_of, resume_hint, run_labels
 from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
 from runners.reports.figures.driven_runs import Kind, check_guided, read_runs
-from runners.reports.figures.map_pictures import Maps
 from runners.reports.figures.style import FORMATS, drawn_on
 
 
@@ -102,7 +101,7 @@ def _remove_unless_drawn(run_dir: Path) -> None:
 
 def _kind(job: Job[FigureConfig]) -> Kind:
     cls, config = instantiate.configured(job.config.figure, "figure")
-    args = (config, job.config.robot, Catalogue(job.folders)) if cls is Maps else (config,)
+    args = (config,) if cls.drives else (config, job.config.robot, Catalogue(job.folders))
     kind: Kind = cls(*args)
     return kind
 

@@ -5,10 +5,15 @@ from __future__ import annotations
 EXAMPLES = (
     "lme figure trajectories -m system=dwa_tuned,lme_dwa_tuned,lme world=250",
     "lme figure features world=250 step=40",
+    "lme figure robot figure.robots=[jackal,go2]",
     "lme figure video run=outputs/eval/RUN world=250",
     "lme figure experiment=barn_trajectories",
 )
 _BESIDE_RUN = {"run", "world", "formats", "figure", "experiment", "resume"}  # keys that say what to draw
+_DRIVES_NOTHING = {  # kinds, each with where it takes what it draws from
+    "maps": "the maps are those of figure.maps, e.g. figure.maps=['env1 3 radius=0.2']",
+    "robot": "it draws the robot of robot=, or those of figure.robots, e.g. figure.robots=[jackal,go2]",
+}
 _SHORT = {"map.world": "world", "step": "figure.step", "moment": "figure.moment"}
 
 
@@ -39,19 +44,23 @@ def _expand_key(word: str) -> str:
 
 
 def _check_driving(words: list[str]) -> None:
-    """Raise InputError for a key that says what to drive if the figure only draws recorded episodes or maps."""
+    """Raise InputError for a key that says what to drive if the figure only draws recorded episodes, maps or robots."""
     from lme.errors import InputError
     from runners.config import catalogue
 
     words_by_key = {_key(word): word for word in words if "=" in word}
-    if words_by_key.get("figure", "").endswith("=maps"):
-        reason = "figure=maps drives nothing; the maps are those of figure.maps, e.g. figure.maps=['env1 3 radius=0.2']"
+    kind = words_by_key.get("figure", "").partition("=")[2]
+    if kind in _DRIVES_NOTHING:
+        reason = f"figure={kind} drives nothing; {_DRIVES_NOTHING[kind]}"
+        if {"-m", "--multirun"} & set(words):
+            raise InputError(f"-m: {reason}; omit it")
     elif not words_by_key.get("run", "run=null").endswith("=null"):
         reason = "the episodes of run= were driven with its own config"
     else:
         return
     configs = catalogue.shipped()
-    driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
+    beside = _BESIDE_RUN | {"robot"} if kind == "robot" else _BESIDE_RUN
+    driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - beside
     for key, word in words_by_key.items():
         if key.partition(".")[0] in driving:
             raise InputError(f"{word}: {reason}; omit it")
