@@ -181,6 +181,7 @@ class Lidar:
 
     native_beams: beams that the scanner fires over its field of view, if the scan is interpolated from them. height:
     height of a planar scanner above the floor, which it sees when the robot tilts (`sim.tilt`); None if not known.
+    shadow_angle: of the filter against returns between two surfaces (`lme.perception.shadows`); None: no filter.
     cloud: the 3D lidar that makes the scan; None for a planar scanner.
     """
 
@@ -194,6 +195,7 @@ class Lidar:
     yaw: float = 0.0  # [rad]
     native_beams: int | None = None
     height: float | None = None  # [m]
+    shadow_angle: float | None = None  # [rad]
     cloud: Cloud | None = None
 
     def __post_init__(self) -> None:
@@ -208,6 +210,13 @@ class Lidar:
             require("native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
         if self.height is not None:
             require("height", self.height, above=0.0)
+        if self.shadow_angle is not None:
+            require("shadow_angle", self.shadow_angle, above=0.0, at_most=math.pi / 4)
+            if self.cloud is not None:
+                raise argument_error(
+                    f"shadow_angle is {self.shadow_angle:g} rad with a cloud: must be null, since the filter is "
+                    "for the beams of a planar scanner"
+                )
         if self.cloud is not None and (self.native_beams is not None or not self.full_circle):
             raise argument_error(
                 f"cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "

@@ -333,7 +333,8 @@ class Fleet:
         if self._autoreset not in AUTORESETS:
             raise InputError(f"autoreset is {self._autoreset!r}: must be one of {', '.join(AUTORESETS)}")
         lidar = self.robot.lidar
-        for key, value in {"native_beams": lidar.native_beams, "cloud": lidar.cloud}.items():
+        for key in ("native_beams", "shadow_angle", "cloud"):
+            value = getattr(lidar, key)
             if value is not None:
                 raise OneByOneError(
                     f"robot.lidar.{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"

@@ -19,6 +19,7 @@ from lme.live.messages import frame, is_cloud, planar_matrix, scan_of
 from lme.live.poses import Posture, StampedMotion
 from lme.perception.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.perception.scan_check import ScanFault, check_unit_of_angles, scan_faults
+from lme.perception.shadows import without_shadows
 from lme.robots import Lidar, Robot
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 
@@ -93,10 +94,14 @@ class ScanSource:
             self._geometry = geometry
             self._native = same_lidar(self._lidar_of(raw), lidar)
             self._unchanged = self._native and self._needs_no_conversion(raw)
-        if self._unchanged:
-            return _scan_of_lidar(lidar, raw.ranges)
-        scan = tidied(raw, self.upside_down)
-        return _scan_of_lidar(lidar, scan.ranges) if self._native else resampled(scan, self._pose, lidar)
+        scan = _scan_of_lidar(lidar, raw.ranges) if self._unchanged else tidied(raw, self.upside_down)
+        # Drop returns between two surfaces, also those that an interpolation adds.
+        if lidar.shadow_angle is not None:
+            scan = without_shadows(scan, lidar.shadow_angle)
+        if self._native:
+            return _scan_of_lidar(lidar, scan.ranges)
+        scan = resampled(scan, self._pose, lidar)
+        return scan if lidar.shadow_angle is None else without_shadows(scan, lidar.shadow_angle)
 
     def observation(
         self,

@@ -11,6 +11,7 @@ from lme.geometry.frames import compose, relative
 from lme.grids.leaves import NO_WALLS
 from lme.perception.raycast import add_noise, cast_grid, cast_leaves, cast_shapes
 from lme.perception.resampling import resampled, tidied
+from lme.perception.shadows import without_shadows
 from lme.robots import Robot, reachable
 from lme.simulation.crowd import Crowd, tracked
 from lme.simulation.disturbances import (
@@ -167,7 +168,7 @@ class Sensors:
         tilt: float,
         ranges: NDArray[np.float32] | None,
     ) -> LaserScan:
-        """Return a planar scanner's beams, interpolated for `native_beams`, or the projection of a levelled cloud.
+        """Return a planar scanner's beams, interpolated and filtered as the robot says, or a cloud's projection.
 
         tilt: standard deviation of the pitch [rad], which a levelled cloud does not have. ranges: None: cast here.
         """
@@ -197,7 +198,9 @@ class Sensors:
         if config.scan_dropout > 0.0:
             lose_beams(ranges, config.scan_dropout, lidar.range_max, self._scan_rng)
         scan = LaserScan(ranges, fired.angle_min, fired.angle_increment, lidar.range_min, lidar.range_max)
-        return scan if fired is lidar else resampled(tidied(scan), self._mount, lidar)
+        if fired is not lidar:
+            scan = resampled(tidied(scan), self._mount, lidar)
+        return scan if lidar.shadow_angle is None else without_shadows(scan, lidar.shadow_angle)
 
     def _cast(
         self, lidar: Pose, angles: tuple[float, float, int], circles: Floats, edges: Floats

@@ -65,6 +65,12 @@ def test_an_impossible_cloud_is_refused(key, value, says):
         Cloud(**{"height": 0.4, "min_height": 0.05, "max_height": 0.5, key: value})
 
 
+@pytest.mark.parametrize(("keys", "value"), [({}, "0"), ({}, "1"), ({"cloud": Cloud(0.4, 0.1, 0.5)}, "0.2")])
+def test_an_angle_of_shadows_is_small_and_belongs_to_a_planar_scanner(says, keys, value):
+    with says.raises(InputError, match=f"shadow_angle is {value}"):
+        Lidar(**{**LIDAR, "fov": math.tau}, **keys, shadow_angle=float(value))
+
+
 def test_a_cloud_makes_a_full_circle_and_native_beams_are_at_least_two(says):
     cloud = Cloud(height=0.4, min_height=0.05, max_height=0.5)
     with says.raises(InputError):

@@ -412,6 +412,8 @@ def test_what_the_compiled_step_does_not_cover_is_refused(says):
         Fleet(HARD, measured, 2, load_settings("sim/skid"))
     with pytest.raises(InputError, match=r"robot\.lidar\.native_beams is 540"):
         Fleet(ROOM, load_robot("turtlebot2"), 2)
+    with pytest.raises(InputError, match=r"robot\.lidar\.shadow_angle is 0\.17"):
+        Fleet(ROOM, replace(stage, lidar=replace(stage.lidar, shadow_angle=0.17)), 2)
     with says.raises(InputError, match="num_envs.*0"):
         Fleet(ROOM, stage, 0)
 

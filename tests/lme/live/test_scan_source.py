@@ -156,3 +156,19 @@ def test_every_kind_of_fault_is_warned_of_once(says):
     assert read(wrong, at(0.2), TURTLEBOT, range_max=10.0)[1] == []
     assert source.blinding_fault(scan()) is None
     says(source.blinding_fault(scan("rear")))
+
+
+def test_a_return_between_two_surfaces_is_dropped_if_the_robot_says_so():
+    message = scan()
+    message.ranges = np.full(len(message.ranges), 3.0, np.float32)
+    message.ranges[:100], message.ranges[100] = 1.0, 2.0
+    beams = {"num_beams": len(message.ranges), "fov": len(message.ranges) * message.angle_increment}
+    robots = [
+        replace(TURTLEBOT, lidar=replace(TURTLEBOT.lidar, **beams, native_beams=None, shadow_angle=angle))
+        for angle in (None, 0.17)
+    ]
+    kept, dropped = (
+        ScanSource(ScanConfig(), message, at(0.2), robot).read(message).ranges for robot in robots
+    )
+    assert np.isfinite(kept).all()
+    assert np.isnan(dropped).sum() == 1

@@ -5,6 +5,7 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.perception.resampling import resampled, tidied
+from lme.perception.shadows import without_shadows
 from lme.simulation.fast import FastSimulator
 from lme.types import LaserScan, Twist
 from lme.worlds.world import World
@@ -65,3 +66,15 @@ def test_simulation_interpolates_native_beams_as_a_replay_does():
     raw = LaserScan(fired, native.angle_min, native.angle_increment, native.range_min, native.range_max)
     seen = observed(replace(robot, lidar=lidar))[0].scan.ranges
     np.testing.assert_array_equal(seen, resampled(tidied(raw), lidar.mount, lidar).ranges)
+
+
+def test_a_scan_without_shadows_is_that_of_the_filter():
+    lidar = replace(shipped("turtlebot2").lidar, noise_std=0.0, fov=1.5 * np.pi)
+    doors = [[2.0, y, 2.0, y + 0.13] for y in np.arange(-1.0, 1.0, 0.31)]
+    world = World(segments=np.array([*doors, [5.0, -9.0, 5.0, 9.0]]))
+    robots = [
+        replace(shipped("turtlebot2"), lidar=replace(lidar, shadow_angle=angle)) for angle in (None, 0.17)
+    ]
+    plain, filtered = (observed(robot, world=world)[-1].scan for robot in robots)
+    assert np.isnan(filtered.ranges).any()
+    np.testing.assert_array_equal(filtered.ranges, without_shadows(plain, 0.17).ranges)
