@@ -19,7 +19,7 @@ from lme.simulation.mujoco.arena import Arena, require_mujoco
 from lme.simulation.mujoco.body import TIME_STEP
 from lme.simulation.mujoco.lidar import TiltingLidar
 from lme.simulation.mujoco.walker import Walker, standing_height
-from lme.simulation.simulator import FALL, Sensors, State, forward_enough
+from lme.simulation.simulator import FALL, Attitude, LidarCloud, Sensors, State, forward_enough
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Observation, Pose, Twist
 from lme.worlds.world import Task
@@ -60,6 +60,7 @@ class MujocoSimulator:
     """
 
     Config = MujocoConfig
+    whole_clouds = False
 
     def __init__(self, config: MujocoConfig, robot: Robot) -> None:
         require_mujoco()
@@ -80,11 +81,26 @@ class MujocoSimulator:
         """See `lme.simulation.simulator.Simulator.people`."""
         return self._crowd.people
 
+    def cloud(self) -> LidarCloud:
+        """See `lme.simulation.simulator.Tilting`."""
+        return self._lidar.cloud()
+
+    def attitude(self) -> Attitude:
+        """See `lme.simulation.simulator.Tilting`; the base frame is that of the trunk."""
+        return Attitude(float(self._walker.trunk[2, 3]), *self._walker.tilt)
+
+    def lidar_height(self) -> float:
+        """See `lme.simulation.simulator.Tilting`."""
+        assert self._robot.lidar.cloud is not None
+        return self._robot.lidar.cloud.height - standing_height()
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, where it stands still."""
         config, robot = self._config, self._robot
         self._sensors = Sensors(robot, config, task, rng)
-        self._lidar = TiltingLidar(robot.lidar, config.registered, standing_height(), rng.spawn(1)[0])
+        self._lidar = TiltingLidar(
+            robot.lidar, config.registered, self.whole_clouds, standing_height(), rng.spawn(1)[0]
+        )
         self._delay = Delay(config.latency)
         self._start = Pose(*map(float, task.start))
         self._steps, self._periods = 0, 0  # of the physics, and of control
@@ -168,6 +184,7 @@ class MujocoSimulator:
             contact=bool(part),
             arrived=not part and self._is_at_goal(travel[-1]),
             contact_part=part,
+            legs=walker.legs,
         )
 
     def _fire(self, duration: float) -> None:
