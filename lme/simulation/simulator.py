@@ -36,6 +36,8 @@ class State(NamedTuple):
     clearance: least distance from footprint to obstacle over the period [m]; 0 in contact. contact_part: the part of a
     legged robot that is in contact, trunk, thigh, calf or foot, or `FALL` if it fell; empty for other robots.
     legs: hip, knee and foot of each leg from above, (L, 3, 2) in the frame of `pose` [m]; None for other robots.
+    postures: (K, 1 + Q) time [s] and MuJoCo's coordinates of body and joints at each pose of `travel`; None in other
+    simulators.
     """
 
     pose: Pose
@@ -47,6 +49,7 @@ class State(NamedTuple):
     arrived: bool
     contact_part: str = ""
     legs: Floats | None = None
+    postures: Floats | None = None
 
 
 class Simulator(Protocol):

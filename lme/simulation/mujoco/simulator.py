@@ -108,7 +108,7 @@ class MujocoSimulator:
         self._walker = Walker(self._arena, config.velocity_loop)
         self._walker.stand(self._start)
         self._poses = deque([(0.0, self._walker.pose)])
-        self.state = self._state([self._walker.pose])
+        self.state = self._state([self._walker.pose], [self._posture()])
         self._fire(self._cloud_time)
         return self._observe()
 
@@ -119,6 +119,7 @@ class MujocoSimulator:
         self._periods += 1
         end = round(self._periods * self._robot.dt / TIME_STEP)
         travel: list[Pose] = []
+        postures: list[Floats] = []
         unseen = 0  # steps since the lidar fired
         while self._steps < end:
             # Movers first, then the robot, with the command that is active in the middle of the piece.
@@ -129,6 +130,7 @@ class MujocoSimulator:
             self._steps += made
             pose = self._walker.pose
             travel.append(pose)
+            postures.append(self._posture())
             self._poses.append((self._time, pose))
             if self._walker.contact or self._walker.has_fallen or self._is_at_goal(pose):
                 break
@@ -139,7 +141,7 @@ class MujocoSimulator:
                 unseen = 0
         if unseen > 0:
             self._fire(unseen * TIME_STEP)
-        self.state = self._state(travel)
+        self.state = self._state(travel, postures)
         return self._observe()
 
     def change(self, task: Task) -> Observation:
@@ -150,7 +152,7 @@ class MujocoSimulator:
         self._sensors.change(task)
         self._walker = Walker(self._arena, self._config.velocity_loop)
         self._walker.go_on(walker)
-        self.state = self._state([self._walker.pose])
+        self.state = self._state([self._walker.pose], [self._posture()])
         self._fire(self._cloud_time)
         return self._observe()
 
@@ -168,8 +170,11 @@ class MujocoSimulator:
     def _is_at_goal(self, pose: Pose) -> bool:
         return math.dist(pose[:2], self._task.goal) <= self._task.goal_tolerance
 
-    def _state(self, travel: list[Pose]) -> State:
-        """The state at the end of these poses. Contact on arrival counts as contact only."""
+    def _posture(self) -> Floats:
+        return np.concatenate(([self._time], self._walker.data.qpos))
+
+    def _state(self, travel: list[Pose], postures: list[Floats]) -> State:
+        """The state at the end of these poses and postures. Contact on arrival counts as contact only."""
         walker, poses, box = self._walker, np.array(travel), self._robot.footprint.box
         circles, edges = self.obstacles
         clearance, _ = sweep(poses, box, *nearby(self._task.world, poses, box, circles, edges))
@@ -185,6 +190,7 @@ class MujocoSimulator:
             arrived=not part and self._is_at_goal(travel[-1]),
             contact_part=part,
             legs=walker.legs,
+            postures=np.array(postures),
         )
 
     def _fire(self, duration: float) -> None:
