@@ -15,6 +15,7 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
+from lme.simulation.mujoco.body import part_of
 from lme.types import Floats, Outcome
 from runners.reports.figures.animation import GIF, MP4, SAMPLE, Picture, find_ffmpeg, write_film
 from runners.reports.figures.driven_runs import DrivenRun
@@ -243,13 +244,14 @@ def _paint(model: Any) -> None:
     """Colour the shapes of a model, and make its obstacles low and walls thick."""
     import mujoco
 
-    names = [model.geom(i).name for i in range(model.ngeom)]
-    first_part = names.index("trunk_box")  # before it are the floor and the obstacles
-    for i, name in enumerate(names):
-        model.geom_rgba[i] = (
-            FLOOR if i == 0 else OBSTACLE if i < first_part else ROBOT.get(name.partition("_")[0], LEG)
-        )
-    for i in range(1, first_part):
+    for i, body in enumerate(model.geom_bodyid):
+        if body != 0:  # of the robot; the floor and the obstacles belong to the world, body 0
+            model.geom_rgba[i] = ROBOT.get(part_of(model.geom(i).name), LEG)
+            continue
+        is_floor = model.geom_type[i] == mujoco.mjtGeom.mjGEOM_PLANE
+        model.geom_rgba[i] = FLOOR if is_floor else OBSTACLE
+        if is_floor:
+            continue
         is_round = model.geom_type[i] == mujoco.mjtGeom.mjGEOM_CYLINDER
         model.geom_size[i, 1 if is_round else 2] = model.geom_pos[i, 2] = WALL_M / 2
         if not is_round:
