@@ -56,7 +56,7 @@ def report(version: int) -> Iterator[str]:
     yield "|---:|---:|---:|---:|---:|---|"
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        _isolate(version, folder, stack)
+        isolate(version, folder, stack)
         ros = connect(version, "benchmark", ())
         stack.callback(ros.close)
         delays: list[float] = []
@@ -84,7 +84,7 @@ def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> floa
     pinned = ["taskset", "-c", "0"] if shutil.which("taskset") else []
     node = (name, *ROBOT, f"robot.control_rate={rate}", "live.clock=received")
     robot = ("simulator", f"--{name}", *ROBOT, WORLDS, "live.pause=0")
-    with _start_process(pinned, node, folder, "node"), _start_process([], robot, folder, "robot"):
+    with start_lme_live(pinned, node, folder, "node"), start_lme_live([], robot, folder, "robot"):
         while len(delays) < 3 * rate:  # until it drives, with code that is loaded
             ros.handle(0.1)
         delays.clear()
@@ -95,20 +95,22 @@ def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> floa
 
 
 @contextlib.contextmanager
-def _start_process(prefix: list[str], words: tuple[str, ...], folder: str, name: str) -> Iterator[None]:
-    """`lme live` with these words while the `with` lasts."""
+def start_lme_live(
+    prefix: list[str], words: tuple[str, ...], folder: str, name: str
+) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
+    """`lme live` with these words while the `with` lasts, and its run directory."""
     command = [*prefix, sys.executable, "-m", "runners.cli.main", "live", *words]
     run_dir = Path(tempfile.mkdtemp(dir=folder)) / name
     with (Path(folder) / f"{name}.log").open("a") as log:
         process = subprocess.Popen([*command, f"hydra.run.dir={run_dir}"], stdout=log, stderr=log)
     try:
-        yield
+        yield process, run_dir
     finally:
         process.terminate()
         process.wait(20)
 
 
-def _isolate(version: int, folder: str, stack: contextlib.ExitStack) -> None:
+def isolate(version: int, folder: str, stack: contextlib.ExitStack) -> None:
     """A separate ROS on the loopback."""
     os.environ |= {"ROS_LOG_DIR": folder, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "86"}
     if version == 2:

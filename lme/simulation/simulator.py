@@ -36,6 +36,9 @@ class State(NamedTuple):
     time: since reset [s]. travel: (K, 3) poses passed in the last period; the last one is `pose`.
     clearance: least distance from footprint to obstacle over the period [m]; 0 in contact. contact_part: the part of a
     legged robot that is in contact, trunk, thigh, calf or foot, or `FALL` if it fell; empty for other robots.
+    legs: hip, knee and foot of each leg from above, (L, 3, 2) in the frame of `pose` [m]; None for other robots.
+    postures: (K, 1 + Q) time [s] and MuJoCo's coordinates of body and joints at each pose of `travel`; None in other
+    simulators.
     """
 
     pose: Pose
@@ -46,6 +49,8 @@ class State(NamedTuple):
     contact: bool
     arrived: bool
     contact_part: str = ""
+    legs: Floats | None = None
+    postures: Floats | None = None
 
 
 class Simulator(Protocol):
@@ -77,6 +82,44 @@ class Changeable(Protocol):
 
         Movers that were in the last task too, as the same objects, continue from where they are.
         """
+
+
+class LidarCloud(NamedTuple):
+    """One cloud of a 3D lidar. points (N, 3): in the lidar's frame [m].
+
+    times (N,): when each was measured, counted from the end of the cloud, so at most 0 [s]; None if all of them are
+    where they would be at its end, as in the cloud of lidar-inertial odometry.
+    """
+
+    points: Floats
+    times: Floats | None
+
+
+class Attitude(NamedTuple):
+    """What a planar pose leaves out: height of the base frame above the floor [m], its roll and its pitch [rad]."""
+
+    height: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+
+
+@runtime_checkable
+class Tilting(Protocol):
+    """Simulator of a robot that tilts and carries a 3D lidar.
+
+    whole_clouds: whether clouds also have the points above everything that counts for a scan; set it before `reset`.
+    """
+
+    whole_clouds: bool
+
+    def cloud(self) -> LidarCloud:
+        """Return the newest cloud."""
+
+    def attitude(self) -> Attitude:
+        """Return the attitude of the base frame, which is fixed to the body, at the pose of `state`."""
+
+    def lidar_height(self) -> float:
+        """Return how far the lidar is above the origin of the base frame [m]."""
 
 
 def forward_enough(command: Twist, robot: Robot) -> Twist:

@@ -95,6 +95,10 @@ class Sender:
         moments, movers = [frame.moment for frame in frames], [frame.movers for frame in frames]
         stretch = Stretch(lane.config.robot, steps, moments, trajectory_of(frames), movers)
         add_stretch(packer, stretch, header["planned"], header["tracked"])
+        legs = [frame.state.legs for frame in frames if frame.state.legs is not None]
+        if legs:
+            packer.add_counts("legs", legs)
+            packer.add_singles("legs", np.concatenate(legs))
         self._add_seen(packer, lane, frames)
         return packer.raw(
             {

@@ -17,9 +17,13 @@ import numpy as np
 
 from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.surmount import sector_points
+from lme.live.messages import SECOND
+from lme.simulation.simulator import Attitude, LidarCloud
 from lme.types import Floats, Guidance, LaserScan, Observation, Pose, Twist
 from runners.ros.transport import Transport
 
+_LEVEL = Attitude()
+_FLOAT_SIZE = 4  # [bytes]
 _DELETE_ALL = 3  # visualization_msgs/Marker
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
 _VIRIDIS = np.array(
@@ -77,12 +81,47 @@ class OutgoingMessages:
         message.ranges = array("f", np.asarray(scan.ranges, np.float32).tobytes())
         return message
 
-    def odometry(self, time_ns: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
+    def cloud(self, time_ns: int, frame: str, cloud: LidarCloud) -> Any:
+        """Return a sensor_msgs/PointCloud2. time_ns: of its end.
+
+        The fields are x, y and z [m]. A cloud with times also has `time` [s], which counts from the stamp, that of the
+        first point.
+        """
+        message = self._ros.type("sensor_msgs/PointCloud2")()
+        columns, start = [*cloud.points.T], 0.0
+        if cloud.times is not None:
+            start = float(cloud.times.min(initial=0.0))
+            columns.append(cloud.times - start)
+        self._head(message, time_ns + round(start * SECOND), frame)
+        field = self._ros.type("sensor_msgs/PointField")
+        message.fields = [
+            field(name=name, offset=_FLOAT_SIZE * k, datatype=field.FLOAT32, count=1)
+            for k, name in enumerate(("x", "y", "z", "time")[: len(columns)])
+        ]
+        message.height, message.width, message.is_dense = 1, len(cloud.points), True
+        message.point_step = _FLOAT_SIZE * len(columns)
+        message.row_step = message.point_step * message.width
+        data = np.column_stack(columns).astype("<f4").tobytes()
+        message.data = array("B", data) if self._ros.version == 2 else data
+        return message
+
+    def imu(self, time_ns: int, frame: str, yaw: float, attitude: Attitude) -> Any:
+        """Return a sensor_msgs/Imu that measures the orientation alone."""
+        message = self._ros.type("sensor_msgs/Imu")()
+        self._head(message, time_ns, frame)
+        _set_orientation(message.orientation, yaw, attitude)
+        for name in ("angular_velocity_covariance", "linear_acceleration_covariance"):
+            setattr(message, name, [-1.0] + [0.0] * 8)  # not measured
+        return message
+
+    def odometry(
+        self, time_ns: int, frame: str, child: str, pose: Pose, twist: Twist, attitude: Attitude = _LEVEL
+    ) -> Any:
         """Return a nav_msgs/Odometry."""
         message = self._ros.type("nav_msgs/Odometry")()
         self._head(message, time_ns, frame)
         message.child_frame_id = child
-        self._set_pose(message.pose.pose, pose)
+        self._set_pose(message.pose.pose, pose, attitude)
         message.twist.twist.linear.x, message.twist.twist.angular.z = float(twist.v), float(twist.omega)
         return message
 
@@ -93,14 +132,15 @@ class OutgoingMessages:
         self._set_pose(message.pose, pose)
         return message
 
-    def transform(self, time_ns: int, frame: str, child: str, pose: Pose) -> Any:
+    def transform(self, time_ns: int, frame: str, child: str, pose: Pose, attitude: Attitude = _LEVEL) -> Any:
         """Return a tf2_msgs/TFMessage with one transform."""
         stamped = self._ros.type("geometry_msgs/TransformStamped")()
         self._head(stamped, time_ns, frame)
         stamped.child_frame_id = child
         transform = stamped.transform
         transform.translation.x, transform.translation.y = float(pose.x), float(pose.y)
-        transform.rotation.z, transform.rotation.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)
+        transform.translation.z = attitude.height
+        _set_orientation(transform.rotation, pose.yaw, attitude)
         return self._ros.type("tf2_msgs/TFMessage")(transforms=[stamped])
 
     def point(self, time_ns: int, frame: str, point: Floats) -> Any:
@@ -160,9 +200,19 @@ class OutgoingMessages:
     def _head(self, message: Any, time_ns: int, frame: str) -> None:
         message.header.stamp, message.header.frame_id = self._ros.stamp(time_ns), frame
 
-    def _set_pose(self, message: Any, pose: Pose) -> None:
+    def _set_pose(self, message: Any, pose: Pose, attitude: Attitude = _LEVEL) -> None:
         message.position.x, message.position.y = float(pose.x), float(pose.y)
-        message.orientation.z, message.orientation.w = math.sin(pose.yaw / 2), math.cos(pose.yaw / 2)
+        message.position.z = attitude.height
+        _set_orientation(message.orientation, pose.yaw, attitude)
+
+
+def _set_orientation(quaternion: Any, yaw: float, attitude: Attitude) -> None:
+    """Set a quaternion that turns by roll about x, then by pitch about y, then by yaw about z."""
+    (sr, cr), (sp, cp), (sy, cy) = (
+        (math.sin(angle / 2), math.cos(angle / 2)) for angle in (attitude.roll, attitude.pitch, yaw)
+    )
+    quaternion.x, quaternion.y = cy * cp * sr - sy * sp * cr, cy * sp * cr + sy * cp * sr
+    quaternion.z, quaternion.w = sy * cp * cr - cy * sp * sr, cy * cp * cr + sy * sp * sr
 
 
 class Shape(IntEnum):

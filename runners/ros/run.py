@@ -27,7 +27,7 @@ from runners.config.schema import LiveCommandConfig, Record
 from runners.ros import ros1, ros2
 from runners.ros.mcap_drives import LiveRecorder
 from runners.ros.node import Node, NodeConfig
-from runners.ros.simulator import Outcomes, SimulatedRobot
+from runners.ros.simulator import Outcomes, SimulatedRobot, check_scans
 from runners.ros.topics import LiveTopicsConfig
 from runners.ros.transport import Transport
 from runners.workers.episodes import episode_rng
@@ -48,14 +48,14 @@ def validate(job: Job[LiveCommandConfig]) -> None:
         )
     _check_keys(job)
     require("seed", config.seed, at_least=0)
-    fill_dataclass(LiveTopicsConfig, config.topics, "topics")
+    topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
     configured(config.live, "live")
     # The simulator needs maps, the node what it reads and how it decides.
     if _simulates(job):
         require("runs", config.runs, at_least=1)
         maps = build.map_set(config)
         check_task(maps.task(maps.numbers[0]), config.robot)
-        build.simulator(_finely_stepped(config))
+        check_scans(topics, build.simulator(_finely_stepped(config)))
     else:
         fill_dataclass(ScanConfig, config.scan, "scan")
         fill_dataclass(FramesConfig, config.frames, "frames")

@@ -1,6 +1,6 @@
 """The simulator behind a real robot's topics, and the table of what came of its episodes.
 
-It publishes clock, scans, odometry, tf and goals, and takes commands.
+It publishes clock, scans or clouds, odometry, the orientation of an IMU, tf and goals, and takes commands.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from lme.geometry.frames import relative
 from lme.live.messages import SECOND, twist_of
 from lme.navigation.episode import Progress
 from lme.robots import Robot
-from lme.simulation.simulator import Simulator
+from lme.simulation.simulator import Attitude, Simulator, Tilting
 from lme.types import Observation, Outcome, Pose, Twist
 from lme.worlds.world import Task
 from runners.ros.outgoing import OutgoingMessages
-from runners.ros.topics import TF_MESSAGE, LiveTopicsConfig
+from runners.ros.topics import CLOUD, IMU_KIND, TF_MESSAGE, LiveTopicsConfig
 from runners.ros.transport import Delivery, Publisher, Transport
 
 ODOM, BASE = "odom", "base_link"
@@ -53,6 +53,7 @@ class SimulatorConfig:
     speed: float
     step: float
     scan_rate: float
+    odometry_rate: float
     watchdog: float
     goal: str
     pause: float
@@ -61,7 +62,8 @@ class SimulatorConfig:
     def __post_init__(self) -> None:
         require("speed", self.speed, above=0.0)
         require("step", self.step, above=0.0, at_most=0.1)
-        require("scan_rate", self.scan_rate, above=0.0, at_most=1.0 / self.step)
+        for key in ("scan_rate", "odometry_rate"):
+            require(key, getattr(self, key), above=0.0, at_most=1.0 / self.step)
         require("watchdog", self.watchdog, above=0.0)
         require("pause", self.pause, at_least=0.0)
         if self.goal not in GOALS:
@@ -83,6 +85,15 @@ class Driven(NamedTuple):
     final_distance: float
 
 
+def check_scans(topics: LiveTopicsConfig, simulator: Simulator) -> None:
+    """Raise InputError if the topics want clouds and the simulator has none."""
+    if topics.scan_type == CLOUD and not isinstance(simulator, Tilting):
+        raise InputError(
+            f"topics.scan_type is {CLOUD}: of all simulators, only sim=mujoco with robot=go2 sends clouds; choose it, "
+            "or topics.scan_type=LaserScan"
+        )
+
+
 class SimulatedRobot:
     """A robot in one world after another. `robot`: from the config. `simulator`: of the robot with dt = step."""
 
@@ -98,12 +109,19 @@ class SimulatedRobot:
     ) -> None:
         self._config, self._ros, self._topics = config, transport, topics
         self._robot, self._simulator = robot, simulator
+        self._tilting = simulator if isinstance(simulator, Tilting) else None
+        self._sends_clouds = topics.scan_type == CLOUD
+        if self._tilting is not None:
+            self._tilting.whole_clouds = self._sends_clouds
         self._make = OutgoingMessages(transport)
-        self._now = 0  # [ns] simulated time; it never goes backwards
+        # [ns] simulated time, which never goes backwards; a stamp of 0 would mean that there is none
+        self._now = SECOND
         self._step = round(config.step * SECOND)
         self._period = config.step / config.speed  # [s] of real time
         self._steps = 0
-        self._scans = max(1, round(1.0 / (config.scan_rate * config.step)))  # steps between scans
+        self._scans, self._poses = (  # steps between scans, and between messages of odometry
+            max(1, round(1.0 / (rate * config.step))) for rate in (config.scan_rate, config.odometry_rate)
+        )
         self._next = time.monotonic()  # [s] when the next step is due
         self._command, self._commanded = _REST, 0
         self._connect()
@@ -138,7 +156,10 @@ class SimulatedRobot:
                 progress.moved(previous_state, self._simulator.state)
             else:
                 waited_s += self._config.step
-        self._publish(observation)  # so that a node with the task's tolerance sees that it has arrived
+        self._steps = (
+            0  # everything is due, so that a node with the task's tolerance sees that it has arrived
+        )
+        self._publish(observation)
         state = self._simulator.state
         return Driven(
             task,
@@ -165,14 +186,23 @@ class SimulatedRobot:
     def _publish(self, observation: Observation) -> None:
         """Publish the sensors' data and then the time, so that a node has all data of that time."""
         time_ns, make, pose = self._now, self._make, observation.odometry
-        self._odometry(make.odometry(time_ns, ODOM, BASE, pose, observation.twist))
-        if self._tf is not None:
-            self._tf(make.transform(time_ns, ODOM, BASE, pose))
+        attitude = Attitude() if self._tilting is None else self._tilting.attitude()
+        if self._imu is not None:
+            self._imu(make.imu(time_ns, BASE, pose.yaw, attitude))
+        if self._steps % self._poses == 0:
+            self._odometry(make.odometry(time_ns, ODOM, BASE, pose, observation.twist, attitude))
+            if self._tf is not None:
+                self._tf(make.transform(time_ns, ODOM, BASE, pose, attitude))
         if self._steps % self._scans == 0:
-            period = self._scans * self._config.step
-            self._scan(make.scan(time_ns, self._config.scan_frame, observation.scan, period))
+            self._scan(self._scan_message(observation))
         self._steps += 1
         self._clock(make.clock(time_ns))
+
+    def _scan_message(self, observation: Observation) -> Any:
+        frame = self._config.scan_frame
+        if self._tilting is not None and self._sends_clouds:
+            return self._make.cloud(self._now, frame, self._tilting.cloud())
+        return self._make.scan(self._now, frame, observation.scan, self._scans * self._config.step)
 
     def _send(self, goal: Pose) -> bool:
         """Send the goal if somebody subscribes; return whether it was sent."""
@@ -187,11 +217,15 @@ class SimulatedRobot:
         ros, topics = self._ros, self._topics
         self._clock = ros.publisher(topics.clock, "rosgraph_msgs/Clock")
         self._odometry = ros.publisher(topics.pose, "nav_msgs/Odometry")
-        self._scan = ros.publisher(topics.scan, "sensor_msgs/LaserScan")
+        self._scan = ros.publisher(topics.scan, topics.scan_kind)
+        self._imu: Publisher | None = None
+        if topics.imu is not None and self._tilting is not None:
+            self._imu = ros.publisher(topics.imu, IMU_KIND)
         self._tf: Publisher | None = None
         if ros.has(TF_MESSAGE):
             self._tf = ros.publisher(topics.tf, TF_MESSAGE)
-            mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.mount)
+            height = Attitude() if self._tilting is None else Attitude(self._tilting.lidar_height())
+            mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.mount, height)
             self._mount = ros.publisher(topics.tf_static, TF_MESSAGE, latched=True)
             self._mount(mount)
         self._goal: Publisher | None = None

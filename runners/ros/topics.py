@@ -10,7 +10,8 @@ from lme.live.poses import TWISTS
 
 TF_MESSAGE = "tf2_msgs/TFMessage"
 TF = "tf"  # takes the place of a topic of poses
-SCANS = {"LaserScan": "sensor_msgs", "PointCloud2": "sensor_msgs"}
+CLOUD = "PointCloud2"
+SCANS = {"LaserScan": "sensor_msgs", CLOUD: "sensor_msgs"}
 POSES = {
     "Odometry": "nav_msgs",
     "PoseStamped": "geometry_msgs",

@@ -49,6 +49,7 @@ class TracedStep(NamedTuple):
 
     time [s]. pose: the robot's in the world. subgoal: (2,) in the world [m]. obstacles: circles (C, 3) and edges
     (E, 4) at this time, movers last. explanation: that of the guide's decision, or None if the guide gives none.
+    postures: since the step before, see `lme.simulation.simulator.State`.
     """
 
     time: float
@@ -59,6 +60,7 @@ class TracedStep(NamedTuple):
     command: Twist
     obstacles: tuple[Floats, Floats]
     explanation: Explanation | None
+    postures: Floats | None = None
 
 
 class Drive(NamedTuple):
@@ -76,6 +78,7 @@ class TraceEnd(NamedTuple):
     pose: Pose
     observation: Observation
     obstacles: tuple[Floats, Floats]
+    postures: Floats | None = None
 
 
 class Trace(NamedTuple):
@@ -182,12 +185,21 @@ class _Tracer:
         subgoal, obstacles = to_world(guidance.subgoal, state.pose), self._simulator.obstacles
         self.steps.append(
             TracedStep(
-                state.time, state.pose, observation, subgoal, guidance, command, obstacles, explanation
+                state.time,
+                state.pose,
+                observation,
+                subgoal,
+                guidance,
+                command,
+                obstacles,
+                explanation,
+                state.postures,
             )
         )
 
     def ended(self, observation: Observation, state: State) -> None:
-        self.end = TraceEnd(state.time, state.pose, observation, self._simulator.obstacles)
+        obstacles = self._simulator.obstacles
+        self.end = TraceEnd(state.time, state.pose, observation, obstacles, state.postures)
 
 
 def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iterator[pa.Table]:

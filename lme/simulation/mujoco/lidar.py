@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from lme.perception.point_cloud import CLEARED, Projection, rigid_transform, to_
 from lme.robots import Lidar
 from lme.simulation.mid360 import mid360_of
 from lme.simulation.mid360.pattern import MOST_NOISE
+from lme.simulation.simulator import LidarCloud
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Pose
 from lme.worlds.world import World
@@ -31,10 +33,12 @@ class TiltingLidar:
     in the sensor's frame, as its driver publishes them, and are taken for those of a level body that stands still.
     """
 
-    def __init__(self, lidar: Lidar, registered: bool, trunk_height: float, rng: np.random.Generator) -> None:
-        """trunk_height: of the standing robot's trunk above the floor [m]."""
+    def __init__(
+        self, lidar: Lidar, registered: bool, whole: bool, trunk_height: float, rng: np.random.Generator
+    ) -> None:
+        """whole: whether to keep points that cannot count for a scan. trunk_height: of the standing robot [m]."""
         assert lidar.cloud is not None
-        self._lidar, self._cloud, self._registered = lidar, lidar.cloud, registered
+        self._lidar, self._cloud, self._registered, self._whole = lidar, lidar.cloud, registered, whole
         # Mount in the trunk's frame, and in the base frame below it on the floor.
         planar = [0.0, 0.0, lidar.yaw]
         self._mount = rigid_transform([lidar.x, lidar.y, self._cloud.height - trunk_height, *planar])
@@ -69,11 +73,21 @@ class TiltingLidar:
             _NO_SOLIDS,
             (0.0, math.inf),
             up,
-            self._highest(height, sensor, world, circles, edges),
+            1.0 if self._whole else self._highest(height, sensor, world, circles, edges),
         )
         self._pieces.append((time, points, sensor))
         while self._pieces[0][0] <= time - self._cloud.duration + 1e-9:
             self._pieces.popleft()
+
+    def cloud(self) -> LidarCloud:
+        """Return the newest pieces as one cloud in the sensor's frame, at the end of the cloud if it is registered."""
+        end, _, sensor = self._pieces[-1]
+        if not self._registered:
+            times = [np.full(len(points), time - end) for time, points, _ in self._pieces]
+            return LidarCloud(np.vstack([points for _, points, _ in self._pieces]), np.concatenate(times))
+        to_sensor = np.linalg.inv(sensor)
+        transforms = [to_sensor @ piece for _, _, piece in self._pieces]
+        return LidarCloud(self._moved(transforms), None)
 
     def ranges(self, base: Pose) -> NDArray[np.float32]:
         """Project the pieces to a scan (num_beams,) [m], seen from the lidar of a level base at this pose.
@@ -91,14 +105,14 @@ class TiltingLidar:
             transforms = [self._level_mount] * len(self._pieces)
         # The beams of the lidar are the middles of its bins.
         transforms = [half_bin @ transform for transform in transforms]
-        points = np.vstack(
-            [
-                points @ transform[:3, :3].T + transform[:3, 3]
-                for (_, points, _), transform in zip(self._pieces, transforms, strict=True)
-            ]
-        )
+        points = self._moved(transforms)
         scan = to_scan(points, self._projection)
         return without_unmeasured(scan, points, transforms[-1][:3, 3], self._projection).ranges
+
+    def _moved(self, transforms: Sequence[Floats]) -> Floats:
+        """Points of all pieces (N, 3), each piece moved by its transform (4, 4)."""
+        pieces = zip(self._pieces, transforms, strict=True)
+        return np.vstack([points @ to[:3, :3].T + to[:3, 3] for (_, points, _), to in pieces])
 
     def _highest(self, height: float, sensor: Floats, world: World, circles: Floats, edges: Floats) -> float:
         """Sine of the elevation above which a beam leaves the heights that count before it can hit anything."""

@@ -19,7 +19,7 @@ from lme.simulation.mujoco.arena import Arena, require_mujoco
 from lme.simulation.mujoco.body import TIME_STEP
 from lme.simulation.mujoco.lidar import TiltingLidar
 from lme.simulation.mujoco.walker import Walker, standing_height
-from lme.simulation.simulator import FALL, Sensors, State, forward_enough
+from lme.simulation.simulator import FALL, Attitude, LidarCloud, Sensors, State, forward_enough
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Observation, Pose, Twist
 from lme.worlds.world import Task
@@ -60,6 +60,7 @@ class MujocoSimulator:
     """
 
     Config = MujocoConfig
+    whole_clouds = False
 
     def __init__(self, config: MujocoConfig, robot: Robot) -> None:
         require_mujoco()
@@ -80,11 +81,26 @@ class MujocoSimulator:
         """See `lme.simulation.simulator.Simulator.people`."""
         return self._crowd.people
 
+    def cloud(self) -> LidarCloud:
+        """See `lme.simulation.simulator.Tilting`."""
+        return self._lidar.cloud()
+
+    def attitude(self) -> Attitude:
+        """See `lme.simulation.simulator.Tilting`; the base frame is that of the trunk."""
+        return Attitude(float(self._walker.trunk[2, 3]), *self._walker.tilt)
+
+    def lidar_height(self) -> float:
+        """See `lme.simulation.simulator.Tilting`."""
+        assert self._robot.lidar.cloud is not None
+        return self._robot.lidar.cloud.height - standing_height()
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, where it stands still."""
         config, robot = self._config, self._robot
         self._sensors = Sensors(robot, config, task, rng)
-        self._lidar = TiltingLidar(robot.lidar, config.registered, standing_height(), rng.spawn(1)[0])
+        self._lidar = TiltingLidar(
+            robot.lidar, config.registered, self.whole_clouds, standing_height(), rng.spawn(1)[0]
+        )
         self._delay = Delay(config.latency)
         self._start = Pose(*map(float, task.start))
         self._steps, self._periods = 0, 0  # of the physics, and of control
@@ -92,7 +108,7 @@ class MujocoSimulator:
         self._walker = Walker(self._arena, config.velocity_loop)
         self._walker.stand(self._start)
         self._poses = deque([(0.0, self._walker.pose)])
-        self.state = self._state([self._walker.pose])
+        self.state = self._state([self._walker.pose], [self._posture()])
         self._fire(self._cloud_time)
         return self._observe()
 
@@ -103,6 +119,7 @@ class MujocoSimulator:
         self._periods += 1
         end = round(self._periods * self._robot.dt / TIME_STEP)
         travel: list[Pose] = []
+        postures: list[Floats] = []
         unseen = 0  # steps since the lidar fired
         while self._steps < end:
             # Movers first, then the robot, with the command that is active in the middle of the piece.
@@ -113,6 +130,7 @@ class MujocoSimulator:
             self._steps += made
             pose = self._walker.pose
             travel.append(pose)
+            postures.append(self._posture())
             self._poses.append((self._time, pose))
             if self._walker.contact or self._walker.has_fallen or self._is_at_goal(pose):
                 break
@@ -123,7 +141,7 @@ class MujocoSimulator:
                 unseen = 0
         if unseen > 0:
             self._fire(unseen * TIME_STEP)
-        self.state = self._state(travel)
+        self.state = self._state(travel, postures)
         return self._observe()
 
     def change(self, task: Task) -> Observation:
@@ -134,7 +152,7 @@ class MujocoSimulator:
         self._sensors.change(task)
         self._walker = Walker(self._arena, self._config.velocity_loop)
         self._walker.go_on(walker)
-        self.state = self._state([self._walker.pose])
+        self.state = self._state([self._walker.pose], [self._posture()])
         self._fire(self._cloud_time)
         return self._observe()
 
@@ -152,8 +170,11 @@ class MujocoSimulator:
     def _is_at_goal(self, pose: Pose) -> bool:
         return math.dist(pose[:2], self._task.goal) <= self._task.goal_tolerance
 
-    def _state(self, travel: list[Pose]) -> State:
-        """The state at the end of these poses. Contact on arrival counts as contact only."""
+    def _posture(self) -> Floats:
+        return np.concatenate(([self._time], self._walker.data.qpos))
+
+    def _state(self, travel: list[Pose], postures: list[Floats]) -> State:
+        """The state at the end of these poses and postures. Contact on arrival counts as contact only."""
         walker, poses, box = self._walker, np.array(travel), self._robot.footprint.box
         circles, edges = self.obstacles
         clearance, _ = sweep(poses, box, *nearby(self._task.world, poses, box, circles, edges))
@@ -168,6 +189,8 @@ class MujocoSimulator:
             contact=bool(part),
             arrived=not part and self._is_at_goal(travel[-1]),
             contact_part=part,
+            legs=walker.legs,
+            postures=np.array(postures),
         )
 
     def _fire(self, duration: float) -> None:

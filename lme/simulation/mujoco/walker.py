@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lme.geometry.frames import to_robot
 from lme.inputs.onnx_file import OnnxNetwork
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
@@ -143,6 +144,17 @@ class Walker:
         transform[:3, :3] = _rotation(self.data.qpos[3:7])
         transform[:3, 3] = self.data.qpos[:3]
         return transform
+
+    @property
+    def legs(self) -> Floats:
+        """Hip, knee and foot of each leg from above, in the frame of `pose`: (4, 3, 2) [m]."""
+        data = self.data
+        joints = [
+            (data.body(f"{leg}_thigh").xpos, data.body(f"{leg}_calf").xpos, data.geom(f"foot_{leg}").xpos)
+            for leg in LEGS
+        ]
+        points = np.array(joints)[..., :2].reshape(-1, 2)
+        return to_robot(points, self.pose).reshape(len(LEGS), 3, 2)
 
     @property
     def velocity(self) -> Floats:

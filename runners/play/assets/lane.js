@@ -78,11 +78,15 @@ class LaneView {
     return [x + reach * Math.cos(yaw), y + reach * Math.sin(yaw)];
   }
 
+  get shownLegs() {
+    return this.trace.last < 0 ? null : this.trace.legs(Math.min(this.app.position, this.trace.last));
+  }
+
   draw() {
     if (this.trace.last < 0) return;
     const { app, trace, scene, step } = this;
     const shown = { step, truth: app.layers.has("truth"), verdict: null, changed: false, picked: null, layers: app.layers,
-      pose: this.shownPose, below: () => this.#below(), above: () => this.#above() };
+      pose: this.shownPose, legs: this.shownLegs, below: () => this.#below(), above: () => this.#above() };
     const drawn = `${app.situation.revision} ${step}`;
     if (drawn !== this.drawn) this.pointed = this.picked = null; // other candidates are drawn at every step
     this.drawn = drawn;

@@ -1,7 +1,7 @@
 // A drive that grows while it is watched, with the interface of `Trace`, so that `Scene` draws both.
 
 const WIDTHS = { pose: 3, twist: 2, target: 2, command: 2, subgoal: 2, old: 2, b: 2, sectors: 2, history: 2, discs: 3,
-  edges: 4, people: 4 };
+  edges: 4, people: 4, legs: 6 };
 
 /** A typed array that grows at its end and can be cut. */
 class Growing {
@@ -91,6 +91,19 @@ class LiveTrace extends Trace {
     const part = Math.min(place - step, 1);
     const turn = Math.atan2(Math.sin(two.yaw - one.yaw), Math.cos(two.yaw - one.yaw));
     return { x: one.x + part * (two.x - one.x), y: one.y + part * (two.y - one.y), yaw: one.yaw + part * turn };
+  }
+
+  /** Hip, knee and foot of each leg in the robot frame, between two steps: x and y after one another; null without legs. */
+  legs(place) {
+    const { legs } = this.arrays;
+    if (!legs) return null;
+    const step = Math.min(Math.floor(place), this.last);
+    const [one, two] = [step, Math.min(step + 1, this.last)].map((at) => {
+      const [from, to] = this.span("legs", at);
+      return legs.subarray(6 * from, 6 * to);
+    });
+    const part = Math.min(place - step, 1);
+    return one.map((value, i) => value + part * (two[i] - value));
   }
 
   #append(name, values) {

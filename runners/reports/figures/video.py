@@ -57,18 +57,18 @@ class Video:
         Raises InputError for too many panels, or for an episode that cannot be driven again.
         """
         config = self._config
-        episodes = _select_episodes(runs, worlds)
+        episodes = select_episodes(runs, worlds)
         traces = [driven_run.trace(world, run) for driven_run, world, run in episodes]
-        pace, speed = _pace(traces, config)
+        pace, speed = pace_of(traces, config.speed, config.fps)
         note = "" if speed == 1.0 else f"{speed:.3g}× real time"
-        screen = Screen(traces, _labels(episodes), config.width, candidates=config.candidates, note=note)
+        screen = Screen(traces, labels_of(episodes), config.width, candidates=config.candidates, note=note)
         path = stem.with_name(f"{stem.name}.{config.format}")
-        pictures = _with_progress(screen.pictures(pace.held), len(pace.held))
+        pictures = with_progress(screen.pictures(pace.held), len(pace.held))
         write_film(pictures, path, pace.fps, screen.sample(pace.times))
         return [path]
 
 
-def _with_progress(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
+def with_progress(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     """Yield the pictures, with a progress bar on standard error."""
     from rich.progress import track
 
@@ -77,7 +77,7 @@ def _with_progress(pictures: Iterator[Picture], total: int) -> Iterator[Picture]
     yield from track(pictures, "Drawing", total, console=error_console())
 
 
-def _select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
+def select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
     """Return (driven run, world, run number) of each panel.
 
     Without worlds, a panel shows the first world of the first run in each place.
@@ -96,15 +96,15 @@ def _select_episodes(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[t
     return episodes
 
 
-def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[FilmPace, float]:
+def pace_of(traces: Sequence[Trace], speed: float | None, fps: float) -> tuple[FilmPace, float]:
     """Return the time of each frame, and the speed relative to real time."""
     duration = max(trace.end.time for trace in traces)
-    speed = config.speed if config.speed is not None else max(1.0, duration / ENOUGH_S)
-    times = np.arange(0.0, duration - 1e-9, speed / config.fps)
-    return FilmPace(np.append(times, duration), config.fps), speed
+    speed = speed if speed is not None else max(1.0, duration / ENOUGH_S)
+    times = np.arange(0.0, duration - 1e-9, speed / fps)
+    return FilmPace(np.append(times, duration), fps), speed
 
 
-def _labels(episodes: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
+def labels_of(episodes: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
     """Return the label above each panel: the system, the map and world, or both, whichever differ."""
     systems = [driven_run.label for driven_run, _, _ in episodes]
     world_labels = [f"{driven_run.frame['map'].iloc[0]}, world {world}" for driven_run, world, _ in episodes]

@@ -104,6 +104,32 @@ def test_no_two_scripts_use_the_same_name():
     assert sorted(names) == sorted(set(names))
 
 
+def test_the_legs_of_a_walking_robot_are_drawn_between_its_steps(serve):
+    pytest.importorskip("mujoco", reason="sim=mujoco needs MuJoCo")
+    pytest.importorskip("onnxruntime", reason="the policy of sim=mujoco needs onnxruntime")
+    served = serve("robot=go2", "sim=mujoco")
+    forward(served.page, 4)
+    third, fourth = (frame.state.legs for frame in served.session.lanes[0].frames[3:5])
+    drawn = served.page.evaluate("[...play.views[0].trace.legs(3.25)]")
+    np.testing.assert_allclose(np.reshape(drawn, (4, 3, 2)), 0.75 * third + 0.25 * fourth, atol=1e-6)
+    # After a step back and a change, they are those of the new drive.
+    served.page.evaluate("play.go(2)")
+    served.page.evaluate('play.put("d1", "circles", { centre: [9, 9], radius: 0.2 })')
+    until(served.page, "!play.sending")
+    settle(served.page)
+    forward(served.page, 2)
+    legs = served.session.lanes[0].frames[4].state.legs
+    drawn = served.page.evaluate("[...play.views[0].trace.legs(4)]")
+    np.testing.assert_allclose(np.reshape(drawn, (4, 3, 2)), legs, atol=1e-6)
+
+
+def test_a_robot_on_wheels_has_no_legs(serve):
+    assert serve().page.evaluate("[play.views[0].trace.legs(0), 'legs' in play.views[0].trace.arrays]") == [
+        None,
+        False,
+    ]
+
+
 def test_a_whole_drive(serve):
     served = serve()
     page = served.page

@@ -2,10 +2,10 @@
 
 /**
  * What is shown at a step.
- * layers: names of those that are drawn, or nothing for all. pose: of the robot, if it is between two steps. below,
- * above: draw more, under and over the robot's thoughts.
+ * layers: names of those that are drawn, or nothing for all. pose: of the robot, if it is between two steps. legs: hip,
+ * knee and foot of each in the robot frame, if it has any. below, above: draw more, under and over the robot's thoughts.
  * @typedef {{step: number, truth: boolean, verdict: ?Verdict, changed: boolean, values: ?ArrayLike<number>,
- *   scale: Object, picked: ?number, layers: ?Set<string>, pose: ?Object, below: ?function(), above: ?function()}} Shown
+ *   scale: Object, picked: ?number, layers: ?Set<string>, pose: ?Object, legs: ?ArrayLike<number>, below: ?function(), above: ?function()}} Shown
  */
 
 class Scene {
@@ -57,6 +57,7 @@ class Scene {
     if (trace.explained && shown.step < trace.decisions) this.#decision(shown);
     else if (shows(shown, "scan")) this.#plainScan(shown.step);
     this.#robot(shown.pose ?? this.at);
+    if (shown.legs) this.#legs(shown.pose ?? this.at, shown.legs);
     if (shown.step < trace.decisions) {
       if (trace.head.planned && shows(shown, "plan")) this.#plan(shown.step);
       if (trace.head.tracked && shows(shown, "people")) this.#people(shown.step);
@@ -278,6 +279,22 @@ class Scene {
     ctx.closePath();
     paint(ctx, colours.paper, colours.accent, 1);
     ctx.restore();
+  }
+
+  /** Legs from above, with a dot at each foot. */
+  #legs(pose, legs) {
+    const { ctx, colours, camera } = this;
+    const [cos, sin] = [Math.cos(pose.yaw), Math.sin(pose.yaw)];
+    const at = (i) => camera.place(pose.x + cos * legs[i] - sin * legs[i + 1], pose.y + sin * legs[i] + cos * legs[i + 1]);
+    for (let i = 0; i < legs.length; i += 6) {
+      const [hip, knee, foot] = [at(i), at(i + 2), at(i + 4)];
+      for (const [colour, width] of [[colours.paper, 5], [colours.ink, 2.5]]) {
+        line(ctx, hip, knee, colour, width);
+        line(ctx, knee, foot, colour, width);
+      }
+      circlePath(ctx, ...foot, 3.5);
+      paint(ctx, colours.ink, colours.paper, 1);
+    }
   }
 
   /** The chosen subgoal, the old one if it was given up, and the one that the sliders' parameters choose. */

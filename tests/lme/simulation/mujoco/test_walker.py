@@ -7,6 +7,7 @@ import pytest
 
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
+from lme.simulation.mujoco.body import CALF_LENGTH, HIP_WIDTH, HIP_X, HIP_Y, THIGH_LENGTH
 from lme.simulation.mujoco.walker import POLICY, STEPS, TICK, Walker, standing_height
 from lme.types import Pose, Twist
 from lme.worlds.world import World
@@ -101,3 +102,22 @@ def test_a_robot_on_its_back_has_fallen():
     made = walker()
     made.data.qpos[3:7] = 0.0, 1.0, 0.0, 0.0
     assert made.has_fallen
+
+
+def test_its_legs_from_above_are_those_of_its_body():
+    made = walker()
+    hips, knees, feet = made.legs.swapaxes(0, 1)
+    # It stands on straight legs beside the body, level to about a degree: knees behind the hips, feet below them.
+    front, left = np.array([1, 1, -1, -1]), np.array([-1, 1, -1, 1])
+    np.testing.assert_allclose(hips[:, 0], front * HIP_X, atol=0.02)
+    np.testing.assert_allclose(hips[:, 1], left * (HIP_Y + HIP_WIDTH), atol=0.02)
+    assert (knees[:, 0] < hips[:, 0] - 0.1).all()
+    np.testing.assert_allclose(feet, hips, atol=0.06)
+    # They are in the robot's frame: the same wherever it stands.
+    np.testing.assert_allclose(walker(start=Pose(-3.0, 5.0, -1.0)).legs, made.legs, atol=1e-6)
+    # A leg is never longer from above than it is.
+    made.walk(Twist(0.3, 1.0), 40 * STEPS)
+    hips, knees, feet = made.legs.swapaxes(0, 1)
+    assert np.linalg.norm(knees - hips, axis=1).max() <= THIGH_LENGTH + 1e-6
+    assert np.linalg.norm(feet - knees, axis=1).max() <= CALF_LENGTH + 1e-6
+    assert np.ptp(np.abs(feet[:, 1])) > 0.01  # while it turns, not all feet are as far from the middle
