@@ -70,8 +70,9 @@ class ScanSource:
         raw = self.raw(first)
         lidar = self._lidar_of(raw)
         if config.lidar == "recorded" and not same_lidar(lidar, robot.lidar):
+            kept = {key: getattr(robot.lidar, key) for key in ("noise_std", "shadow_angle")}
             with _quietly():
-                robot = replace(robot, lidar=replace(lidar, noise_std=robot.lidar.noise_std))
+                robot = replace(robot, lidar=replace(lidar, **kept))
         self.robot = robot
         self._geometry: tuple[float, ...] = ()
         self._native = self._unchanged = False
