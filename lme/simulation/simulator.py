@@ -34,7 +34,8 @@ class State(NamedTuple):
 
     time: since reset [s]. travel: (K, 3) poses passed in the last period; the last one is `pose`.
     clearance: least distance from footprint to obstacle over the period [m]; 0 in contact. contact_part: the part of a
-    legged robot that is in contact, trunk, thigh, calf or foot, or `FALL` if it fell; empty for other robots.
+    robot with a body that is in contact, or `FALL` if it fell: trunk, thigh, calf or foot on legs, chassis or wheel on
+    wheels; empty in simulators that know no parts.
     """
 
     pose: Pose
