@@ -40,21 +40,30 @@ class Arena:
     poses.
     """
 
-    def __init__(self, world: World, crowd: Crowd, add_robot: Callable[[mujoco.MjSpec], None]) -> None:
-        """add_robot: adds a body whose shapes are named PART or PART_…, and collide with obstacles and floor."""
+    def __init__(
+        self,
+        world: World,
+        crowd: Crowd,
+        add_robot: Callable[[mujoco.MjSpec], None],
+        margin: float = CONTACT_MARGIN,
+    ) -> None:
+        """add_robot: adds a body whose shapes are named PART or PART_…, and collide with obstacles and floor.
+
+        margin [m]: distance at which obstacles begin to push, so that a robot may graze one without a contact.
+        """
         import mujoco
 
         spec = mujoco.MjSpec()
         ground = mujoco.mjtGeom.mjGEOM_PLANE
         spec.worldbody.add_geom(name="floor", type=ground, size=[0.0, 0.0, 0.05], contype=0, conaffinity=1)
-        _add_obstacles(spec.worldbody, np.asarray(world.circles, dtype=np.float64), world.edges)
+        _add_obstacles(spec.worldbody, np.asarray(world.circles, dtype=np.float64), world.edges, margin)
         for i, mover in enumerate(world.movers):
             body = spec.worldbody.add_body(name=f"mover_{i}", mocap=True)
             if mover.outline is None:
-                _add_obstacles(body, np.array([[0.0, 0.0, mover.radius]]), np.empty((0, 4)))
+                _add_obstacles(body, np.array([[0.0, 0.0, mover.radius]]), np.empty((0, 4)), margin)
             else:
                 sides = np.hstack([mover.outline, np.roll(mover.outline, -1, axis=0)])
-                _add_obstacles(body, np.empty((0, 3)), sides)
+                _add_obstacles(body, np.empty((0, 3)), sides, margin)
         self._first_part = len(spec.geoms)  # geoms before it are the floor, 0, and obstacles
         add_robot(spec)
         self.model: mujoco.MjModel = spec.compile()
@@ -79,11 +88,11 @@ class Arena:
         return self.parts[pairs[touches.argmax()].max()] if touches.any() else ""
 
 
-def _add_obstacles(body: mujoco.MjsBody, circles: Floats, edges: Floats) -> None:
+def _add_obstacles(body: mujoco.MjsBody, circles: Floats, edges: Floats, margin: float) -> None:
     """Add upright cylinders (C, 3) and thin walls (E, 4) to a body."""
     import mujoco
 
-    common = {"contype": 0, "conaffinity": 1, "margin": CONTACT_MARGIN}
+    common = {"contype": 0, "conaffinity": 1, "margin": margin}
     half_height = HEIGHT / 2
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
     for x, y, radius in circles.tolist():

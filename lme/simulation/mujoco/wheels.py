@@ -88,7 +88,10 @@ class FourWheels:
         """See `Machine`."""
         import mujoco
 
-        former, self._arena = self._data, Arena(world, crowd, partial(add_robot, drivetrain=self._drivetrain))
+        former, self._arena = (
+            self._data,
+            Arena(world, crowd, partial(add_robot, drivetrain=self._drivetrain), margin=0.0),
+        )
         model = self._arena.model
         self._data = data = mujoco.MjData(model)
         self._chassis = int(model.body(CHASSIS).id)

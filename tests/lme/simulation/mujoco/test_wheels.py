@@ -206,6 +206,16 @@ def test_wheels_touch_what_is_beside_the_chassis():
     assert not until_contact(clear).contact
 
 
+@pytest.mark.parametrize("yaw", [0.02, 0.1])
+def test_grazing_a_wall_is_a_contact(yaw):
+    simulator = MujocoSimulator(load_settings("sim/mujoco"), shipped("jackal"))
+    wall = World(segments=np.array([[-1.0, 0.25, 6.0, 0.25]]))
+    simulator.reset(task(wall, start=Pose(0.0, 0.0, yaw), goal=FAR), np.random.default_rng(0))
+    while not simulator.state.contact and simulator.state.time < 3.0:
+        simulator.step(AHEAD)
+    assert simulator.state.contact_part == "wheel"
+
+
 def test_a_start_in_contact_is_reported():
     simulator, _ = simulated(World(segments=np.array([[0.2, -1.0, 0.2, 1.0]])))
     assert simulator.state.contact_part == "chassis"
