@@ -1,16 +1,21 @@
 """Compares sim=physics with sim=fast: the same commands in both, the same worlds in both, and disturbances.
 
+Also compares the Jackal of sim=skid and that of sim=mujoco with the runs of benchmarks/ode_jackal.cpp.
+
     python -m benchmarks.fidelity [--episodes 300] [--record]
 
 Uses fresh BARN worlds, none of the official ones. Prints the tables of research/fidelity.md.
 """
 
+import csv
 import itertools
 import math
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,21 +24,26 @@ from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.config.presets import load_parameters, load_robot, load_settings
+from lme.geometry.skid import AXES, Chassis, WheelState, slide
 from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
 from lme.navigation.episode import Episode, run_episode
 from lme.navigation.navigator import Navigator
 from lme.planners.simple import Simple
-from lme.robots import Footprint, Robot
+from lme.robots import Drivetrain, Footprint, Robot
+from lme.simulation.crowd import Crowd
 from lme.simulation.fast import FastSimulator
+from lme.simulation.mujoco.wheels import FourWheels
 from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.simulator import Simulator, State
-from lme.types import Floats, Observation, Twist
+from lme.types import Floats, Observation, Pose, Twist
 from lme.worlds.barn.map_set import Barn
-from lme.worlds.world import Task
+from lme.worlds.world import Task, World
 
 FRESH_SEED = 4
 DISTURBED = 100  # worlds per row of the table of disturbances
+ODE = Path(__file__).parent.parent / "tests/lme/geometry/ode_jackal.csv"  # made by ode_jackal.cpp
+FITTED = 4  # of the runs there: sim=mujoco was fitted to these, and is judged by the others
 Settings = dict[str, Any]  # keys of `sim`
 DISTURBANCES: tuple[Settings, ...] = (
     {},
@@ -139,6 +149,9 @@ def report(episodes: int) -> Iterator[str]:
     yield "|---|---:|---:|---:|---:|"
     for settings in DISTURBANCES:
         yield disturbed_row(tasks[:DISTURBED], settings)
+    yield "\n## Wheels that slide, against Open Dynamics Engine\n"
+    yield f"Random commands of 0.1 s. Runs 0 to {FITTED - 1} are those to which `sim=mujoco` was fitted.\n"
+    yield from ode_table()
 
 
 def fresh_tasks(count: int) -> list[Task]:
@@ -235,6 +248,83 @@ def closed_loop(sim: str, tasks: Sequence[Task], settings: Settings) -> list[Epi
         run_episode(task, driver, simulator, np.random.default_rng([FRESH_SEED, seed]))
         for seed, task in enumerate(tasks)
     ]
+
+
+def ode_table() -> Iterator[str]:
+    """Root mean square differences of a Jackal's motion from the runs of ode_jackal.cpp, by frame of the friction."""
+    simulators = {"skid": skid_rows, "mujoco": mujoco_rows}
+    if find_spec("mujoco") is None:
+        del simulators["mujoco"]
+    measures = "v [m/s] / sideways [m/s] / ω [rad/s] / position after 1 s [mm]"
+    yield " | ".join(["| friction | runs", *(f"`sim={name}`: {measures}" for name in simulators)]) + " |"
+    yield "|---|---|" + "---:|" * len(simulators)
+    runs = ode_runs()
+    last = max(number for _, number in runs)
+    for axes, numbers in itertools.product(AXES, (range(FITTED), range(FITTED, last + 1))):
+        tables = [runs[axes, number] for number in numbers]
+        cells = [ode_difference(rows, axes, tables) for rows in simulators.values()]
+        yield f"| {axes} | {numbers[0]}–{numbers[-1]} | {' | '.join(cells)} |"
+
+
+def ode_runs() -> dict[tuple[str, int], Floats]:
+    """Runs by axes and number: rows (T, 8) of commanded v and ω, and x, y, yaw, v, sideways speed and ω after 0.1 s."""
+    with ODE.open(encoding="utf-8") as file:
+        rows = list(csv.reader(file))[1:]
+    return {
+        (axes, int(number)): np.array([row[2:] for row in run], dtype=float)
+        for (axes, number), run in itertools.groupby(rows, key=lambda row: (row[0], row[1]))
+    }
+
+
+def ode_difference(rows: Callable[[Floats, str], Floats], axes: str, tables: Sequence[Floats]) -> str:
+    """Drive the commands of some runs, and return the differences in one cell of the table."""
+    pairs = [(rows(table[:, :2], axes), table[:, 2:]) for table in tables]
+    errors = np.vstack([driven[:, 3:] - ode[:, 3:] for driven, ode in pairs])
+    ends = [math.dist(driven[9, :2], ode[9, :2]) for driven, ode in pairs]
+    v, sideways, omega = np.sqrt(np.mean(errors**2, axis=0))
+    return f"{v:.3f} / {sideways:.3f} / {omega:.3f} / {1000 * math.sqrt(np.mean(np.square(ends))):.0f}"
+
+
+def skid_rows(commands: Floats, axes: str) -> Floats:
+    """Drive the kernel of sim=skid: rows (T, 6) of x, y, yaw, v, sideways speed and ω of the base."""
+    drivetrain = jackal_drivetrain()
+    parameters = asdict(drivetrain)
+    chassis = Chassis(
+        **{name: parameters[name] for name in Chassis._fields if name in parameters},
+        separation_multiplier=drivetrain.controller.separation_multiplier,
+    )
+    state = WheelState(np.zeros(6), np.zeros(4), np.zeros(2), np.zeros(16), np.zeros(2))
+    state.body[0] = drivetrain.com_x
+    controller = drivetrain.controller
+    limits = (controller.v_max, controller.omega_max, controller.alpha_v, controller.alpha_omega)
+    rows = np.empty((len(commands), 6))
+    for row, command in zip(rows, commands.tolist(), strict=True):
+        row[:3] = slide(
+            state, chassis, tuple(command), limits, (1.0, 1.0), AXES.index(axes), np.zeros(1), 0.1, 1
+        )[-1]
+        cos, sin = math.cos(row[2]), math.sin(row[2])
+        vx, vy, omega = state.body[3:].tolist()
+        row[3:] = vx * cos + vy * sin, vy * cos - vx * sin - omega * drivetrain.com_x, omega
+    return rows
+
+
+def mujoco_rows(commands: Floats, axes: str) -> Floats:
+    """Drive the Jackal of sim=mujoco: see `skid_rows`."""
+    wheels = FourWheels(load_robot("jackal"), axes, 0.0, None)
+    wheels.begin(Pose(0.0, 0.0, 0.0), np.random.default_rng(0))
+    wheels.enter(World(), Crowd(()))
+    rows = []
+    for command in commands.tolist():
+        wheels.move(Twist(*command), round(0.1 / wheels.time_step))
+        rows.append((*wheels.pose, *wheels.velocity.tolist()))
+    return np.array(rows)
+
+
+def jackal_drivetrain() -> Drivetrain:
+    """That of robot=jackal."""
+    drivetrain = load_robot("jackal").drivetrain
+    assert drivetrain is not None
+    return drivetrain
 
 
 def share(episodes: Sequence[Episode], outcome: str) -> float:

@@ -91,6 +91,7 @@ int main(int argc, char** argv) {
     double v = 0, omega = 0, v_goal = 0, omega_goal = 0;
     int time = 500;  // the wheels settle on the floor first
     for (bool settled = false;; settled = true) {
+        fflush(stdout);
         if (settled && scanf("%lf %lf %d", &v_goal, &omega_goal, &time) != 3) return 0;
         for (int k = 0; k < time; k++) {
             v += std::fmin(std::fmax(v_goal - v, -20 * STEP), 20 * STEP);

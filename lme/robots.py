@@ -87,11 +87,28 @@ class Controller:
 
 
 @dataclass(slots=True)
+class Solid:
+    """What is known of a robot's parts in three dimensions: a box between four wheels."""
+
+    chassis_length: float  # [m] of the box
+    chassis_width: float  # [m]
+    roll_inertia: float  # [kg m²] of the whole robot, about the axis ahead through its centre of mass
+    pitch_inertia: float  # [kg m²] about the axis to the left
+    wheel_mass: float  # [kg] of each wheel
+    wheel_inertia: float  # [kg m²] about its axle
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            require(field.name, getattr(self, field.name), above=0.0)
+        check_fields(self)
+
+
+@dataclass(slots=True)
 class Drivetrain:
     """Four wheels on a floor, or two on one axle, and the body that they carry.
 
     contact: outline that collides, if it is not the footprint that the robot is given, for instance since the wheels
-    stand out; None: the footprint.
+    stand out; None: the footprint. solid: for `sim=mujoco`; None: not known.
     """
 
     mass: float  # [kg] of the whole robot
@@ -105,6 +122,7 @@ class Drivetrain:
     com_x: float = 0.0  # [m] centre of mass ahead of the middle of the wheels
     com_height: float = 0.0  # [m] over the floor
     contact: Footprint | None = None
+    solid: Solid | None = None
 
     def __post_init__(self) -> None:
         for key in ("mass", "inertia", "track", "wheel_radius", "friction"):

@@ -135,7 +135,7 @@ class SlidingBases(DelayedBases):
         # Drivetrain, and the state of the wheels and of the centre of mass.
         assert robot.drivetrain is not None
         parameters = asdict(robot.drivetrain)
-        controller, _ = parameters.pop("controller"), parameters.pop("contact")
+        controller, _, _ = (parameters.pop(key) for key in ("controller", "contact", "solid"))
         multiplier, _ = controller.pop("separation_multiplier"), controller.pop("timeout")
         self._chassis[i] = Chassis(**parameters, separation_multiplier=multiplier, lag=self._config.lag)
         self._limits[i] = list(controller.values())

@@ -35,10 +35,10 @@ class State(NamedTuple):
 
     time: since reset [s]. travel: (K, 3) poses passed in the last period; the last one is `pose`.
     clearance: least distance from footprint to obstacle over the period [m]; 0 in contact. contact_part: the part of a
-    legged robot that is in contact, trunk, thigh, calf or foot, or `FALL` if it fell; empty for other robots.
-    legs: hip, knee and foot of each leg from above, (L, 3, 2) in the frame of `pose` [m]; None for other robots.
-    postures: (K, 1 + Q) time [s] and MuJoCo's coordinates of body and joints at each pose of `travel`; None in other
-    simulators.
+    robot with a body that is in contact, or `FALL` if it fell: trunk, thigh, calf or foot on legs, chassis or wheel on
+    wheels; empty in simulators that know no parts. legs: hip, knee and foot of each leg from above, (L, 3, 2) in the
+    frame of `pose` [m]; None for other robots. postures: (K, 1 + Q) time [s] and MuJoCo's coordinates of body and
+    joints of a robot on legs at each pose of `travel`; None for other robots.
     """
 
     pose: Pose
@@ -103,9 +103,8 @@ class Attitude(NamedTuple):
     pitch: float = 0.0
 
 
-@runtime_checkable
 class Tilting(Protocol):
-    """Simulator of a robot that tilts and carries a 3D lidar.
+    """Part of a simulator: a body that tilts and carries a 3D lidar.
 
     whole_clouds: whether clouds also have the points above everything that counts for a scan; set it before `reset`.
     """
@@ -120,6 +119,12 @@ class Tilting(Protocol):
 
     def lidar_height(self) -> float:
         """Return how far the lidar is above the origin of the base frame [m]."""
+
+
+def tilting_of(simulator: Simulator) -> Tilting | None:
+    """Return the body of a simulated robot that tilts and carries a 3D lidar; None for other robots."""
+    tilting: Tilting | None = getattr(simulator, "tilting", None)
+    return tilting
 
 
 def forward_enough(command: Twist, robot: Robot) -> Twist:

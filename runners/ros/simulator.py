@@ -21,7 +21,7 @@ from lme.geometry.frames import relative
 from lme.live.messages import SECOND, twist_of
 from lme.navigation.episode import Progress
 from lme.robots import Robot
-from lme.simulation.simulator import Attitude, Simulator, Tilting
+from lme.simulation.simulator import Attitude, Simulator, tilting_of
 from lme.types import Observation, Outcome, Pose, Twist
 from lme.worlds.world import Task
 from runners.ros.outgoing import OutgoingMessages
@@ -87,7 +87,7 @@ class Driven(NamedTuple):
 
 def check_scans(topics: LiveTopicsConfig, simulator: Simulator) -> None:
     """Raise InputError if the topics want clouds and the simulator has none."""
-    if topics.scan_type == CLOUD and not isinstance(simulator, Tilting):
+    if topics.scan_type == CLOUD and tilting_of(simulator) is None:
         raise InputError(
             f"topics.scan_type is {CLOUD}: of all simulators, only sim=mujoco with robot=go2 sends clouds; choose it, "
             "or topics.scan_type=LaserScan"
@@ -109,7 +109,7 @@ class SimulatedRobot:
     ) -> None:
         self._config, self._ros, self._topics = config, transport, topics
         self._robot, self._simulator = robot, simulator
-        self._tilting = simulator if isinstance(simulator, Tilting) else None
+        self._tilting = tilting_of(simulator)
         self._sends_clouds = topics.scan_type == CLOUD
         if self._tilting is not None:
             self._tilting.whole_clouds = self._sends_clouds

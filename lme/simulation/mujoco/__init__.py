@@ -1,4 +1,4 @@
-"""A Unitree Go2 that walks in MuJoCo, with legs, motors and a gait policy, among obstacles that it can touch."""
+"""Robots with bodies in MuJoCo, among obstacles that they can touch: a Go2 that walks, and a robot on four wheels."""
 
 from lme.simulation.mujoco.simulator import MujocoSimulator
 

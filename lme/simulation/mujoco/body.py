@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from lme.simulation.mujoco.arena import CONTACT_MARGIN
+
 if TYPE_CHECKING:
     import mujoco
 
@@ -32,7 +34,7 @@ TRUNK_SHIFT = -0.006845  # [m] of the trunk's centre of mass along x
 FOOT_FRICTION = (0.786, 0.006134, 0.01)  # [-] sliding, [m] torsional and rolling
 # Contacts as in MuJoCo Menagerie's model of the Go2 (BSD-3): feet as soft as rubber, which hardly slide.
 FOOT_SOFTNESS = (0.015, 1.0, 0.022)  # least and greatest impedance [-], over a depth of [m]
-CONTACT_MARGIN, IMPEDANCE_RATIO = 0.001, 100.0  # [m], [-] of friction to normal force
+IMPEDANCE_RATIO = 100.0  # [-] of friction to normal force
 
 Vector = tuple[float, float, float]
 
@@ -82,7 +84,7 @@ CALF_INERTIAL = Inertial(  # with the foot
 def add_robot(spec: mujoco.MjSpec) -> None:
     """Add the robot to a model, with a free joint, one motor per joint, and the parts' names on its shapes.
 
-    The names of shapes begin with the part that they belong to: trunk, thigh, calf or foot (`part_of`). Robot and
+    The names of shapes begin with the part that they belong to: trunk, thigh, calf or foot. Robot and
     obstacles collide; the robot's own links do not.
     """
     import mujoco
@@ -104,11 +106,6 @@ def add_robot(spec: mujoco.MjSpec) -> None:
         _add_leg(trunk, leg)
     for joint in JOINTS:
         spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-
-
-def part_of(shape: str) -> str:
-    """Return the part to which a shape of this name belongs."""
-    return shape.partition("_")[0]
 
 
 def _add_leg(trunk: mujoco.MjsBody, leg: str) -> None:

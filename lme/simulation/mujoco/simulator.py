@@ -1,75 +1,77 @@
-"""Simulator of a Go2 that walks: its legs, not a footprint, touch the obstacles, and its lidar tilts with the trunk."""
+"""Simulator of robots with bodies: legs or wheels, not a footprint, touch the obstacles."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from lme.errors import InputError, argument_error, require
 from lme.geometry.collision import sweep
-from lme.geometry.frames import relative
+from lme.geometry.skid import AXES
 from lme.inputs.plausibility import check_fields
 from lme.robots import Robot
 from lme.simulation.crowd import Crowd
 from lme.simulation.disturbances import Delay, Disturbances
-from lme.simulation.mujoco.arena import Arena, require_mujoco
-from lme.simulation.mujoco.body import TIME_STEP
-from lme.simulation.mujoco.lidar import TiltingLidar
-from lme.simulation.mujoco.walker import Walker, standing_height
-from lme.simulation.simulator import FALL, Attitude, LidarCloud, Sensors, State, forward_enough
+from lme.simulation.mujoco.arena import require_mujoco
+from lme.simulation.mujoco.legs import Legs
+from lme.simulation.mujoco.machine import Machine
+from lme.simulation.mujoco.wheels import FourWheels, check_wheels
+from lme.simulation.simulator import Sensors, State, Tilting, forward_enough
+from lme.simulation.skid.simulator import outline_that_collides
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Observation, Pose, Twist
 from lme.worlds.world import Task
 
 TWISTS = ("measured", "command", "zero")
-PIECE = 4  # steps of the physics, 10 ms: resolution of latency, movers, arrival and the path
-SLICE = 8  # steps of the physics, 20 ms, during which the lidar is taken to be where it is at their end
-# Disturbances that the body and its gait make themselves.
+LEAST_WINDOW = 0.01  # [s] between two poses of a walking robot
+# Disturbances that bodies make themselves.
 _OWN = ("lag", "natural_frequency_v", "natural_frequency_omega", "ripple_v", "ripple_omega", "tilt", "slip")
 
 
 @dataclass(slots=True)
 class MujocoConfig(Disturbances):
-    """What the robot reports, and the velocity loop in front of its gait."""
+    """What the robot reports; on legs: of its cloud, and the velocity loop; on wheels: as in `SkidConfig`."""
 
     twist: str
     twist_window: float
     registered: bool
     velocity_loop: bool
+    friction: str
+    yaw_noise: float
+    scan_rate: float | None
 
     def __post_init__(self) -> None:
         Disturbances.__post_init__(self)
-        if self.twist not in TWISTS:
-            raise argument_error(f"twist is {self.twist!r}: must be one of {', '.join(TWISTS)}")
-        require("twist_window", self.twist_window, at_least=PIECE * TIME_STEP)
+        for key, words in (("twist", TWISTS), ("friction", AXES)):
+            if getattr(self, key) not in words:
+                raise argument_error(f"{key} is {getattr(self, key)!r}: must be one of {', '.join(words)}")
+        require("twist_window", self.twist_window, at_least=LEAST_WINDOW)
+        require("yaw_noise", self.yaw_noise, at_least=0.0)
+        if self.scan_rate is not None:
+            require("scan_rate", self.scan_rate, above=0.0)
         for key in _OWN:
             if getattr(self, key) != 0.0:
                 raise argument_error(
-                    f"{key} is {getattr(self, key):g}: must be 0 in sim=mujoco, where the body has a gait of its own"
+                    f"{key} is {getattr(self, key):g}: must be 0 in sim=mujoco, whose bodies move by their own dynamics"
                 )
         check_fields(self)
 
 
 class MujocoSimulator:
-    """Unitree Go2 among static and moving obstacles; any contact of a part with one, and a fall, ends the episode.
+    """A Go2 on legs or a robot on four wheels among static and moving obstacles.
 
-    The robot's footprint only gives the clearance. Its gait follows the commands as `Sensors.sent` limits them.
+    Any contact of a part with an obstacle, and a fall, ends the episode. The outline only gives the clearance.
     """
 
     Config = MujocoConfig
-    whole_clouds = False
 
     def __init__(self, config: MujocoConfig, robot: Robot) -> None:
         require_mujoco()
-        if robot.lidar.cloud is None:
-            raise InputError(
-                f"robot.lidar.cloud is null in robot {robot.name}: sim=mujoco has the body of a Go2 with a 3D "
-                "lidar, as in robot=go2"
-            )
-        self._config, self._robot, self._cloud_time = config, robot, robot.lidar.cloud.duration
+        self._config, self._robot = config, robot
+        self._outline = outline_that_collides(robot)
+        self._machine = _machine(config, robot)
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
@@ -81,105 +83,83 @@ class MujocoSimulator:
         """See `lme.simulation.simulator.Simulator.people`."""
         return self._crowd.people
 
-    def cloud(self) -> LidarCloud:
-        """See `lme.simulation.simulator.Tilting`."""
-        return self._lidar.cloud()
-
-    def attitude(self) -> Attitude:
-        """See `lme.simulation.simulator.Tilting`; the base frame is that of the trunk."""
-        return Attitude(float(self._walker.trunk[2, 3]), *self._walker.tilt)
-
-    def lidar_height(self) -> float:
-        """See `lme.simulation.simulator.Tilting`."""
-        assert self._robot.lidar.cloud is not None
-        return self._robot.lidar.cloud.height - standing_height()
+    @property
+    def tilting(self) -> Tilting | None:
+        """See `lme.simulation.simulator.tilting_of`."""
+        return self._machine if isinstance(self._machine, Legs) else None
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, where it stands still."""
-        config, robot = self._config, self._robot
-        self._sensors = Sensors(robot, config, task, rng)
-        self._lidar = TiltingLidar(
-            robot.lidar, config.registered, self.whole_clouds, standing_height(), rng.spawn(1)[0]
-        )
-        self._delay = Delay(config.latency)
-        self._start = Pose(*map(float, task.start))
+        self._sensors = Sensors(self._robot, self._config, task, rng)
+        self._machine.begin(Pose(*map(float, task.start)), rng.spawn(1)[0])
+        self._delay = Delay(self._config.latency)
         self._steps, self._periods = 0, 0  # of the physics, and of control
         self._enter(task)
-        self._walker = Walker(self._arena, config.velocity_loop)
-        self._walker.stand(self._start)
-        self._poses = deque([(0.0, self._walker.pose)])
-        self.state = self._state([self._walker.pose], [self._posture()])
-        self._fire(self._cloud_time)
+        self._machine.enter(task.world, self._crowd)
+        self.state = self._state([self._machine.pose], self._posture())
         return self._observe()
 
     def step(self, command: Twist) -> Observation:
-        """Walk for one control period, or until contact, fall or arrival, whichever comes first."""
-        self._sensors.sent(forward_enough(command, self._robot))
-        self._delay.send(self._sensors.last_command, self._time)
+        """Drive for one control period, or until contact, fall or arrival, whichever comes first."""
+        machine = self._machine
+        command = forward_enough(command, self._robot)
+        self._sensors.sent(command)
+        # Legs follow commands as the limits allow them; wheels have a controller of their own.
+        self._delay.send(self._sensors.last_command if isinstance(machine, Legs) else command, self._time)
         self._periods += 1
-        end = round(self._periods * self._robot.dt / TIME_STEP)
+        end = round(self._periods * self._robot.dt / machine.time_step)
         travel: list[Pose] = []
         postures: list[Floats] = []
-        unseen = 0  # steps since the lidar fired
         while self._steps < end:
             # Movers first, then the robot, with the command that is active in the middle of the piece.
-            steps = min(PIECE, end - self._steps)
-            duration = steps * TIME_STEP
-            self._crowd.advance(self._walker.pose, duration)
-            made = self._walker.walk(self._delay.at(self._time + duration / 2), steps)
+            steps = min(machine.piece, end - self._steps)
+            duration = steps * machine.time_step
+            self._crowd.advance(machine.pose, duration)
+            made = machine.move(self._delay.at(self._time + duration / 2), steps)
             self._steps += made
-            pose = self._walker.pose
-            travel.append(pose)
-            postures.append(self._posture())
-            self._poses.append((self._time, pose))
-            if self._walker.contact or self._walker.has_fallen or self._is_at_goal(pose):
+            travel.append(machine.pose)
+            postures += self._posture()
+            if machine.contact or self._is_at_goal(travel[-1]):
                 break
-            # The lidar, for as long before the next scan as a cloud takes.
-            unseen = min(unseen + made, round(self._cloud_time / TIME_STEP) - (end - self._steps))
-            if unseen >= SLICE:
-                self._fire(unseen * TIME_STEP)
-                unseen = 0
-        if unseen > 0:
-            self._fire(unseen * TIME_STEP)
+            machine.look(self._time, made, end - self._steps, *self.obstacles)
         self.state = self._state(travel, postures)
         return self._observe()
 
     def change(self, task: Task) -> Observation:
         """See `lme.simulation.simulator.Changeable`."""
-        former, walker = self._crowd, self._walker
+        former = self._crowd
         self._enter(task)
         self._crowd.go_on(former)
         self._sensors.change(task)
-        self._walker = Walker(self._arena, self._config.velocity_loop)
-        self._walker.go_on(walker)
-        self.state = self._state([self._walker.pose], [self._posture()])
-        self._fire(self._cloud_time)
+        self._machine.enter(task.world, self._crowd)
+        self.state = self._state([self._machine.pose], self._posture())
         return self._observe()
 
     @property
     def _time(self) -> float:
-        return self._steps * TIME_STEP
+        return self._steps * self._machine.time_step
 
     def _enter(self, task: Task) -> None:
         """Take over the obstacles, movers and goal of a task."""
         self._task = task
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
-        self._crowd = Crowd(task.world.movers, task.world, self._robot.footprint.circumscribed_radius)
-        self._arena = Arena(task.world, self._crowd)
+        self._crowd = Crowd(task.world.movers, task.world, self._outline.circumscribed_radius)
 
     def _is_at_goal(self, pose: Pose) -> bool:
         return math.dist(pose[:2], self._task.goal) <= self._task.goal_tolerance
 
-    def _posture(self) -> Floats:
-        return np.concatenate(([self._time], self._walker.data.qpos))
+    def _posture(self) -> list[Floats]:
+        """Time and joints, for `State.postures`; [] on wheels."""
+        joints = self._machine.joints
+        return [] if joints is None else [np.concatenate(([self._time], joints))]
 
     def _state(self, travel: list[Pose], postures: list[Floats]) -> State:
         """The state at the end of these poses and postures. Contact on arrival counts as contact only."""
-        walker, poses, box = self._walker, np.array(travel), self._robot.footprint.box
+        machine, poses, box = self._machine, np.array(travel), self._outline.box
         circles, edges = self.obstacles
         clearance, _ = sweep(poses, box, *nearby(self._task.world, poses, box, circles, edges))
-        part = walker.contact or (FALL if walker.has_fallen else "")
-        v, _, omega = walker.velocity.tolist()
+        part = machine.contact
+        v, _, omega = machine.velocity.tolist()
         return State(
             pose=travel[-1],
             twist=Twist(v, omega),
@@ -189,35 +169,35 @@ class MujocoSimulator:
             contact=bool(part),
             arrived=not part and self._is_at_goal(travel[-1]),
             contact_part=part,
-            legs=walker.legs,
-            postures=np.array(postures),
+            legs=machine.legs,
+            postures=np.array(postures) if postures else None,
         )
 
-    def _fire(self, duration: float) -> None:
-        self._lidar.fire(self._time, duration, self._walker.trunk, self._task.world, *self.obstacles)
-
     def _observe(self) -> Observation:
-        pose = self.state.pose
+        readings = self._machine.read(self.state, *self.obstacles)
         observation = self._sensors.observe(
             self.state,
-            self._measured_twist(),
-            relative(pose, self._start),
+            readings.twist,
+            readings.odometry,
             *self.obstacles,
             self._crowd,
-            ranges=self._lidar.ranges(pose),
+            readings.scan_pose,
+            readings.ranges,
         )
         if self._config.twist == "measured":
             return observation
         reported = self._sensors.last_command if self._config.twist == "command" else Twist(0.0, 0.0)
         return observation._replace(twist=reported)
 
-    def _measured_twist(self) -> Twist:
-        """Mean twist over the last `twist_window`, from the motion of the trunk."""
-        poses = self._poses
-        while len(poses) > 1 and poses[1][0] <= self._time - self._config.twist_window + 1e-9:
-            poses.popleft()
-        (begin, first), (end, last) = poses[0], poses[-1]
-        if begin == end:
-            return Twist(0.0, 0.0)
-        moved = relative(last, first)
-        return Twist(moved.x / (end - begin), moved.yaw / (end - begin))
+
+def _machine(config: MujocoConfig, robot: Robot) -> Machine:
+    """The body that MuJoCo has of a robot; raise InputError if it has none."""
+    if robot.drivetrain is not None:
+        check_wheels(robot, robot.drivetrain)
+        return FourWheels(robot, config.friction, config.yaw_noise, config.scan_rate)
+    if robot.lidar.cloud is None:
+        raise InputError(
+            f"robot.lidar.cloud is null in robot {robot.name}: sim=mujoco has the body of a Go2 with a 3D lidar, as in "
+            "robot=go2, and that of a robot on four wheels with a robot.drivetrain, as in robot=jackal"
+        )
+    return Legs(robot, config.registered, config.velocity_loop, config.twist_window)

@@ -19,7 +19,8 @@ from lme.geometry.frames import to_robot
 from lme.inputs.onnx_file import OnnxNetwork
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
-from lme.simulation.mujoco.body import LEGS, NUM_JOINTS, TIME_STEP, TORQUE_LIMITS
+from lme.simulation.mujoco.body import LEGS, NUM_JOINTS, TIME_STEP, TORQUE_LIMITS, add_robot
+from lme.simulation.mujoco.machine import FALLEN_TILT
 from lme.types import Floats, Pose, Twist
 from lme.worlds.world import World
 
@@ -39,7 +40,7 @@ COMMAND_STEP = np.array([0.05, 0.04, 0.1])  # [m/s, m/s, rad/s] by which vx, vy 
 LOOP_TIME, LOOP_GAIN = 0.3, np.array([1.5, 1.5, 2.0])  # [s], [1/s]
 LOOP_LIMIT = np.array([0.4, 0.3, 0.6])  # [m/s, m/s, rad/s]
 
-FALLEN_HEIGHT, FALLEN_TILT = 0.17, 0.9  # [m] of the trunk, which walks at 0.3; [rad] of roll or pitch
+FALLEN_HEIGHT = 0.17  # [m] of the trunk, which walks at 0.3
 DROP_HEIGHT = 0.34  # [m] of the trunk, with the feet just above the floor
 
 _LIMITS = np.array(TORQUE_LIMITS)
@@ -224,7 +225,7 @@ class Walker:
 @lru_cache(maxsize=1)
 def _standing() -> Walker:
     """A robot that stands still on an empty floor, `STANDING_TIME` after it was put there."""
-    walker = Walker(Arena(World(), Crowd(())), trimmed=True)
+    walker = Walker(Arena(World(), Crowd(()), add_robot), trimmed=True)
     data = walker.data
     data.qpos[:7], data.qpos[7:] = (0.0, 0.0, DROP_HEIGHT, 1.0, 0.0, 0.0, 0.0), STANCE
     walker._settle()

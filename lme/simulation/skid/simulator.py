@@ -199,8 +199,13 @@ def check_base(robot: Robot) -> None:
             f"robot.drivetrain is null in robot {robot.name}: sim=skid needs mass, inertia, track, wheel_radius, "
             "friction and controller there, as conf/robot/jackal.yaml has them, or a robot.response"
         )
-    if drivetrain is not None and robot.dt > drivetrain.controller.timeout:
-        timeout = drivetrain.controller.timeout
+    if drivetrain is not None:
+        check_control_rate(robot, drivetrain.controller.timeout)
+
+
+def check_control_rate(robot: Robot, timeout: float) -> None:
+    """Raise InputError if commands come too rarely for wheels that stop after this time without one [s]."""
+    if robot.dt > timeout:
         raise InputError(
             f"robot.control_rate is {robot.control_rate:g} Hz: must be at least {1 / timeout:g}, since the wheels stop "
             f"after {timeout:g} s without a command (robot.drivetrain.controller.timeout)"
@@ -238,7 +243,7 @@ class SlidingBase:
         """lag: time constant of the wheels' controller [s]. gait: response that the controller follows."""
         self._gait = gait
         parameters = asdict(drivetrain)
-        controller, _ = parameters.pop("controller"), parameters.pop("contact")
+        controller, _, _ = (parameters.pop(key) for key in ("controller", "contact", "solid"))
         multiplier, _ = controller.pop("separation_multiplier"), controller.pop("timeout")
         self._chassis = Chassis(**parameters, separation_multiplier=multiplier, lag=lag)
         self._limits = tuple(controller.values())

@@ -15,7 +15,7 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
-from lme.simulation.mujoco.body import part_of
+from lme.simulation.mujoco.body import add_robot, part_of
 from lme.types import Floats, Outcome
 from runners.reports.figures.animation import GIF, MP4, SAMPLE, Picture, find_ffmpeg, write_film
 from runners.reports.figures.driven_runs import DrivenRun
@@ -106,8 +106,8 @@ def check_walked(trace: Trace) -> None:
     """Raise InputError unless a trace can be filmed."""
     if trace.end.postures is None:
         raise InputError(
-            f"sim is {trace.config.sim['_target_']}: figure=walk films a robot with legs, so choose sim=mujoco, or "
-            "figure=video"
+            f"sim is {trace.config.sim['_target_']}: figure=walk films a robot with legs, so choose "
+            "sim=mujoco with robot=go2, or figure=video"
         )
     if trace.task.world.movers:
         raise InputError(
@@ -130,7 +130,7 @@ class _Film:
         self._trace, self._label, self._note = trace, label, note
         rows = np.vstack([frame.postures for frame in trace.frames if frame.postures is not None])
         self._times, self._postures = rows[:, 0], rows[:, 1:]
-        self._model = model = Arena(trace.task.world, Crowd(())).model
+        self._model = model = Arena(trace.task.world, Crowd(()), add_robot).model
         self._data = mujoco.MjData(model)
         _paint(model)
         # Sizes of the views; films need even ones.

@@ -13,7 +13,7 @@ pytest.importorskip("mujoco", reason="sim=mujoco needs MuJoCo")
 
 @pytest.fixture(scope="module")
 def model():
-    return Arena(World(), Crowd(())).model
+    return Arena(World(), Crowd(()), body.add_robot).model
 
 
 def test_it_has_the_mass_of_a_go2(model):

@@ -103,7 +103,7 @@ def test_a_start_in_contact_is_reported():
 
 def test_a_fall_is_a_contact():
     simulator, _ = walking()
-    simulator._walker.data.qpos[3:7] = math.cos(0.6), math.sin(0.6), 0.0, 0.0  # on its side
+    simulator._machine._walker.data.qpos[3:7] = math.cos(0.6), math.sin(0.6), 0.0, 0.0  # on its side
     simulator.step(STOP)
     assert simulator.state.contact
     assert simulator.state.contact_part == FALL

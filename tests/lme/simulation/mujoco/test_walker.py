@@ -7,7 +7,7 @@ import pytest
 
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
-from lme.simulation.mujoco.body import CALF_LENGTH, HIP_WIDTH, HIP_X, HIP_Y, THIGH_LENGTH
+from lme.simulation.mujoco.body import CALF_LENGTH, HIP_WIDTH, HIP_X, HIP_Y, THIGH_LENGTH, add_robot
 from lme.simulation.mujoco.walker import POLICY, STEPS, TICK, Walker, standing_height
 from lme.types import Pose, Twist
 from lme.worlds.world import World
@@ -22,7 +22,7 @@ PUBLISHED = (
 
 
 def walker(trimmed=True, start=START):
-    made = Walker(Arena(World(), Crowd(())), trimmed)
+    made = Walker(Arena(World(), Crowd(()), add_robot), trimmed)
     made.stand(start)
     return made
 
