@@ -32,6 +32,7 @@ from runners.records.episode_record import (
     KEY_COLUMNS,
     AppendLog,
     EpisodeKey,
+    EpisodeKeys,
     EpisodeResult,
     LogEntry,
     cut_torn_line,
@@ -45,9 +46,9 @@ from runners.records.parquet import (
     EPISODES,
     entries_in_files,
     episode_table,
+    first_row,
     keys_not_in,
     keys_of,
-    read_table,
     trajectory_table,
     write_files,
 )
@@ -77,7 +78,7 @@ class RecordWriter:
         self._run_dir = Path(run_dir)
         self._log = self._run_dir / APPEND_LOG
         self._file: Any = None
-        self._stored_keys: set[EpisodeKey] = set()
+        self._stored_keys = EpisodeKeys(())
         self._appended = 0
         self._unmerged = 0  # episodes that are only in the append log
 
@@ -97,7 +98,8 @@ class RecordWriter:
             with read_log(self._log) as log:
                 merged = keys_of(self._run_dir)
                 new_keys = keys_not_in(log, merged)
-            self._stored_keys, self._unmerged = merged | new_keys, len(new_keys)
+            self._stored_keys = EpisodeKeys(np.union1d(merged.codes, new_keys.codes))
+            self._unmerged = len(new_keys)
         except BaseException:
             self._file.close()
             raise
@@ -108,7 +110,7 @@ class RecordWriter:
     ) -> None:
         self._file.close()
 
-    def done(self) -> set[EpisodeKey]:
+    def done(self) -> EpisodeKeys:
         """Return the keys of the episodes recorded so far."""
         return self._stored_keys
 
@@ -299,7 +301,7 @@ def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, obje
 def read_first(run_dir: Path) -> dict[str, Any]:
     """Return one record of a run that has some, by column: its labels are those of all. Raises as `read_episodes`."""
     if (run_dir / EPISODES).is_file():
-        row = read_table(run_dir / EPISODES).slice(0, 1).to_pylist()[0]
+        row = first_row(run_dir / EPISODES)
     else:
         with (run_dir / APPEND_LOG).open("rb") as lines:
             first_line = io.BytesIO(lines.readline())

@@ -108,7 +108,7 @@ def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_
     write(tmp_path, KEYS)
     before = contents(tmp_path), [(tmp_path / name).stat().st_mtime_ns for name in (EPISODES, TRAJECTORIES)]
     with RecordWriter(tmp_path) as writer:
-        assert writer.done() == set(KEYS)
+        assert set(writer.done()) == set(KEYS)
         writer.append(episode(KEYS[0], outcome="collision"))
         writer.merge()
     after = contents(tmp_path), [(tmp_path / name).stat().st_mtime_ns for name in (EPISODES, TRAJECTORIES)]
@@ -136,7 +136,7 @@ def test_a_killed_and_resumed_run_gives_the_identical_files(
         with parts.open("ab") as file:
             file.write(torn.replace(b"\n", b"{"))  # the beginning of a line
     with RecordWriter(resumed) as writer:
-        assert writer.done() == set(order[:cut])
+        assert set(writer.done()) == set(order[:cut])
         for key in order[cut:]:
             writer.append(episode(key))
         writer.merge()
@@ -220,7 +220,7 @@ def test_the_append_log_of_another_version_is_resumed(tmp_path):
     line = json.dumps({"record": record, "trajectory": encoded})
     (tmp_path / "parts" / "episodes.jsonl").write_text(f"{line}\n")
     with RecordWriter(tmp_path) as writer:
-        assert writer.done() == {EpisodeKey(1, 0)}
+        assert set(writer.done()) == {EpisodeKey(1, 0)}
         writer.append(episode(EpisodeKey(2, 0)))
         writer.merge()
     frame, steps = read_episodes([tmp_path]), read_trajectories([tmp_path])
