@@ -6,7 +6,7 @@ Control steps are read and written in blocks of whole episodes, so a run of any 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import groupby, islice, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,13 +37,13 @@ EPISODES = "episodes.parquet"
 TRAJECTORIES = "trajectories.parquet"
 _BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of trajectories.parquet
 _GROUP_ROWS = 100_000  # episodes of a row group of episodes.parquet, or more
-_BATCH = 10_000  # episodes that are Python objects at a time
+_BATCH = 5_000  # episodes that are Python objects at a time, at most
 
 
-def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read a Parquet file of records, or these columns of it. Raises InputError if it is not one."""
+def read_table(path: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> pa.Table:
+    """Read a Parquet file of records, or the wanted columns of it. Raises InputError if it is not one."""
     with _opened(path) as file:
-        return _validated(file.read(columns), path)
+        return _validated(file.read(list(filter(is_wanted, file.schema_arrow.names))), path)
 
 
 def first_row(path: Path) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _validated(table: pa.Table, path: Path) -> pa.Table:
 def keys_of(run_dir: Path) -> EpisodeKeys:
     """Return the keys of the episodes in the Parquet file of a run."""
     path = run_dir / EPISODES
-    return EpisodeKeys(_codes(read_table(path, KEY_COLUMNS)) if path.is_file() else ())
+    return EpisodeKeys(_codes(read_table(path, KEY_COLUMNS.__contains__)) if path.is_file() else ())
 
 
 def lacks_steps(run_dir: Path) -> bool:
@@ -145,15 +145,18 @@ def keys_not_in(log: AppendLog, stored: EpisodeKeys) -> EpisodeKeys:
     return EpisodeKeys(np.setdiff1d(log.keys.codes, stored.codes, assume_unique=True))
 
 
-def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
-    """Return the episodes of the run's Parquet file and append log, each once, sorted by key."""
+def episode_table(run_dir: Path, log: AppendLog, without: Collection[str] = ()) -> pa.Table:
+    """Return the episodes of the run's Parquet file and append log, each once, sorted by key.
+
+    without: names of columns that are not needed.
+    """
     import pyarrow as pa
 
     path = run_dir / EPISODES
-    tables = [read_table(path)] if path.is_file() else []
+    tables = [read_table(path, lambda name: name not in without)] if path.is_file() else []
     new_keys = keys_not_in(log, EpisodeKeys(_codes(tables[0]) if tables else ()))
     with _explain_conflicts(run_dir):
-        schema = _row_schema(log)
+        schema = _row_schema(log, without)
         tables += [_rows(block, schema) for block in _blocks(log.entries(new_keys))]
         joined = pa.concat_tables(tables, promote_options="permissive") if tables else schema.empty_table()
     joined = joined.select(_in_order(set(joined.column_names), COLUMNS))
@@ -251,13 +254,13 @@ def _known_values(table: pa.Table) -> Iterator[dict[str, Any]]:
 
 
 def _blocks(entries: Iterable[LogEntry]) -> Iterator[list[LogEntry]]:
-    """Yield lists of entries, each with about `_BLOCK_STEPS` control steps in total."""
+    """Yield lists of entries, each with about `_BLOCK_STEPS` control steps in total, or `_BATCH` entries."""
     block: list[LogEntry] = []
     steps = 0
     for entry in entries:
         block.append(entry)
         steps += entry.steps
-        if steps >= _BLOCK_STEPS:
+        if steps >= _BLOCK_STEPS or len(block) == _BATCH:
             yield block
             block, steps = [], 0
     if block:
@@ -271,7 +274,7 @@ def _rows(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
     return pa.table({name: [entry.row.get(name) for entry in block] for name in schema.names}, schema)
 
 
-def _row_schema(log: AppendLog) -> pa.Schema:
+def _row_schema(log: AppendLog, without: Collection[str] = ()) -> pa.Schema:
     """Return the schema of all rows of the log: known columns in their order, then the others by name."""
     import pyarrow as pa
 
@@ -283,7 +286,7 @@ def _row_schema(log: AppendLog) -> pa.Schema:
         for layout in sorted(log.row_layouts, key=str)
     ]
     schema = pa.unify_schemas(layouts or [pa.schema([])], promote_options="permissive")
-    return pa.schema([schema.field(name) for name in _in_order(set(schema.names), COLUMNS)])
+    return pa.schema([schema.field(name) for name in _in_order({*schema.names} - {*without}, COLUMNS)])
 
 
 def _step_schema(log: AppendLog) -> pa.Schema:

@@ -222,10 +222,21 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     Raises InputError for a file that is missing or has no records.
     """
     import pandas as pd
+
+    frames = read_runs(run_dirs)
+    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+
+
+def read_runs(run_dirs: Sequence[Path], without: Collection[str] = ()) -> list[pd.DataFrame]:
+    """Read the records of runs as `read_episodes` does, but return a frame for each run that has some.
+
+    without: names of columns that are not needed, each of which takes 8 MB of a million episodes.
+    """
+    import pandas as pd
     import pyarrow as pa
 
     frames = []
-    for table, columns in _tables(run_dirs):
+    for table, columns in _tables(run_dirs, without):
         series = {name: _series(table[name]) for name in table.column_names}
         # Records without the column are of systems that saw the people who were really there.
         truth = str(DEFAULTS["people"])
@@ -234,7 +245,7 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
         frames.append(pd.DataFrame({**series, **added}, copy=False))
     del table  # give its texts back to the system, a third of a large table
     pa.default_memory_pool().release_unused()
-    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+    return frames
 
 
 def _series(column: pa.ChunkedArray) -> pd.Series:
@@ -245,6 +256,8 @@ def _series(column: pa.ChunkedArray) -> pd.Series:
     if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
         return column.to_pandas()
     encoded = column.combine_chunks().dictionary_encode()
+    if len(encoded.dictionary) == 1 and not encoded.null_count:
+        return _repeated(encoded.dictionary[0].as_py(), len(encoded))
     texts = np.array([*encoded.dictionary.to_pylist(), math.nan], dtype=object)
     codes = encoded.indices.fill_null(len(texts) - 1).to_numpy(zero_copy_only=False)
     return pd.Series(texts[codes], dtype=object)
@@ -254,8 +267,16 @@ def _constant(value: object, table: pa.Table) -> pd.Series:
     """Return a column with the same value for every episode."""
     import pandas as pd
 
-    dtype = object if isinstance(value, str) else None
-    return pd.Series(value, index=range(table.num_rows), dtype=dtype)
+    if isinstance(value, str):
+        return _repeated(value, table.num_rows)
+    return pd.Series(value, index=range(table.num_rows))
+
+
+def _repeated(text: str, times: int) -> pd.Series:
+    """Return a column that holds one text once, however long it is: most texts of a run are labels of all of it."""
+    import pandas as pd
+
+    return pd.Series(np.broadcast_to(np.array([text], dtype=object), times), dtype=object, copy=False)
 
 
 def planned(episodes: pd.DataFrame, column: str) -> int:
@@ -274,7 +295,9 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
     return list(_tables(run_dirs))
 
 
-def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, object]]]:
+def _tables(
+    run_dirs: Sequence[Path], without: Collection[str] = ()
+) -> Iterator[tuple[pa.Table, dict[str, object]]]:
     has_episodes = False
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
@@ -283,7 +306,7 @@ def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, obje
     for run_dir, launch in zip(run_dirs, launches, strict=True):
         columns = {} if launch is None else _columns_of(launch, changed_keys)
         with log_of(run_dir) as log:
-            table = episode_table(run_dir, log)
+            table = episode_table(run_dir, log, without)
         if table.num_rows == 0:
             warnings.warn(f"{run_dir} has no finished episode yet: left out", stacklevel=3)
             continue
