@@ -162,7 +162,7 @@ def episode_table(run_dir: Path, log: AppendLog, without: Collection[str] = ()) 
     joined = joined.select(_in_order(set(joined.column_names), COLUMNS))
     if joined.num_rows and not (np.diff(_codes(joined)) > 0).all():  # a file is sorted, and sorting copies it
         joined = joined.sort_by([(name, "ascending") for name in KEY_COLUMNS])
-    return joined.combine_chunks()
+    return joined
 
 
 def trajectory_table(

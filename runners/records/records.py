@@ -237,13 +237,17 @@ def read_runs(run_dirs: Sequence[Path], without: Collection[str] = ()) -> list[p
 
     frames = []
     for table, columns in _tables(run_dirs, without):
-        series = {name: _series(table[name]) for name in table.column_names}
+        series, num_rows = {}, table.num_rows
+        for name in table.column_names:
+            series[name] = _series(table[name])
+            table = table.drop_columns(name)  # a large run does not fit in memory twice
         # Records without the column are of systems that saw the people who were really there.
         truth = str(DEFAULTS["people"])
-        series["people"] = series["people"].fillna(truth) if "people" in series else _constant(truth, table)
-        added = {key: _constant(value, table) for key, value in columns.items() if key not in series}
+        series["people"] = (
+            series["people"].fillna(truth) if "people" in series else _constant(truth, num_rows)
+        )
+        added = {key: _constant(value, num_rows) for key, value in columns.items() if key not in series}
         frames.append(pd.DataFrame({**series, **added}, copy=False))
-    del table  # give its texts back to the system, a third of a large table
     pa.default_memory_pool().release_unused()
     return frames
 
@@ -263,13 +267,11 @@ def _series(column: pa.ChunkedArray) -> pd.Series:
     return pd.Series(texts[codes], dtype=object)
 
 
-def _constant(value: object, table: pa.Table) -> pd.Series:
+def _constant(value: object, num_rows: int) -> pd.Series:
     """Return a column with the same value for every episode."""
     import pandas as pd
 
-    if isinstance(value, str):
-        return _repeated(value, table.num_rows)
-    return pd.Series(value, index=range(table.num_rows))
+    return _repeated(value, num_rows) if isinstance(value, str) else pd.Series(value, index=range(num_rows))
 
 
 def _repeated(text: str, times: int) -> pd.Series:
@@ -306,17 +308,17 @@ def _tables(
     for run_dir, launch in zip(run_dirs, launches, strict=True):
         columns = {} if launch is None else _columns_of(launch, changed_keys)
         with log_of(run_dir) as log:
-            table = episode_table(run_dir, log, without)
-        if table.num_rows == 0:
+            tables = [episode_table(run_dir, log, without)]
+        if not tables[0].num_rows:
             warnings.warn(f"{run_dir} has no finished episode yet: left out", stacklevel=3)
             continue
-        missing_columns = ", ".join(sorted(REQUIRED - set(table.column_names)))
+        missing_columns = ", ".join(sorted(REQUIRED - set(tables[0].column_names)))
         if missing_columns:
             raise InputError(
                 f"records in {run_dir} lack the columns {missing_columns}: not written by lme eval"
             )
         has_episodes = True
-        yield table, {"run_dir": str(run_dir), **columns}
+        yield tables.pop(), {"run_dir": str(run_dir), **columns}  # which the caller alone holds then
     if not has_episodes:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
 
