@@ -14,14 +14,14 @@ import json
 import os
 import re
 from array import array
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lme.errors import InputError
 from lme.types import Floats
@@ -43,10 +43,44 @@ class EpisodeKey:
     def __str__(self) -> str:
         return f"world {self.world}, run {self.run}"
 
+    @property
+    def code(self) -> int:
+        """World times 2³² plus run: one number, in the order of the keys."""
+        return (self.world << 32) + self.run
+
+    @classmethod
+    def of_code(cls, code: int) -> Self:
+        """Return the key with this code."""
+        return cls(*divmod(code, 2**32))
+
     @classmethod
     def of(cls, row: Mapping[str, Any]) -> Self:
         """Return the key of a row of `episodes.parquet` or `trajectories.parquet`."""
         return cls(int(row["world"]), int(row["run"]))
+
+
+class EpisodeKeys(Collection[EpisodeKey]):
+    """Set of keys in 8 bytes each, a tenth of what a set of objects takes. codes: those of the keys, in any order."""
+
+    def __init__(self, codes: ArrayLike) -> None:
+        self.codes = np.unique(np.asarray(codes, dtype=np.int64))
+
+    @classmethod
+    def of(cls, keys: Iterable[EpisodeKey]) -> Self:
+        """Return the set of these keys."""
+        return cls([key.code for key in keys])
+
+    def __contains__(self, key: object) -> bool:
+        if not isinstance(key, EpisodeKey):
+            return False
+        position = int(np.searchsorted(self.codes, key.code))
+        return position < len(self.codes) and int(self.codes[position]) == key.code
+
+    def __iter__(self) -> Iterator[EpisodeKey]:
+        return (EpisodeKey.of_code(int(code)) for code in self.codes)
+
+    def __len__(self) -> int:
+        return len(self.codes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,28 +211,27 @@ def encode(entry: LogEntry) -> bytes:
 class AppendLog:
     """Append log that is read in the order of the keys; if a key occurs twice, the first line counts.
 
-    Memory holds only the key and the offset of each line, 24 bytes. A last line without a newline is ignored.
-    keys: (N, 2) world and run, sorted. layouts: every combination of (name, dtype) of trajectory columns.
+    Memory holds only the key and the offset of each line. A last line without a newline is ignored.
+    keys: of all lines. row_layouts: every combination of (name, Python type) in a row. layouts: every combination of
+    (name, dtype) of trajectory columns.
     """
 
     def __init__(self, lines: BinaryIO, path: Path) -> None:
         """Index the lines. Raises InputError for a line that is not an episode."""
         self._lines, self._path = lines, path
+        self.row_layouts: set[tuple[tuple[str, type], ...]] = set()
         self.layouts: set[tuple[tuple[str, str], ...]] = set()
-        index = np.array(self._index(), dtype=np.int64).reshape(-1, 3)  # world, run, first byte
-        order = np.lexsort((index[:, 1], index[:, 0]))  # stable: of equal keys the first line stays first
-        is_first = np.ones(len(order), dtype=bool)
-        is_first[1:] = (np.diff(index[order, :2], axis=0) != 0).any(axis=1)
-        self._order = order[is_first]
-        self._starts = index[self._order, 2]
-        self.keys = index[self._order, :2]
+        codes, starts = np.array(self._index(), dtype=np.int64).reshape(-1, 2).T
+        self.keys = EpisodeKeys(codes)
+        self._lines_of_keys = np.unique(codes, return_index=True)[1]  # the first line of each
+        self._starts = starts[self._lines_of_keys]
 
-    def entries(self, selected: Container[EpisodeKey] | None = None) -> Iterator[LogEntry]:
+    def entries(self, selected: EpisodeKeys | None = None) -> Iterator[LogEntry]:
         """Yield all entries, or the `selected` ones, in the order of the keys. Raises InputError."""
-        for number, start, key in zip(self._order, self._starts, self.keys.tolist(), strict=True):
-            if selected is None or EpisodeKey(*key) in selected:
-                self._lines.seek(start)
-                yield _decode(self._lines.readline(), self._path, int(number) + 1)
+        is_selected = slice(None) if selected is None else np.isin(self.keys.codes, selected.codes)
+        for number, start in zip(self._lines_of_keys[is_selected], self._starts[is_selected], strict=True):
+            self._lines.seek(start)
+            yield _decode(self._lines.readline(), self._path, int(number) + 1)
 
     def _index(self) -> array[int]:
         index, start = array("q"), 0
@@ -209,8 +242,8 @@ class AppendLog:
                 break
             with _name_bad_line(self._path, number):
                 fields = json.loads(line.decode())  # of bytes it guesses the encoding, at length for zeros
-                key = EpisodeKey.of(fields["record"])
-                index.extend((key.world, key.run, start))
+                index.extend((EpisodeKey.of(fields["record"]).code, start))
+                self.row_layouts.add(_row_layout(fields["record"]))
                 self.layouts.add(_layout(fields["trajectory"]))
             start += len(line)
         return index
@@ -234,6 +267,12 @@ def _decode(line: bytes, path: Path, number: int) -> LogEntry:
             raise ValueError("columns of different lengths")
         _check(fields["record"])
         return LogEntry(fields["record"], arrays)
+
+
+def _row_layout(row: dict[str, Any]) -> tuple[tuple[str, type], ...]:
+    """Return names and types of the values. Raises ValueError or TypeError for names that Parquet cannot hold."""
+    "".join(row).encode()  # JSON may hold half characters
+    return tuple((name, type(value)) for name, value in row.items())
 
 
 def _layout(trajectory: dict[str, tuple[str, str]]) -> tuple[tuple[str, str], ...]:

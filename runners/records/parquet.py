@@ -6,8 +6,8 @@ Control steps are read and written in blocks of whole episodes, so a run of any 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from itertools import groupby, pairwise
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from itertools import groupby, islice, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from lme.errors import InputError
 from lme.types import Ints
 from runners.records.atomic_write import replacing
-from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, AppendLog, EpisodeKey, LogEntry
+from runners.records.episode_record import (
+    COLUMNS,
+    KEY_COLUMNS,
+    TEXTS,
+    AppendLog,
+    EpisodeKey,
+    EpisodeKeys,
+    LogEntry,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,12 +36,21 @@ STEP_KEY = (*KEY_COLUMNS, "step")
 EPISODES = "episodes.parquet"
 TRAJECTORIES = "trajectories.parquet"
 _BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of trajectories.parquet
+_GROUP_ROWS = 100_000  # episodes of a row group of episodes.parquet, or more
+_BATCH = 5_000  # episodes that are Python objects at a time, at most
 
 
-def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read a Parquet file of records, or these columns of it. Raises InputError if it is not one."""
+def read_table(path: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> pa.Table:
+    """Read a Parquet file of records, or the wanted columns of it. Raises InputError if it is not one."""
     with _opened(path) as file:
-        return _validated(file.read(columns), path)
+        return _validated(file.read(list(filter(is_wanted, file.schema_arrow.names))), path)
+
+
+def first_row(path: Path) -> dict[str, Any]:
+    """Return the first row of a Parquet file of records, which must have one. Raises InputError if it is not one."""
+    with _opened(path) as file:
+        row: dict[str, Any] = _validated(next(file.iter_batches(batch_size=1)), path).to_pylist()[0]
+    return row
 
 
 def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
@@ -112,10 +129,10 @@ def _validated(table: pa.Table, path: Path) -> pa.Table:
     return table
 
 
-def keys_of(run_dir: Path) -> set[EpisodeKey]:
+def keys_of(run_dir: Path) -> EpisodeKeys:
     """Return the keys of the episodes in the Parquet file of a run."""
     path = run_dir / EPISODES
-    return _keys_in(read_table(path, KEY_COLUMNS)) if path.is_file() else set()
+    return EpisodeKeys(_codes(read_table(path, KEY_COLUMNS.__contains__)) if path.is_file() else ())
 
 
 def lacks_steps(run_dir: Path) -> bool:
@@ -123,18 +140,29 @@ def lacks_steps(run_dir: Path) -> bool:
     return (run_dir / EPISODES).is_file() and not (run_dir / TRAJECTORIES).is_file()
 
 
-def keys_not_in(log: AppendLog, stored: Collection[EpisodeKey]) -> set[EpisodeKey]:
+def keys_not_in(log: AppendLog, stored: EpisodeKeys) -> EpisodeKeys:
     """Return the keys of the append log that are not `stored`."""
-    return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in stored}
+    return EpisodeKeys(np.setdiff1d(log.keys.codes, stored.codes, assume_unique=True))
 
 
-def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
-    """Return the episodes of the run's Parquet file and append log, each once, sorted by key."""
+def episode_table(run_dir: Path, log: AppendLog, without: Collection[str] = ()) -> pa.Table:
+    """Return the episodes of the run's Parquet file and append log, each once, sorted by key.
+
+    without: names of columns that are not needed.
+    """
+    import pyarrow as pa
+
     path = run_dir / EPISODES
-    tables = [read_table(path)] if path.is_file() else []
-    new_keys = keys_not_in(log, set().union(*map(_keys_in, tables))) if len(log.keys) else ()
+    tables = [read_table(path, lambda name: name not in without)] if path.is_file() else []
+    new_keys = keys_not_in(log, EpisodeKeys(_codes(tables[0]) if tables else ()))
     with _explain_conflicts(run_dir):
-        return _episodes([*tables, *map(_rows, _blocks(log.entries(new_keys)))])
+        schema = _row_schema(log, without)
+        tables += [_rows(block, schema) for block in _blocks(log.entries(new_keys))]
+        joined = pa.concat_tables(tables, promote_options="permissive") if tables else schema.empty_table()
+    joined = joined.select(_in_order(set(joined.column_names), COLUMNS))
+    if joined.num_rows and not (np.diff(_codes(joined)) > 0).all():  # a file is sorted, and sorting copies it
+        joined = joined.sort_by([(name, "ascending") for name in KEY_COLUMNS])
+    return joined
 
 
 def trajectory_table(
@@ -149,7 +177,10 @@ def trajectory_table(
     stored_keys = keys_of(run_dir)
     new_keys = keys_not_in(log, stored_keys)
     if selected is not None:
-        stored_keys, new_keys = stored_keys.intersection(selected), new_keys.intersection(selected)
+        codes = EpisodeKeys.of(selected).codes
+        stored_keys, new_keys = (
+            EpisodeKeys(np.intersect1d(keys.codes, codes)) for keys in (stored_keys, new_keys)
+        )
     with _explain_conflicts(run_dir):
         schema = _step_schema(log)
         tables = [
@@ -162,78 +193,100 @@ def trajectory_table(
 
 
 def write_files(run_dir: Path, log: AppendLog) -> None:
-    """Write both files again, with the episodes of the append log added. Raises OSError."""
+    """Write both files again, from the append log. Raises OSError."""
     import pyarrow as pa
+
+    with _explain_conflicts(run_dir):
+        row_schema, step_schema = _row_schema(log), _step_schema(log)
+        # Trajectories are replaced first: an episode is complete once it is in episodes.parquet.
+        with (
+            _written(run_dir / EPISODES, row_schema) as episodes,
+            _written(run_dir / TRAJECTORIES, step_schema) as trajectories,
+        ):
+            rows = []
+            for block in _blocks(log.entries()):
+                trajectories.write_table(_steps(block, step_schema))
+                rows.append(_rows(block, row_schema))
+                if sum(map(len, rows)) >= _GROUP_ROWS:
+                    episodes.write_table(pa.concat_tables(rows).combine_chunks())
+                    rows = []
+            if rows:
+                episodes.write_table(pa.concat_tables(rows).combine_chunks())
+    # What reads the files next needs the memory.
+    pa.default_memory_pool().release_unused()
+
+
+@contextlib.contextmanager
+def _written(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+    """Yield a writer of row groups; the file replaces the one at `path` when the block ends. Raises OSError."""
     import pyarrow.parquet as pq
 
-    # Trajectories first: an episode is complete once it is in episodes.parquet.
     # Written through Python's files, whose OSError has the errno that tells a full disk from other causes.
-    with (
-        _explain_conflicts(run_dir),
-        replacing(run_dir / TRAJECTORIES) as draft,
-        draft.open("wb") as file,
-        pq.ParquetWriter(file, schema := _step_schema(log)) as writer,
-    ):
-        rows = []
-        for block in _blocks(log.entries()):
-            rows.append(_rows(block))
-            writer.write_table(_steps(block, schema))
-        episodes = _episodes(rows)
-    with replacing(run_dir / EPISODES) as draft, draft.open("wb") as file:
-        pq.write_table(episodes, file)
-    # What reads the files next needs as much memory again.
-    del rows, episodes
-    pa.default_memory_pool().release_unused()
+    with replacing(path) as draft, draft.open("wb") as file, pq.ParquetWriter(file, schema) as writer:
+        yield writer
 
 
 def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
     """Yield the episodes in the two files, if there are any, as they were in the append log."""
     if not (run_dir / EPISODES).is_file():
         return
-    table = read_table(run_dir / EPISODES).to_pylist()
-    rows = {
-        EpisodeKey.of(row): {name: value for name, value in row.items() if value is not None} for row in table
-    }
-    for key, steps in _by_episode(run_dir / TRAJECTORIES):
-        if key in rows:
-            yield LogEntry(rows.pop(key), _trajectory(steps))
-    for row in rows.values():
-        yield LogEntry(row, {})
+    table = read_table(run_dir / EPISODES)
+    codes, first_rows = np.unique(_codes(table), return_index=True)
+    has_steps = np.zeros(len(table), dtype=bool)
+    # Take the rows of a few thousand episodes at a time, because as Python objects they need ten times the memory.
+    episodes = _by_episode(run_dir / TRAJECTORIES)
+    while batch := list(islice(episodes, _BATCH)):
+        steps_of = dict(batch)
+        rows_here = first_rows[np.isin(codes, EpisodeKeys.of(steps_of).codes)]
+        has_steps[rows_here] = True
+        for row in _known_values(table.take(rows_here)):
+            yield LogEntry(row, _trajectory(steps_of[EpisodeKey.of(row)]))
+    rest = np.setdiff1d(first_rows, np.flatnonzero(has_steps))
+    for start in range(0, len(rest), _BATCH):
+        for row in _known_values(table.take(rest[start : start + _BATCH])):
+            yield LogEntry(row, {})
+
+
+def _known_values(table: pa.Table) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table, each without the columns that it lacks."""
+    for row in table.to_pylist():
+        yield {name: value for name, value in row.items() if value is not None}
 
 
 def _blocks(entries: Iterable[LogEntry]) -> Iterator[list[LogEntry]]:
-    """Yield lists of entries, each with about `_BLOCK_STEPS` control steps in total."""
+    """Yield lists of entries, each with about `_BLOCK_STEPS` control steps in total, or `_BATCH` entries."""
     block: list[LogEntry] = []
     steps = 0
     for entry in entries:
         block.append(entry)
         steps += entry.steps
-        if steps >= _BLOCK_STEPS:
+        if steps >= _BLOCK_STEPS or len(block) == _BATCH:
             yield block
             block, steps = [], 0
     if block:
         yield block
 
 
-def _rows(block: Sequence[LogEntry]) -> pa.Table:
+def _rows(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
+    """Return the rows of the entries, in their order."""
     import pyarrow as pa
 
-    names = dict.fromkeys(name for entry in block for name in entry.row)
-    return pa.table({name: [entry.row.get(name) for entry in block] for name in names})
+    return pa.table({name: [entry.row.get(name) for entry in block] for name in schema.names}, schema)
 
 
-def _episodes(tables: Sequence[pa.Table]) -> pa.Table:
-    """Return one table of episodes: known columns in their order, then the others by name; sorted by key."""
+def _row_schema(log: AppendLog, without: Collection[str] = ()) -> pa.Schema:
+    """Return the schema of all rows of the log: known columns in their order, then the others by name."""
     import pyarrow as pa
 
-    joined = pa.concat_tables(tables, promote_options="permissive") if tables else pa.table({})
-    names = _in_order(set(joined.column_names), COLUMNS)
-    if not names:
-        return joined
-    joined = joined.select(names)
-    if not (np.diff(_codes(_keys(joined))) > 0).all():  # a file is sorted, and sorting copies it
-        joined = joined.sort_by([(name, "ascending") for name in KEY_COLUMNS])
-    return joined.combine_chunks()
+    types = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_(), type(None): pa.null()}
+    layouts = [
+        pa.schema(
+            [(name, types[kind]) for name, kind in layout if kind in types]
+        )  # others are refused as read
+        for layout in sorted(log.row_layouts, key=str)
+    ]
+    schema = pa.unify_schemas(layouts or [pa.schema([])], promote_options="permissive")
+    return pa.schema([schema.field(name) for name in _in_order({*schema.names} - {*without}, COLUMNS)])
 
 
 def _step_schema(log: AppendLog) -> pa.Schema:
@@ -270,15 +323,14 @@ def _steps(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
     return pa.concat_tables(tables, promote_options="permissive").cast(schema).combine_chunks()
 
 
-def _steps_in_file(path: Path, selected: Collection[EpisodeKey]) -> Iterator[pa.Table]:
+def _steps_in_file(path: Path, selected: EpisodeKeys) -> Iterator[pa.Table]:
     """Yield the control steps of the wanted episodes, by row group."""
     import pyarrow as pa
 
     if not path.is_file() or not selected:
         return
-    keys = np.array([(key.world, key.run) for key in selected], dtype=np.int64)
-    for table in row_groups(path, np.unique(keys[:, 0])):
-        yield table.filter(pa.array(np.isin(_codes(_keys(table)), _codes(keys))))
+    for table in row_groups(path, np.unique(selected.codes >> 32)):
+        yield table.filter(pa.array(np.isin(_codes(table), selected.codes)))
 
 
 def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
@@ -288,13 +340,13 @@ def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
     remainder = None
     for group in row_groups(path) if path.is_file() else ():
         table = group if remainder is None else pa.concat_tables([remainder, group])
-        keys = _keys(table)
-        starts = np.flatnonzero(np.diff(_codes(keys), prepend=-1))
+        codes = _codes(table)
+        starts = np.flatnonzero(np.diff(codes, prepend=-1))
         for start, end in pairwise(starts.tolist()):
-            yield EpisodeKey(*keys[start].tolist()), table.slice(start, end - start)
+            yield EpisodeKey.of_code(int(codes[start])), table.slice(start, end - start)
         remainder = table.slice(int(starts[-1]))
     if remainder is not None:
-        yield EpisodeKey(*_keys(remainder)[0].tolist()), remainder
+        yield EpisodeKey.of_code(int(_codes(remainder)[0])), remainder
 
 
 @contextlib.contextmanager
@@ -311,19 +363,11 @@ def _explain_conflicts(run_dir: Path) -> Iterator[None]:
         ) from None
 
 
-def _keys_in(table: pa.Table) -> set[EpisodeKey]:
-    """Return the keys of a table of episodes."""
-    return set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
-
-
-def _keys(table: pa.Table) -> Ints:
-    """Return world and run of each row (N, 2)."""
-    return np.column_stack([table[name].to_numpy() for name in KEY_COLUMNS]).astype(np.int64)
-
-
-def _codes(keys: Ints) -> Ints:
-    """Return world and run (N, 2) as one number each (N,), which sorts in the same order."""
-    return (keys[:, 0] << 32) + keys[:, 1]
+def _codes(table: pa.Table) -> Ints:
+    """Return the code of each row's key, see `EpisodeKey.code`: (N,)."""
+    worlds, runs = (table[name].to_numpy().astype(np.int64) for name in KEY_COLUMNS)
+    codes: Ints = (worlds << 32) + runs
+    return codes
 
 
 def _trajectory(steps: pa.Table) -> dict[str, NDArray[Any]]:

@@ -32,6 +32,7 @@ from runners.records.episode_record import (
     KEY_COLUMNS,
     AppendLog,
     EpisodeKey,
+    EpisodeKeys,
     EpisodeResult,
     LogEntry,
     cut_torn_line,
@@ -45,9 +46,9 @@ from runners.records.parquet import (
     EPISODES,
     entries_in_files,
     episode_table,
+    first_row,
     keys_not_in,
     keys_of,
-    read_table,
     trajectory_table,
     write_files,
 )
@@ -77,7 +78,7 @@ class RecordWriter:
         self._run_dir = Path(run_dir)
         self._log = self._run_dir / APPEND_LOG
         self._file: Any = None
-        self._stored_keys: set[EpisodeKey] = set()
+        self._stored_keys = EpisodeKeys(())
         self._appended = 0
         self._unmerged = 0  # episodes that are only in the append log
 
@@ -97,7 +98,8 @@ class RecordWriter:
             with read_log(self._log) as log:
                 merged = keys_of(self._run_dir)
                 new_keys = keys_not_in(log, merged)
-            self._stored_keys, self._unmerged = merged | new_keys, len(new_keys)
+            self._stored_keys = EpisodeKeys(np.union1d(merged.codes, new_keys.codes))
+            self._unmerged = len(new_keys)
         except BaseException:
             self._file.close()
             raise
@@ -108,7 +110,7 @@ class RecordWriter:
     ) -> None:
         self._file.close()
 
-    def done(self) -> set[EpisodeKey]:
+    def done(self) -> EpisodeKeys:
         """Return the keys of the episodes recorded so far."""
         return self._stored_keys
 
@@ -220,19 +222,34 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     Raises InputError for a file that is missing or has no records.
     """
     import pandas as pd
+
+    frames = read_runs(run_dirs)
+    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+
+
+def read_runs(run_dirs: Sequence[Path], without: Collection[str] = ()) -> list[pd.DataFrame]:
+    """Read the records of runs as `read_episodes` does, but return a frame for each run that has some.
+
+    without: names of columns that are not needed, each of which takes 8 MB of a million episodes.
+    """
+    import pandas as pd
     import pyarrow as pa
 
     frames = []
-    for table, columns in _tables(run_dirs):
-        series = {name: _series(table[name]) for name in table.column_names}
+    for table, columns in _tables(run_dirs, without):
+        series, num_rows = {}, table.num_rows
+        for name in table.column_names:
+            series[name] = _series(table[name])
+            table = table.drop_columns(name)  # a large run does not fit in memory twice
         # Records without the column are of systems that saw the people who were really there.
         truth = str(DEFAULTS["people"])
-        series["people"] = series["people"].fillna(truth) if "people" in series else _constant(truth, table)
-        added = {key: _constant(value, table) for key, value in columns.items() if key not in series}
+        series["people"] = (
+            series["people"].fillna(truth) if "people" in series else _constant(truth, num_rows)
+        )
+        added = {key: _constant(value, num_rows) for key, value in columns.items() if key not in series}
         frames.append(pd.DataFrame({**series, **added}, copy=False))
-    del table  # give its texts back to the system, a third of a large table
     pa.default_memory_pool().release_unused()
-    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+    return frames
 
 
 def _series(column: pa.ChunkedArray) -> pd.Series:
@@ -243,17 +260,25 @@ def _series(column: pa.ChunkedArray) -> pd.Series:
     if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
         return column.to_pandas()
     encoded = column.combine_chunks().dictionary_encode()
+    if len(encoded.dictionary) == 1 and not encoded.null_count:
+        return _repeated(encoded.dictionary[0].as_py(), len(encoded))
     texts = np.array([*encoded.dictionary.to_pylist(), math.nan], dtype=object)
     codes = encoded.indices.fill_null(len(texts) - 1).to_numpy(zero_copy_only=False)
     return pd.Series(texts[codes], dtype=object)
 
 
-def _constant(value: object, table: pa.Table) -> pd.Series:
+def _constant(value: object, num_rows: int) -> pd.Series:
     """Return a column with the same value for every episode."""
     import pandas as pd
 
-    dtype = object if isinstance(value, str) else None
-    return pd.Series(value, index=range(table.num_rows), dtype=dtype)
+    return _repeated(value, num_rows) if isinstance(value, str) else pd.Series(value, index=range(num_rows))
+
+
+def _repeated(text: str, times: int) -> pd.Series:
+    """Return a column that holds one text once, however long it is: most texts of a run are labels of all of it."""
+    import pandas as pd
+
+    return pd.Series(np.broadcast_to(np.array([text], dtype=object), times), dtype=object, copy=False)
 
 
 def planned(episodes: pd.DataFrame, column: str) -> int:
@@ -272,7 +297,9 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
     return list(_tables(run_dirs))
 
 
-def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, object]]]:
+def _tables(
+    run_dirs: Sequence[Path], without: Collection[str] = ()
+) -> Iterator[tuple[pa.Table, dict[str, object]]]:
     has_episodes = False
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
@@ -281,17 +308,17 @@ def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, obje
     for run_dir, launch in zip(run_dirs, launches, strict=True):
         columns = {} if launch is None else _columns_of(launch, changed_keys)
         with log_of(run_dir) as log:
-            table = episode_table(run_dir, log)
-        if table.num_rows == 0:
+            tables = [episode_table(run_dir, log, without)]
+        if not tables[0].num_rows:
             warnings.warn(f"{run_dir} has no finished episode yet: left out", stacklevel=3)
             continue
-        missing_columns = ", ".join(sorted(REQUIRED - set(table.column_names)))
+        missing_columns = ", ".join(sorted(REQUIRED - set(tables[0].column_names)))
         if missing_columns:
             raise InputError(
                 f"records in {run_dir} lack the columns {missing_columns}: not written by lme eval"
             )
         has_episodes = True
-        yield table, {"run_dir": str(run_dir), **columns}
+        yield tables.pop(), {"run_dir": str(run_dir), **columns}  # which the caller alone holds then
     if not has_episodes:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
 
@@ -299,7 +326,7 @@ def _tables(run_dirs: Sequence[Path]) -> Iterator[tuple[pa.Table, dict[str, obje
 def read_first(run_dir: Path) -> dict[str, Any]:
     """Return one record of a run that has some, by column: its labels are those of all. Raises as `read_episodes`."""
     if (run_dir / EPISODES).is_file():
-        row = read_table(run_dir / EPISODES).slice(0, 1).to_pylist()[0]
+        row = first_row(run_dir / EPISODES)
     else:
         with (run_dir / APPEND_LOG).open("rb") as lines:
             first_line = io.BytesIO(lines.readline())

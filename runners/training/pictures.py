@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from runners.config.space import Range, Space
-from runners.records.atomic_write import write_atomically
-from runners.reports.analysis.tables import csv_text
+from runners.records.atomic_write import replacing, write_atomically
+from runners.reports.analysis.tables import csv_text, write_csv
 from runners.reports.figures.style import FRAME, INK, OBSTACLE, SKY, new_figure, save, symbol
 from runners.training.race import START, End, Race, Racer, driven_label, name_of, racers, worlds_driven
 from runners.training.study import Trial
@@ -25,6 +25,7 @@ POINT, LINE, BEST = "#9A9A9A", "#0072B2", "#D55E00"  # Okabe and Ito's, as in ru
 WIDTH_IN = 7.0
 _MARKS = {End.won: "*", End.finished: "o", End.worse: "x", End.outranked: "o"}
 _COLUMNS = 4
+MOST_DRAWN = 2_000  # trials in a picture, besides those that raced or were the best so far
 _NAME_GAP = 0.045  # least distance between two names, as a share of the height
 
 
@@ -34,20 +35,31 @@ def write_trials(trials: Sequence[Trial], run_dir: Path) -> Path:
     One row per trial: reward, values, and outcome, steps and reward on each configuration.
     """
     has_families = len({score.family for score in trials[0].scores}) > 1
-    lines = []
-    for trial in trials:
-        line: dict[str, object] = {"trial": trial.number, "reward": trial.reward, **trial.values}
-        for score in trial.scores:
-            world = f"{score.family}_{score.world}" if has_families else str(score.world)
-            line |= {
-                f"outcome_{world}": score.outcome,
-                f"steps_{world}": score.steps,
-                f"reward_{world}": score.reward,
-            }
-        lines.append(line)
+
+    def lines() -> Iterator[dict[str, object]]:  # made twice rather than kept: there may be many
+        return (_trial_line(trial, has_families) for trial in trials)
+
     path = run_dir / TRIALS
-    write_atomically(path, csv_text(lines))
+    with replacing(path) as draft, draft.open("w", encoding="utf-8") as file:
+        write_csv(file, dict.fromkeys(name for line in lines() for name in line), lines())
     return path
+
+
+def _trial_line(trial: Trial, has_families: bool) -> dict[str, object]:
+    line: dict[str, object] = {"trial": trial.number, "reward": trial.reward, **trial.values}
+    for score in trial.scores:
+        world = f"{score.family}_{score.world}" if has_families else str(score.world)
+        line |= {
+            f"outcome_{world}": score.outcome,
+            f"steps_{world}": score.steps,
+            f"reward_{world}": score.reward,
+        }
+    return line
+
+
+def one_drawn_in(count: int) -> int:
+    """Return n if a picture shows one in n of so many trials, besides those that matter; 1 if it shows all."""
+    return math.ceil(count / MOST_DRAWN)
 
 
 def write_race(race: Race, run_dir: Path) -> Path:
@@ -85,8 +97,10 @@ def race_figure(race: Race, start: str) -> Figure:
     axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)
     field = racers(race)
-    for racer in reversed(field):
-        _line(axes, racer)
+    step = one_drawn_in(len(field))
+    for rank, racer in reversed(list(enumerate(field))):
+        if racer.raced or racer.number == START or rank % step == 0:
+            _line(axes, racer)
     # The axis shows the candidates that raced; the others may lie far below.
     rewards = [value for racer in field if racer.raced for value in racer.values]
     low, high = min(rewards), max(rewards)
@@ -105,11 +119,12 @@ def race_figure(race: Race, start: str) -> Figure:
 def parameters_figure(
     trials: Sequence[Trial], space: Space, best: int, start: Mapping[str, float | None], raced: frozenset[int]
 ) -> Figure:
-    """Draw the reward of every trial in the search against each of its values.
+    """Draw the reward of every trial in the search, or of a sample of very many, against each of its values.
 
     best: number of the best trial. start: values by dotted key, if known. Both are marked. raced: numbers of the
     trials that entered the race.
     """
+    trials = _drawn(trials, {best, *raced})
     rows = math.ceil(len(space) / _COLUMNS)
     columns = min(len(space), _COLUMNS)
     figure = new_figure(max(WIDTH_IN * columns / _COLUMNS, 3.4), 0.5 + 1.75 * rows)
@@ -140,6 +155,16 @@ def parameters_figure(
         fontsize=8.5,
     )
     return figure
+
+
+def _drawn(trials: Sequence[Trial], kept: Collection[int]) -> list[Trial]:
+    """Return the `kept` trials, every trial that was the best so far, and of the others one in so many."""
+    step, best, drawn = one_drawn_in(len(trials)), -math.inf, []
+    for index, trial in enumerate(trials):
+        if index % step == 0 or trial.reward > best or trial.number in kept:
+            drawn.append(trial)
+        best = max(best, trial.reward)
+    return drawn
 
 
 def _convergence(trials: Sequence[Trial]) -> Figure:

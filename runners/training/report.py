@@ -318,9 +318,10 @@ def _race(report: TrainingReport) -> str:
         return "<p>There was no race: the best trial of the search is the result.</p>"
     raced = sum(racer.raced for racer in racers(race))
     start_note = _START_NOTE if START in race.rungs[0].values else ""
+    sample_note = _sample_note(len(race.rungs[0].values), "raced")
     chart = _picture(report.figures["race"], "Mean reward against the worlds driven, one line per candidate")
     return (
-        f"{chart}<p>{_RACE_NOTE}{start_note}</p>{rung_table(race, report.start)}"
+        f"{chart}<p>{_RACE_NOTE}{start_note}{sample_note}</p>{rung_table(race, report.start)}"
         f"<details><summary>{counted(raced, 'candidate')} that raced, rung by rung</summary>"
         f"{candidate_table(race, report.start)}</details>"
     )
@@ -332,8 +333,21 @@ def _parameters(report: TrainingReport) -> str:
     name = f"Trial {report.best}"
     table = parameter_table(report.space, report.start_values, values, name, report.importances)
     panels = _picture(report.figures["parameters"], "Reward of every trial against each of its values")
-    note_text = _SCATTER_NOTE if report.race is not None else _PLAIN_SCATTER_NOTE
-    return f"{table}{note}<h3>Parameters against the reward</h3>{panels}<p>{note_text}</p>"
+    note_text, besides = _PLAIN_SCATTER_NOTE, "was the best so far"
+    if report.race is not None:
+        note_text, besides = _SCATTER_NOTE, f"raced or {besides}"
+    sample_note = _sample_note(len(report.trials), besides)
+    return f"{table}{note}<h3>Parameters against the reward</h3>{panels}<p>{note_text}{sample_note}</p>"
+
+
+def _sample_note(count: int, besides: str) -> str:
+    """Return what a picture leaves out of a very long search; empty if it shows all of the `count`."""
+    from runners.training.pictures import one_drawn_in
+
+    step = one_drawn_in(count)
+    if step == 1:
+        return ""
+    return f" Of {count:,}, the picture shows one in {step}, and each that {besides}; trials.csv has all."
 
 
 def _worst(report: TrainingReport, directory: Path) -> str:

@@ -87,7 +87,7 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> SearchResult:
     with ExitStack() as workers:
         run_all = _started_when_needed(config, training, workers)
         with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
-            progress.skip(len(study.finished_trials), study.best)
+            progress.skip(study.num_finished, study.best)
             if study.num_finished < config.trials:
 
                 def run_counted(batch: Iterable[Item]) -> Iterator[Item]:
@@ -127,7 +127,7 @@ def _race(
     finished = [trial for trial in study.finished_trials if trial.values != start]
     candidates = [Candidate(trial.number, trial.values) for trial in finished]
     candidates += [Candidate(START, {})] if start is not None else []
-    scores = [score for trial in finished for score in trial.scores]
+    scores = (score for trial in finished for score in trial.scores)
     with RaceLog(job.run_dir / RACE_LOG) as log, RaceProgress() as progress:
 
         def drive(attempts: Sequence[Attempt]) -> Iterator[Score]:

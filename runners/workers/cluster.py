@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 _ADDRESS = r"\w+://\S+:\d+"
 _CONNECT_S = 5.0
+_CONNECT_OWN_S = 120.0  # to a cluster that this process has started, while its workers keep every core busy
 _NO_WORKER_S = 30  # the run ends if a cluster on this machine has had no worker for this long
 _WITHOUT_DASK = "add resume=true, and executor=process to continue without dask"
 _BATCHES_PER_WORKER = 4  # of a short list, so that the last batches end at about the same time
@@ -119,14 +120,14 @@ class DaskExecutor:
     def _client(self, at_once: int | None) -> Iterator[Client]:
         """Yield a client of the scheduler, or of a cluster on this machine that ends with the `with`."""
         if self._config.address is not None:
-            with _connected(self._config.address) as client:
+            with _connected(self._config.address, _CONNECT_S) as client:
                 yield client
             return
         with (
             _local_cluster(
                 self._max_workers if at_once is None else min(self._max_workers, at_once)
             ) as cluster,
-            _connected(cluster.scheduler_address) as client,
+            _connected(cluster.scheduler_address, _CONNECT_OWN_S) as client,
         ):
             yield client
 
@@ -157,11 +158,11 @@ def _local_cluster(workers: int) -> LocalCluster:
 
 
 @contextlib.contextmanager
-def _connected(address: str) -> Iterator[Client]:
+def _connected(address: str, timeout_s: float) -> Iterator[Client]:
     from distributed import Client
 
     try:
-        client = Client(address, timeout=_CONNECT_S, set_as_default=False)
+        client = Client(address, timeout=timeout_s, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
             f"executor.address is {address}: no dask scheduler answers there; start one with `dask scheduler`, "

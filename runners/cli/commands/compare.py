@@ -24,15 +24,15 @@ EXAMPLES = (
 
 def main(argv: list[str]) -> int:
     """Print the comparison, write its files, and say where they are. Raises InputError."""
-    from runners.records.records import find_runs, read_episodes
+    from runners.records.records import find_runs, read_runs
     from runners.reports.analysis import compare_report
-    from runners.reports.analysis.compare_runs import compare_runs
+    from runners.reports.analysis.compare_runs import NOT_COMPARED, compare_runs
 
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
     for path in arguments.runs:
         _check_named(path, runs)
-    comparisons = compare_runs(read_episodes(runs))
+    comparisons = compare_runs(read_runs(runs, NOT_COMPARED))
     renderers = {
         "text": compare_report.to_text,
         "md": compare_report.to_markdown,

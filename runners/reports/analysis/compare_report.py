@@ -120,7 +120,9 @@ def _caption(study: RunComparison) -> str:
     import pandas as pd
 
     worlds = sorted(len(compared.worlds) for compared in study.compared)
-    frame = pd.concat([run.frame for run in (study.run, *(compared.run for compared in study.compared))])
+    runs = [study.run, *(compared.run for compared in study.compared)]
+    columns = ["run", "seed", "run_dir"]
+    frame = pd.concat([run.frame.reindex(columns=columns).drop_duplicates() for run in runs])
     fewer = f"{worlds[0]:,} to " if worlds[0] < worlds[-1] else ""
     return (
         f"Differences from {study.reference}: {study.place} · {fewer}{counted(worlds[-1], 'world')} {TIMES} "

@@ -5,7 +5,7 @@ The statistics are those of `runners.reports.analysis.paired`. The first run is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +14,12 @@ import numpy as np
 
 from lme.errors import InputError
 from runners.config.escaping import counted
+from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS
 from runners.records.launch_record import Launch, read_launch
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import COLLISION, METRIC, SUCCESS, TIE, Block, Difference
 from runners.reports.analysis.shared_worlds import (
+    TASK,
     ComparedRun,
     Group,
     differing_conditions,
@@ -26,7 +28,7 @@ from runners.reports.analysis.shared_worlds import (
     heading,
     run_names,
 )
-from runners.reports.analysis.summary import METRICS, SMOOTHNESS, barn_metric
+from runners.reports.analysis.summary import METRIC_COLUMNS, METRICS, SMOOTHNESS, barn_metric
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +39,9 @@ MEASURES = {
     if metric.key in (SUCCESS, COLLISION, METRIC, "time_s", "path_length_m", SMOOTHNESS)
 }
 
+# Columns that need not be read for a comparison, a third of all.
+NOT_COMPARED = frozenset(COLUMNS) - {*KEY_COLUMNS, *TEXTS, *MEASURES, *TASK, "seed"}
+_OF_MEASURES = (*KEY_COLUMNS, "outcome", *METRIC_COLUMNS, *MEASURES)  # of `paired.values`
 EFFECT = 0.05  # difference in success for which the number of worlds is planned
 
 
@@ -103,15 +108,13 @@ class RunComparison:
         return [self.reference, *(compared.name for compared in self.compared)]
 
 
-def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
-    """Compare the runs of records from `read_episodes`; return a comparison for each group that shares worlds.
+def compare_runs(frames: Iterable[pd.DataFrame]) -> list[RunComparison]:
+    """Compare runs, each given by its records; return a comparison for each group that shares worlds.
 
-    Raises InputError if there are fewer than two runs, or no two share an episode.
+    frames: from `read_runs`; the columns `NOT_COMPARED` may be missing. Raises InputError if there are fewer than two
+    runs, or no two share an episode.
     """
-    runs = [
-        ComparedRun(Path(str(run_dir)), run_frame.dropna(axis=1, how="all"))
-        for run_dir, run_frame in frame.groupby("run_dir", sort=False)
-    ]
+    runs = [ComparedRun(Path(str(frame["run_dir"].iloc[0])), _with_values(frame)) for frame in frames]
     if len(runs) < 2:
         raise InputError(f"{runs[0].run_dir}: is a single run; give two or more runs, or a sweep")
     # Group the runs by the worlds that they share; a run without a partner is only mentioned.
@@ -129,19 +132,24 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     return [_comparison(group, single_runs) for group in together]
 
 
+def _with_values(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the columns that hold a value."""
+    return frame.drop(columns=[name for name in frame if not frame[name].notna().any()])
+
+
 def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     runs = [group.reference, *(run for run, _ in group.others)]
     reference, *names = run_names(runs)
     has_metric = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
     measure = METRIC if has_metric else SUCCESS
     frames = {
-        name: run.frame[run.frame["world"].isin(worlds)]
-        for name, (run, worlds) in zip(names, group.others, strict=True)
+        name: _measured(run.frame, worlds) for name, (run, worlds) in zip(names, group.others, strict=True)
     }
     # Differences from the reference, over all measures and by world for the drawn one.
-    changes = _changes(group.reference.frame, frames)
+    baseline = _measured(group.reference.frame, group.reference.worlds)
+    changes = _changes(baseline, frames)
     compared = [
-        Compared(name, run, changes[name], _by_world(group.reference.frame, frames[name], measure))
+        Compared(name, run, changes[name], _by_world(baseline, frames[name], measure))
         for name, (run, _) in zip(names, group.others, strict=True)
     ]
     # Configs can be compared only if every run has one.
@@ -156,6 +164,12 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
         [*_notes(group, [reference, *names], keys, launches), *_describe_power(compared), *notes],
         keys,
     )
+
+
+def _measured(frame: pd.DataFrame, worlds: Set[int]) -> pd.DataFrame:
+    """Return the columns that measures are made of, in these worlds."""
+    frame = frame[[name for name in frame if name in _OF_MEASURES]]
+    return frame[frame["world"].isin(worlds)]
 
 
 def _changes(baseline: pd.DataFrame, frames: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
+TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
 _MEASURE = "world_"  # prefix of the columns that describe a world
 _SAME = 1e-6  # [m, rad]
 _BARE = ("system", "map", "robot")  # whose values say what they are
@@ -106,7 +106,7 @@ def same_worlds(reference: ComparedRun, other_run: ComparedRun) -> frozenset[int
     if reference.text("map") != other_run.text("map") or not numbers:
         return frozenset()
     # Compare start and goal where both record them, and all measures of the world.
-    columns = [name for name in _TASK if name in reference.frame and name in other_run.frame]
+    columns = [name for name in TASK if name in reference.frame and name in other_run.frame]
     measures = dict.fromkeys(
         name for run in (reference, other_run) for name in run.frame if name.startswith(_MEASURE)
     )

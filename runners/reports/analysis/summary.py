@@ -47,6 +47,7 @@ class Metric(NamedTuple):
 
 SMOOTHNESS = "mean_abs_domega_radps"
 BARN_METRIC = "barn_metric"
+METRIC_COLUMNS = ("map", "world_cylinders", "world_family")  # those that say whether a map has the metric
 METRICS = (
     Metric("success", "Success", 3, spread=True),
     Metric("collision", "Collision", 3, spread=True),
@@ -242,7 +243,7 @@ def barn_metric(frame: pd.DataFrame) -> pd.Series:
     BARN's worlds are recognised by the map's name, or in a user's own option by their cylinders, which no other map
     set counts except the families of the cold trial.
     """
-    columns = frame.reindex(columns=["map", "world_cylinders", "world_family"])
+    columns = frame.reindex(columns=METRIC_COLUMNS)
     is_known = columns.notna()
     # A world with cylinders but without a family is one of BARN's under another name.
     cylinders = is_known["world_cylinders"] & ~is_known["world_family"]

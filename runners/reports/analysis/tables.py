@@ -8,7 +8,7 @@ import math
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TextIO
 
 from lme.metrics import interval_over_worlds
 from runners.config.escaping import csv_value, html_text, markdown_table, markdown_text, visible
@@ -403,9 +403,13 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
 
 def csv_text(lines: Sequence[Mapping[str, object]]) -> str:
     """Return a CSV with every column that any line has, in order of first appearance."""
-    names = list(dict.fromkeys(name for line in lines for name in line))
     text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n")
+    write_csv(text, dict.fromkeys(name for line in lines for name in line), lines)
+    return text.getvalue()
+
+
+def write_csv(file: TextIO, names: Collection[str], lines: Iterable[Mapping[str, object]]) -> None:
+    """Write a CSV line by line. names: of the columns; a line may lack some."""
+    writer = csv.DictWriter(file, names, lineterminator="\n")
     writer.writerow({name: csv_value(name) for name in names})
     writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
-    return text.getvalue()

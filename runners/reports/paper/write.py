@@ -108,7 +108,7 @@ def _comparisons(recorded: Recorded) -> list[RunComparison]:
     if recorded.frame["run_dir"].nunique() < 2:
         return []
     try:
-        return compare_runs(recorded.frame)
+        return compare_runs(frame for _, frame in recorded.frame.groupby("run_dir", sort=False))
     except InputError as error:
         warnings.warn(f"no comparison: {error}", stacklevel=3)
         return []

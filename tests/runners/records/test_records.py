@@ -20,7 +20,7 @@ from lme.errors import InputError
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.records import episode_record as log_module
 from runners.records import parquet
-from runners.records.episode_record import EpisodeKey, EpisodeResult
+from runners.records.episode_record import EpisodeKey, EpisodeKeys, EpisodeResult
 from runners.records.launch_record import LAUNCH, Launch, read_launch
 from runners.records.parquet import EPISODES, TRAJECTORIES
 from runners.records.records import (
@@ -32,6 +32,7 @@ from runners.records.records import (
     planned,
     read_episodes,
     read_first,
+    read_runs,
     read_trajectories,
 )
 from tests.builders import episode_record
@@ -108,7 +109,7 @@ def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_
     write(tmp_path, KEYS)
     before = contents(tmp_path), [(tmp_path / name).stat().st_mtime_ns for name in (EPISODES, TRAJECTORIES)]
     with RecordWriter(tmp_path) as writer:
-        assert writer.done() == set(KEYS)
+        assert set(writer.done()) == set(KEYS)
         writer.append(episode(KEYS[0], outcome="collision"))
         writer.merge()
     after = contents(tmp_path), [(tmp_path / name).stat().st_mtime_ns for name in (EPISODES, TRAJECTORIES)]
@@ -127,7 +128,8 @@ def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_
 def test_a_killed_and_resumed_run_gives_the_identical_files(
     tmp_path_factory, monkeypatch, order, cut, merged, torn, block
 ):
-    monkeypatch.setattr(parquet, "_BLOCK_STEPS", block)
+    for limit in ("_BLOCK_STEPS", "_GROUP_ROWS", "_BATCH"):
+        monkeypatch.setattr(parquet, limit, block)
     straight, resumed = tmp_path_factory.mktemp("straight"), tmp_path_factory.mktemp("resumed")
     write(straight, KEYS)
     write(resumed, order[:cut], merge=merged)
@@ -136,11 +138,57 @@ def test_a_killed_and_resumed_run_gives_the_identical_files(
         with parts.open("ab") as file:
             file.write(torn.replace(b"\n", b"{"))  # the beginning of a line
     with RecordWriter(resumed) as writer:
-        assert writer.done() == set(order[:cut])
+        assert set(writer.done()) == set(order[:cut])
         for key in order[cut:]:
             writer.append(episode(key))
         writer.merge()
     assert contents(straight) == contents(resumed)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 4])
+def test_a_merge_in_small_pieces_gives_the_same_records(tmp_path, monkeypatch, rows):
+    """The columns of all row groups are known before the first one is written."""
+    whole, pieces = tmp_path / "whole", tmp_path / "pieces"
+    write(whole, KEYS)
+    monkeypatch.setattr(parquet, "_GROUP_ROWS", rows)
+    monkeypatch.setattr(parquet, "_BATCH", rows)
+    write(pieces, KEYS[:4])
+    write(pieces, KEYS[4:])
+    with pq.ParquetFile(pieces / EPISODES) as file:
+        assert file.num_row_groups == -(-len(KEYS) // rows)
+        assert file.schema_arrow.equals(pq.read_schema(whole / EPISODES))
+    for name in (EPISODES, TRAJECTORIES):
+        pd.testing.assert_frame_equal(*(pd.read_parquet(folder / name) for folder in (pieces, whole)))
+    frames = (read_episodes([folder]).drop(columns="run_dir") for folder in (pieces, whole))
+    pd.testing.assert_frame_equal(*frames)
+
+
+def test_records_without_steps_are_merged_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet, "_BATCH", 2)
+    write(tmp_path, KEYS)
+    (tmp_path / TRAJECTORIES).unlink()
+    before = read_episodes([tmp_path])
+    write(tmp_path, [EpisodeKey(5, 0)])
+    after = read_episodes([tmp_path])
+    assert set(map(EpisodeKey.of, read_trajectories([tmp_path]).to_dict("records"))) == {EpisodeKey(5, 0)}
+    pd.testing.assert_frame_equal(after[after["world"] != 5].reset_index(drop=True), before)
+
+
+def test_a_set_of_keys_holds_each_once_in_order():
+    keys = EpisodeKeys.of([EpisodeKey(7, 2**31), EpisodeKey(3, 1), EpisodeKey(3, 0), EpisodeKey(3, 1)])
+    assert list(keys) == [EpisodeKey(3, 0), EpisodeKey(3, 1), EpisodeKey(7, 2**31)]
+    assert len(keys) == 3
+    assert EpisodeKey(7, 2**31) in keys
+    assert EpisodeKey(7, 1) not in keys
+    assert EpisodeKey(8, 0) not in keys
+    assert (3, 0) not in keys
+
+
+def test_columns_that_are_not_needed_are_not_read(tmp_path):
+    write(tmp_path, KEYS[:3])
+    write(tmp_path, KEYS[3:], merge=False)
+    (frame,) = read_runs([tmp_path], {"time_s", "world_fill"})
+    pd.testing.assert_frame_equal(frame, read_episodes([tmp_path]).drop(columns=["time_s", "world_fill"]))
 
 
 def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_path, monkeypatch):
@@ -220,7 +268,7 @@ def test_the_append_log_of_another_version_is_resumed(tmp_path):
     line = json.dumps({"record": record, "trajectory": encoded})
     (tmp_path / "parts" / "episodes.jsonl").write_text(f"{line}\n")
     with RecordWriter(tmp_path) as writer:
-        assert writer.done() == {EpisodeKey(1, 0)}
+        assert set(writer.done()) == {EpisodeKey(1, 0)}
         writer.append(episode(EpisodeKey(2, 0)))
         writer.merge()
     frame, steps = read_episodes([tmp_path]), read_trajectories([tmp_path])

@@ -12,6 +12,7 @@ from runners.cli.main import main
 from runners.config.space import Range
 from runners.records.episode_record import EpisodeKey
 from runners.reports.analysis.paired import Difference
+from runners.training import pictures
 from runners.training.held_out import HeldOutComparison
 from runners.training.pictures import parameters_figure, race_figure
 from runners.training.race import START, Race, Rung
@@ -163,6 +164,16 @@ def test_parameters_have_their_values_ranges_and_importance(tmp_path):
         ["c_ o", "2000 outside the range", "1", "1 to 1000, log", "0.75"],
         ["planner. kp", "–", "2", "0 to 4", "0.25"],
     ]
+
+
+@pytest.mark.parametrize("race", [RACE, None], ids=["race", "no race"])
+def test_pictures_of_a_sample_say_so(tmp_path, monkeypatch, race):
+    assert "the picture shows" not in written(tmp_path, race=race).read_text(encoding="utf-8")
+    monkeypatch.setattr(pictures, "MOST_DRAWN", 2)
+    text = written(tmp_path, race=race).read_text(encoding="utf-8")
+    raced = "raced or " if race else ""
+    assert f"Of 5, the picture shows one in 3, and each that {raced}was the best so far" in text
+    assert ("Of 6, the picture shows one in 3, and each that raced;" in text) == (race is not None)
 
 
 def test_the_pictures_are_within_the_page(tmp_path):

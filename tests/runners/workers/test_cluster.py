@@ -61,6 +61,12 @@ def executor(address):
     return module.DaskExecutor(load_settings("executor/dask", address=address))
 
 
+def test_a_busy_machine_may_take_long_to_answer_in_a_cluster_of_its_own(monkeypatch):
+    monkeypatch.setattr(module, "_CONNECT_S", 1e-6)
+    own = module.DaskExecutor(load_settings("executor/dask", workers=1))
+    assert len(list(own.map(multiply, {"factor": 3}, ITEMS))) == len(ITEMS)
+
+
 def test_the_records_are_those_of_a_serial_run_bit_for_bit(executor):
     with jobs_of("eval", *WORDS) as job_of:
         config = job_of().config

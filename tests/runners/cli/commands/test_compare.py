@@ -14,8 +14,10 @@ from runners.cli import main
 from runners.cli.commands import compare
 from runners.records.episode_record import EpisodeResult
 from runners.records.launch_record import launch_of
-from runners.records.records import RecordWriter, read_episodes
+from runners.records.records import RecordWriter, read_episodes, read_runs
 from runners.reports.analysis import paired
+from runners.reports.analysis.compare_report import to_markdown
+from runners.reports.analysis.compare_runs import NOT_COMPARED, compare_runs
 from runners.reports.analysis.shared_worlds import ComparedRun, run_names, same_worlds
 from tests.builders import episode_record
 from tests.composing import jobs_of, last_of_each
@@ -112,6 +114,13 @@ def test_the_figures_are_those_of_paired_differences(tmp_path, job, capsys):
     gained = [row["world"] for row in worlds if row["mean"] > row["reference_mean"]]
     means = a.groupby("world")["barn_metric"].mean() < b.groupby("world")["barn_metric"].mean()
     assert gained == [str(world) for world in means.index[means]]
+
+
+def test_columns_that_are_not_compared_need_not_be_read(tmp_path, job):
+    runs = [Path(write(tmp_path / name, job(), rate)) for name, rate in (("a", 0.5), ("b", 0.9))]
+    every, few = (read_runs(runs, without) for without in ((), NOT_COMPARED))
+    assert len(few[0].columns) < len(every[0].columns) - 10
+    assert to_markdown(compare_runs(few)) == to_markdown(compare_runs(every))
 
 
 def test_times_are_of_pairs_in_which_both_succeeded(tmp_path, job, capsys):

@@ -78,7 +78,7 @@ def test_worlds_that_do_not_fit_a_page_are_left_out_and_the_note_says_so(systems
         )
         for n in range(systems)
     ]
-    (comparison,) = compare_runs(pd.concat(parts, ignore_index=True))
+    (comparison,) = compare_runs(parts)
     figure, note = compare_figure(comparison, PrintSpace(PAGE_IN, figures.TALL_IN))
     figure.draw_without_rendering()
     assert figure.get_figwidth() == PAGE_IN
