@@ -15,7 +15,7 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
-from lme.simulation.mujoco.body import add_robot, part_of
+from lme.simulation.mujoco.body import add_robot
 from lme.types import Floats, Outcome
 from runners.reports.figures.animation import GIF, MP4, SAMPLE, Picture, find_ffmpeg, write_film
 from runners.reports.figures.driven_runs import DrivenRun
@@ -130,9 +130,10 @@ class _Film:
         self._trace, self._label, self._note = trace, label, note
         rows = np.vstack([frame.postures for frame in trace.frames if frame.postures is not None])
         self._times, self._postures = rows[:, 0], rows[:, 1:]
-        self._model = model = Arena(trace.task.world, Crowd(()), add_robot).model
+        arena = Arena(trace.task.world, Crowd(()), add_robot)
+        self._model = model = arena.model
         self._data = mujoco.MjData(model)
-        _paint(model)
+        _paint(model, arena.parts)
         # Sizes of the views; films need even ones.
         self._box = box = common_box([trace.task], np.array([frame.pose[:2] for frame in trace.frames]))
         tilt, overview = math.radians(elevation), round(OVERVIEW * width)
@@ -240,13 +241,13 @@ class _Film:
         return shape
 
 
-def _paint(model: Any) -> None:
-    """Colour the shapes of a model, and make its obstacles low and walls thick."""
+def _paint(model: Any, parts: Sequence[str]) -> None:
+    """Colour the shapes of a model by what they belong to, and make its obstacles low and walls thick."""
     import mujoco
 
     for i, body in enumerate(model.geom_bodyid):
         if body != 0:  # of the robot; the floor and the obstacles belong to the world, body 0
-            model.geom_rgba[i] = ROBOT.get(part_of(model.geom(i).name), LEG)
+            model.geom_rgba[i] = ROBOT.get(parts[i], LEG)
             continue
         is_floor = model.geom_type[i] == mujoco.mjtGeom.mjGEOM_PLANE
         model.geom_rgba[i] = FLOOR if is_floor else OBSTACLE
