@@ -1,4 +1,4 @@
-"""Intersection of a ray and an edge, the same arithmetic for every kernel that casts rays."""
+"""Intersection of a ray and an edge, the same arithmetic for every kernel that casts planar beams."""
 
 import numpy as np
 from numba import njit
@@ -8,6 +8,7 @@ from numba import njit
 def ray_to_edge(start_x, start_y, end_x, end_y, dx, dy):
     """Distance from the origin along the ray (dx, dy), of length 1, to an edge; inf if the ray misses it [m].
 
+    Rays of another length, such as the horizontal parts of rays in space, are for `lme.simulation.mid360.raycast3d`.
     A hit is decided by the sides of the ray on which the two ends lie, so that no ray slips through a shared corner. A
     ray that runs along an edge has both ends on the same side, unless they differ by rounding.
     """

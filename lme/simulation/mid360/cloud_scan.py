@@ -14,7 +14,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.geometry.edges import ray_to_edge
 from lme.geometry.fan import direction, unsigned_bearing
 from lme.grids.edge_grid import first_hit, nearest
 from lme.simulation.mid360.pattern import (
@@ -224,7 +223,11 @@ def _reaches(buckets, directions, edge_in, link_of, links, shapes, num_circles):
             ends[2, n],
             ends[3, n],
         )
-        reaches[n] = ray_to_edge(ax, ay, bx, by, dx, dy)
+        # The arithmetic of `to_edge`.
+        across_start, across_end = ax * dy - ay * dx, bx * dy - by * dx
+        distance = (ax * by - ay * bx) / (across_start - across_end)
+        is_hit = ((across_start > 0.0) != (across_end > 0.0)) & (distance >= 0.0)
+        reaches[n] = distance if is_hit else np.inf
     for n in range(len(buckets)):
         ray, link = (directions[0, n], directions[1, n], 0.0), link_of[buckets[n]]
         while link >= 0:

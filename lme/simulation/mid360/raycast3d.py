@@ -9,7 +9,6 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.geometry.edges import ray_to_edge
 from lme.geometry.fan import bearing
 from lme.types import Floats
 
@@ -188,11 +187,21 @@ def to_circle(ray, centre, bottom, top):
 
 @njit(cache=True, error_model="numpy")
 def to_edge(ray, ends, bottom, top):
-    """Distance along a ray from the origin to an upright wall; inf if the ray misses it or runs along it."""
+    """Distance along a ray from the origin to an upright wall; inf if the ray misses it or runs along it.
+
+    A hit is decided by the sides of the ray on which the wall's ends lie, as in the planar kernel, so that no ray
+    slips through a shared corner.
+    """
     dx, dy, rise = ray
     ax, ay, bx, by = ends
-    distance = ray_to_edge(ax, ay, bx, by, dx, dy)
-    return distance if distance < np.inf and bottom <= distance * rise <= top else np.inf
+    # Both ends on the same side of the ray: no crossing.
+    across_start, across_end = ax * dy - ay * dx, bx * dy - by * dx
+    if (across_start > 0.0) == (across_end > 0.0):
+        return np.inf
+    # Distance to the wall: t = (a × b) / (a × d − b × d).
+    distance = (ax * by - ay * bx) / (across_start - across_end)
+    hit = distance >= 0.0 and bottom <= distance * rise <= top
+    return distance if hit else np.inf
 
 
 @njit(cache=True, error_model="numpy")
