@@ -18,14 +18,13 @@ ENOUGH_S = 20.0  # longest film if no speed is given
 
 
 @dataclass(slots=True)
-class VideoConfig:
+class FilmConfig:
     """Appearance of a film."""
 
     format: str
     speed: float | None
     fps: float
     width: int
-    candidates: bool
 
     def __post_init__(self) -> None:
         if self.format not in (GIF, MP4):
@@ -36,6 +35,13 @@ class VideoConfig:
             require("speed", self.speed, above=0.0)
         require("fps", self.fps, above=0.0, at_most=50.0)
         require("width", self.width, at_least=200, at_most=4000)
+
+
+@dataclass(slots=True)
+class VideoConfig(FilmConfig):
+    """Appearance of a film, and whether it shows candidates."""
+
+    candidates: bool
 
 
 class Video:

@@ -17,11 +17,11 @@ from lme.simulation.crowd import Crowd
 from lme.simulation.mujoco.arena import Arena
 from lme.simulation.mujoco.body import add_robot
 from lme.types import Floats, Outcome
-from runners.reports.figures.animation import GIF, MP4, SAMPLE, Picture, find_ffmpeg, write_film
+from runners.reports.figures.animation import SAMPLE, Picture, write_film
 from runners.reports.figures.driven_runs import DrivenRun
 from runners.reports.figures.scene import Box, common_box
 from runners.reports.figures.style import GREEN, INK, STYLES, VERMILION
-from runners.reports.figures.video import labels_of, pace_of, select_episodes, with_progress
+from runners.reports.figures.video import FilmConfig, labels_of, pace_of, select_episodes, with_progress
 from runners.workers.trace import Trace
 
 HEADER_PX, FONT_PX = 22, 13
@@ -45,24 +45,13 @@ AROUND = 1.04  # room around the world in the picture
 
 
 @dataclass(slots=True)
-class WalkConfig:
-    """Appearance of a film."""
+class WalkConfig(FilmConfig):
+    """Appearance of a film, and the elevation of its camera [deg]."""
 
-    format: str
-    speed: float | None
-    fps: float
-    width: int
     elevation: float
 
     def __post_init__(self) -> None:
-        if self.format not in (GIF, MP4):
-            raise InputError(f"figure.format is {self.format!r}: must be {GIF} or {MP4}")
-        if self.format == MP4:
-            find_ffmpeg()
-        if self.speed is not None:
-            require("speed", self.speed, above=0.0)
-        require("fps", self.fps, above=0.0, at_most=50.0)
-        require("width", self.width, at_least=200, at_most=4000)
+        FilmConfig.__post_init__(self)
         require("elevation", self.elevation, at_least=20.0, at_most=90.0)
 
 

@@ -1,9 +1,6 @@
 """Wheels that slide: against the slow twin, the Open Dynamics Engine, published figures and plain mechanics."""
 
-import csv
 import math
-from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +10,13 @@ from hypothesis import strategies as st
 from lme.geometry.skid import AXES, GRAVITY, Chassis, WheelState, slide
 from lme.types import Twist
 from tests import oracles, tolerances
+from tests.ode import check_random_commands
 
 SEEDS = st.integers(0, 2**32 - 1)
 EACH_AXES = pytest.mark.parametrize("axes", AXES)
 LIMITS = (2.0, 4.0, 20.0, 25.0)
 NO_ERROR = np.zeros(1)
 JACKAL = Chassis(19.531, 0.558, 0.0132, 0.137, 0.37559, 0.262, 0.098, 0.04, 0.5, 1.5)
-ODE = Path(__file__).with_name("ode_jackal.csv")  # made by benchmarks/ode_jackal.cpp from the commands in it
 
 
 def at_rest(x=JACKAL.com_x, yaw=0.0, phase=0.0):
@@ -69,19 +66,7 @@ def test_equals_one_contact_at_a_time(seed):
 
 @EACH_AXES
 def test_random_commands_as_in_open_dynamics_engine(axes):
-    errors, ends = [], []
-    with ODE.open(encoding="utf-8") as file:
-        rows = [row for row in csv.reader(file) if row[0] == axes]
-    for _, run in groupby(rows, key=lambda row: row[1]):
-        table = np.array([row[2:] for row in run], dtype=float)
-        driven = drive(table[:, :2], axes)
-        errors.append(driven[:, 3:] - table[:, 5:])
-        ends.append(math.dist(driven[9, :2], table[9, 2:4]))
-    ahead, left, turning = np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
-    assert ahead < tolerances.ODE_SPEED
-    assert left < tolerances.ODE_SPEED
-    assert turning < tolerances.ODE_TURN_RATE
-    assert np.sqrt(np.mean(np.square(ends))) < tolerances.ODE_POSITION
+    check_random_commands(drive, axes)
 
 
 # --- against figures measured with the robot's URDF in Gazebo's own engine -----------------------------------

@@ -1,11 +1,8 @@
 """A Jackal on four wheels: against the Open Dynamics Engine, figures of Gazebo, and what may happen in a world."""
 
 import copy
-import csv
 import math
 from dataclasses import replace
-from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,10 +21,10 @@ from lme.worlds.movers import Mover
 from lme.worlds.world import World
 from tests import tolerances
 from tests.builders import navigator, room, shipped, task
+from tests.ode import check_random_commands
 
 mujoco = pytest.importorskip("mujoco", reason="sim=mujoco needs MuJoCo")
 
-ODE = Path(__file__).parents[2] / "geometry" / "ode_jackal.csv"  # made by benchmarks/ode_jackal.cpp
 EACH_AXES = pytest.mark.parametrize("axes", AXES)
 FAR = (50.0, 0.0)
 AHEAD, STOP = Twist(1.0, 0.0), Twist(0.0, 0.0)
@@ -73,19 +70,7 @@ def until_contact(world, command=AHEAD):
 
 @EACH_AXES
 def test_random_commands_as_in_open_dynamics_engine(axes):
-    errors, ends = [], []
-    with ODE.open(encoding="utf-8") as file:
-        rows = [row for row in csv.reader(file) if row[0] == axes]
-    for _, run in groupby(rows, key=lambda row: row[1]):
-        table = np.array([row[2:] for row in run], dtype=float)
-        rows_here = driven(table[:, :2], axes)
-        errors.append(rows_here[:, 3:] - table[:, 5:])
-        ends.append(math.dist(rows_here[9, :2], table[9, 2:4]))
-    ahead, left, turning = np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
-    assert ahead < tolerances.ODE_SPEED
-    assert left < tolerances.ODE_SPEED
-    assert turning < tolerances.ODE_TURN_RATE
-    assert np.sqrt(np.mean(np.square(ends))) < tolerances.ODE_POSITION
+    check_random_commands(driven, axes)
 
 
 @pytest.mark.parametrize(("axes", "measured"), [("wheel", 3.3), ("world", 4.9)])
