@@ -12,8 +12,13 @@ CATALOGUE = Catalogue(SHIPPED)
 LAB_START, START = -2.0, -2.25  # x [m]
 MAPS = [name for name in CATALOGUE.options("map") if name not in ("building", "file")]  # need a path
 EXPERIMENTS = CATALOGUE.options("experiment")
-IN_GAZEBO = {"table2", "ablation", "move_base_gazebo"}
-SKIDDING = {"barn_entries", "lme_plus_skid", "robustness_friction", "robustness_latency", "robustness_speed"}
+SKIDDING = ("barn_entries", "lme_plus_skid", "robustness_friction", "robustness_latency", "robustness_speed")
+NAMED = {  # what an experiment names where it is not `fast`
+    **dict.fromkeys(("table2", "ablation", "move_base_gazebo"), "gazebo"),
+    **dict.fromkeys(SKIDDING, "skid"),
+    "gait": "walking",
+    "jackal_mujoco": "mujoco",
+}
 
 
 def job(*words, command="eval"):
@@ -40,8 +45,7 @@ class TestTheSimulatorThatNobodyNamed:
     @pytest.mark.parametrize("experiment", EXPERIMENTS)
     def test_every_experiment_names_its_own(self, experiment):
         found = sim("eval", f"experiment={experiment}", "hydra.mode=RUN")
-        in_skid = "skid" if experiment in SKIDDING else "walking" if experiment == "gait" else "fast"
-        assert found == ("gazebo" if experiment in IN_GAZEBO else in_skid)
+        assert found == NAMED.get(experiment, "fast")
 
     @pytest.mark.parametrize("robot", CATALOGUE.options("robot"))
     @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("eval", "replay")])
