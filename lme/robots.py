@@ -177,16 +177,21 @@ class Cap:
 class Cloud:
     """A level 3D lidar, in simulation a Livox Mid-360. The scan consists of the points within a range of heights.
 
-    All heights are above the ground.
+    All heights are above the ground. The sensor is at (x, y) in the base frame, and the scan is what the base would
+    see of the points, as with `pointcloud_to_laserscan`.
     """
 
     height: float  # [m] of the sensor
     min_height: float  # [m] of the lowest points that count
     max_height: float  # [m] of the highest
     duration: float = 0.1  # [s] in which the points of one cloud are taken
+    x: float = 0.0  # [m] of the sensor in the base frame
+    y: float = 0.0  # [m]
 
     def __post_init__(self) -> None:
         require("height", self.height, above=0.0)
+        for key in ("x", "y"):
+            require(key, getattr(self, key))
         require("min_height", self.min_height)
         require("max_height", self.max_height, above=self.min_height)
         require("duration", self.duration, above=0.0)
@@ -240,6 +245,12 @@ class Lidar:
                 f"cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "
                 "a cloud makes a full circle (fov 2π) without native_beams"
             )
+        for key in ("x", "y", "yaw"):
+            if self.cloud is not None and getattr(self, key) != 0.0:
+                raise argument_error(
+                    f"{key} is {getattr(self, key):g} with a cloud: must be 0, since its scan is seen from the base; "
+                    "cloud.x and cloud.y are where the sensor is"
+                )
         check_fields(self)
 
     @property
@@ -266,8 +277,13 @@ class Lidar:
 
     @property
     def mount(self) -> Pose:
-        """The lidar's pose in the base frame."""
+        """The pose of the scan's frame in the base frame: that of a planar scanner, or the base itself for a cloud."""
         return Pose(self.x, self.y, self.yaw)
+
+    @property
+    def sensor(self) -> Pose:
+        """The pose of the sensor in the base frame."""
+        return self.mount if self.cloud is None else Pose(self.cloud.x, self.cloud.y, 0.0)
 
 
 @dataclass(slots=True)
@@ -308,7 +324,7 @@ class Robot:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
         if isinstance(self.footprint, Footprint):  # a config is typed only once it is built
-            check_mount("lidar", self.lidar.x, self.lidar.y, self.footprint.circumscribed_radius)
+            check_mount("lidar", self.lidar.sensor.x, self.lidar.sensor.y, self.footprint.circumscribed_radius)
 
     @property
     def limits(self) -> Limits:

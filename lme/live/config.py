@@ -91,7 +91,7 @@ def mount_of(config: ScanConfig, by_tf: Floats | None, robot: Robot, height: flo
         return "scan.mount", _matrix(config.mount)
     if by_tf is not None:
         return "tf", by_tf
-    pose = robot.lidar.mount
+    pose = robot.lidar.sensor
     return f"robot={robot.name}", rigid_transform((pose.x, pose.y, height, 0.0, 0.0, pose.yaw))
 
 

@@ -225,7 +225,7 @@ class SimulatedRobot:
         if ros.has(TF_MESSAGE):
             self._tf = ros.publisher(topics.tf, TF_MESSAGE)
             height = Attitude() if self._tilting is None else Attitude(self._tilting.lidar_height())
-            mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.mount, height)
+            mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.sensor, height)
             self._mount = ros.publisher(topics.tf_static, TF_MESSAGE, latched=True)
             self._mount(mount)
         self._goal: Publisher | None = None

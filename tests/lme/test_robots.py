@@ -1,6 +1,7 @@
 """What a robot may be, and what follows from its footprint and lidar."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,6 +70,15 @@ def test_an_impossible_cloud_is_refused(key, value, says):
 def test_an_angle_of_shadows_is_small_and_belongs_to_a_planar_scanner(says, keys, value):
     with says.raises(InputError, match=f"shadow_angle is {value}"):
         Lidar(**{**LIDAR, "fov": math.tau}, **keys, shadow_angle=float(value))
+
+
+@pytest.mark.parametrize("key", ["x", "y", "yaw"])
+def test_the_scan_of_a_cloud_is_seen_from_the_base(key, says):
+    cloud = Cloud(height=0.4, min_height=0.05, max_height=0.5, x=0.3)
+    lidar = Lidar(**{**LIDAR, "fov": math.tau}, cloud=cloud)
+    assert lidar.mount == (0.0, 0.0, 0.0) and lidar.sensor == (0.3, 0.0, 0.0)
+    with says.raises(InputError, match=f"{key} is 0.3"):
+        replace(lidar, **{key: 0.3})
 
 
 def test_a_cloud_makes_a_full_circle_and_native_beams_are_at_least_two(says):

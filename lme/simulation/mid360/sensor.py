@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lme.errors import InputError, require
-from lme.geometry.frames import compose
 from lme.grids.edge_grid import NO_EDGES, EdgeGrid
-from lme.perception.point_cloud import rigid_transform
+from lme.perception.point_cloud import Projection, rigid_transform, to_scan
 from lme.robots import Lidar
 from lme.simulation.mid360.cloud_scan import cloud_scan
 from lme.simulation.mid360.pattern import beam_noise, beam_pattern, beam_table
@@ -24,6 +23,7 @@ from lme.worlds.world import World
 
 Cloud = NDArray[np.float32]
 _UP = np.array([0.0, 0.0, 1.0])
+_NO_SOLIDS = np.empty((0, 4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,17 +151,20 @@ class Mid360:
     ) -> NDArray[np.float32]:
         """Project the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
 
-        The result equals that of `cloud` and `lme.perception.point_cloud.to_scan` if the obstacles, circles (C, 3),
-        edges (E, 4) and those of a grid, reach from the ground to above the highest points that count. Inf means no
-        return.
+        pose: of the base. The result equals that of `cloud` and `lme.perception.point_cloud.to_scan` if the obstacles,
+        circles (C, 3), edges (E, 4) and those of a grid, reach from the ground to above the highest points that count.
+        Inf means no return.
         """
         config, cloud = self._config, lidar.cloud
         assert cloud is not None
+        if any(lidar.sensor):
+            return self._projected(lidar, cloud.duration, pose, circles, np.concatenate((edges, grid.edges)))
+        # A sensor above the base needs no cloud.
         first, number = self._fire(cloud.duration)
         table = beam_table(number)
         elevations = (config.elevation_min, config.elevation_max)
         ranges: NDArray[np.float32] = cloud_scan(
-            compose(pose, lidar.mount),
+            (*pose,),
             (first, number, *self._phase),
             (table.starts, table.order),
             (self._seed, config.noise_std),
@@ -175,6 +178,16 @@ class Mid360:
         )
         return ranges
 
+    def _projected(
+        self, lidar: Lidar, duration: float, pose: Pose, circles: Floats, edges: Floats
+    ) -> NDArray[np.float32]:
+        """Project the next cloud of upright obstacles to what the base sees of it: (num_beams,) [m]."""
+        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
+        points = self.returns(
+            sensor, duration, upright(circles), upright(edges), _NO_SOLIDS, (0.0, math.inf)
+        )
+        return to_scan(points, projection_of(lidar), half_bin_turn(lidar) @ self._mount).ranges
+
     def _fire(self, duration: float) -> tuple[int, int]:
         """Advance the pattern by `duration` [s]; return the first of its beams in that time, and their number."""
         first, number = self._fired, round(self._config.point_rate * duration)
@@ -185,8 +198,31 @@ class Mid360:
 def mid360_of(lidar: Lidar) -> Mid360:
     """Return the sensor whose cloud makes the scans of a lidar with a `cloud`."""
     assert lidar.cloud is not None
-    mount = [lidar.x, lidar.y, lidar.cloud.height, 0.0, 0.0, lidar.yaw]
+    mount = [*lidar.sensor[:2], lidar.cloud.height, 0.0, 0.0, 0.0]
     return Mid360(Mid360Config(mount=mount, noise_std=lidar.noise_std))
+
+
+def projection_of(lidar: Lidar) -> Projection:
+    """Return the selection and binning by which a cloud becomes the scan of a lidar with a `cloud`."""
+    cloud = lidar.cloud
+    assert cloud is not None
+    return Projection(
+        min_height=cloud.min_height,
+        max_height=cloud.max_height,
+        angle_increment=lidar.angle_increment,
+        range_min=lidar.range_min,
+        range_max=lidar.range_max,
+    )
+
+
+def half_bin_turn(lidar: Lidar) -> Floats:
+    """Return the turn (4, 4) after which the beams of a scan are the middles of the bins of its projection."""
+    return rigid_transform([0.0, 0.0, 0.0, 0.0, 0.0, lidar.angle_increment / 2])
+
+
+def upright(shapes: Floats) -> Floats:
+    """Return circles or edges with their heights, from the floor up to above every beam, in two more columns."""
+    return np.column_stack((shapes, np.zeros(len(shapes)), np.full(len(shapes), math.inf)))
 
 
 def _heights(kind: str, values: ArrayLike, count: int) -> Floats:

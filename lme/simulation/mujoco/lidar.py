@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.geometry.collision import sweep
-from lme.perception.point_cloud import CLEARED, Projection, rigid_transform, to_scan, without_unmeasured
+from lme.perception.point_cloud import CLEARED, rigid_transform, to_scan, without_unmeasured
 from lme.robots import Lidar
 from lme.simulation.mid360 import mid360_of
 from lme.simulation.mid360.pattern import MOST_NOISE
+from lme.simulation.mid360.sensor import half_bin_turn, projection_of, upright
 from lme.simulation.simulator import LidarCloud
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Pose
@@ -40,19 +41,13 @@ class TiltingLidar:
         assert lidar.cloud is not None
         self._lidar, self._cloud, self._registered, self._whole = lidar, lidar.cloud, registered, whole
         # Mount in the trunk's frame, and in the base frame below it on the floor.
-        planar = [0.0, 0.0, lidar.yaw]
-        self._mount = rigid_transform([lidar.x, lidar.y, self._cloud.height - trunk_height, *planar])
-        self._level_mount = rigid_transform([0.0, 0.0, self._cloud.height, 0.0, 0.0, 0.0])
+        x, y, _ = lidar.sensor
+        self._mount = rigid_transform([x, y, self._cloud.height - trunk_height, 0.0, 0.0, 0.0])
+        self._level_mount = rigid_transform([x, y, self._cloud.height, 0.0, 0.0, 0.0])
         self._mid360 = mid360_of(lidar)
         self._mid360.reset(rng)
         self._pieces: deque[tuple[float, Floats, Floats]] = deque()  # time [s], points, sensor to world
-        self._projection = Projection(
-            min_height=self._cloud.min_height,
-            max_height=self._cloud.max_height,
-            angle_increment=lidar.angle_increment,
-            range_min=lidar.range_min,
-            range_max=lidar.range_max,
-        )
+        self._projection = projection_of(lidar)
 
     def fire(
         self, time: float, duration: float, trunk: Floats, world: World, circles: Floats, edges: Floats
@@ -68,8 +63,8 @@ class TiltingLidar:
         points = self._mid360.returns(
             sensor,
             duration,
-            _upright(circles),
-            _upright(edges),
+            upright(circles),
+            upright(edges),
             _NO_SOLIDS,
             (0.0, math.inf),
             up,
@@ -90,20 +85,16 @@ class TiltingLidar:
         return LidarCloud(self._moved(transforms), None)
 
     def ranges(self, base: Pose) -> NDArray[np.float32]:
-        """Project the pieces to a scan (num_beams,) [m], seen from the lidar of a level base at this pose.
+        """Project the pieces to a scan (num_beams,) [m], seen from a level base at this pose.
 
         Inf means that nothing is there, NaN that nothing is known (`lme.perception.point_cloud.without_unmeasured`).
         """
-        half_bin = rigid_transform([0.0, 0.0, 0.0, 0.0, 0.0, self._lidar.angle_increment / 2])
         if self._registered:
-            lidar = rigid_transform([base.x, base.y, 0.0, 0.0, 0.0, base.yaw]) @ rigid_transform(
-                [self._lidar.x, self._lidar.y, 0.0, 0.0, 0.0, self._lidar.yaw]
-            )
-            to_lidar = np.linalg.inv(lidar)
-            transforms = [to_lidar @ sensor for _, _, sensor in self._pieces]
+            to_base = np.linalg.inv(rigid_transform([base.x, base.y, 0.0, 0.0, 0.0, base.yaw]))
+            transforms = [to_base @ sensor for _, _, sensor in self._pieces]
         else:
             transforms = [self._level_mount] * len(self._pieces)
-        # The beams of the lidar are the middles of its bins.
+        half_bin = half_bin_turn(self._lidar)
         transforms = [half_bin @ transform for transform in transforms]
         points = self._moved(transforms)
         scan = to_scan(points, self._projection)
@@ -124,11 +115,3 @@ class TiltingLidar:
         if reach <= 0.0:
             return 1.0
         return math.sin(math.atan2(max(self._cloud.max_height - height, 0.0) + noise, reach))
-
-
-def _upright(shapes: Floats) -> Floats:
-    """Circles or edges with their heights, from the floor up to above every beam, in two more columns."""
-    count, columns = shapes.shape
-    upright = np.empty((count, columns + 2))
-    upright[:, :columns], upright[:, columns], upright[:, columns + 1] = shapes, 0.0, math.inf
-    return upright

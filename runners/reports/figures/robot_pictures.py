@@ -178,7 +178,7 @@ def _box(robot: Robot) -> Box:
     """Return the view: all that is drawn of the robot but the field of view, with a margin."""
     stopped = outline(robot.footprint) + ahead(robot)
     radius = robot.r * np.array([(1.0, 1.0), (-1.0, -1.0)])
-    drawn = [outline(robot.footprint), stopped, radius, np.array([(robot.lidar.x, robot.lidar.y)])]
+    drawn = [outline(robot.footprint), stopped, radius, np.array([robot.lidar.sensor[:2]])]
     if robot.drivetrain is not None and robot.drivetrain.contact is not None:
         drawn.append(outline(robot.drivetrain.contact))
     points = upwards(np.vstack(drawn))
@@ -200,7 +200,7 @@ def _draw(axes: Axes, robot: Robot, box: Box) -> None:
         axes.add_patch(Polygon(upwards(outline(robot.drivetrain.contact)), zorder=4, **CONTACT))
     nose = NOSE * robot.footprint.inscribed_radius * np.array(POINTER)
     axes.add_patch(Polygon(upwards(nose), zorder=4, facecolor="white", linewidth=0))
-    axes.plot(*upwards(np.array([robot.lidar.x, robot.lidar.y])), zorder=5, linestyle="", **LIDAR)
+    axes.plot(*upwards(np.array(robot.lidar.sensor[:2])), zorder=5, linestyle="", **LIDAR)
 
 
 def field_of_view(lidar: Lidar, reach: float) -> Floats:
@@ -208,7 +208,7 @@ def field_of_view(lidar: Lidar, reach: float) -> Floats:
     bearings = lidar.yaw + np.linspace(lidar.angle_min, lidar.angle_min + lidar.fov, 73)
     arc = reach * np.column_stack([np.cos(bearings), np.sin(bearings)])
     corners = arc if lidar.full_circle else np.vstack([np.zeros((1, 2)), arc])
-    seen: Floats = corners + np.array([lidar.x, lidar.y])
+    seen: Floats = corners + np.array(lidar.sensor[:2])
     return seen
 
 

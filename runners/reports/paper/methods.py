@@ -154,7 +154,8 @@ def _robot(robot: Robot, cap: Cap) -> str:
     ]
     limited = f"Commands are limited to {_listed(caps)}. " if caps else ""
     turned = f", turned by {math.degrees(lidar.yaw):.0f}°" if lidar.yaw else ""
-    mounted = f", mounted at ({lidar.x:g} m, {lidar.y:g} m){turned}," if any(lidar.mount) else ""
+    x, y, _ = lidar.sensor
+    mounted = f", mounted at ({x:g} m, {y:g} m){turned}," if any(lidar.sensor) else ""
     return (
         f"The robot {robot.name} is {shape}, and LME plans with a radius of {robot.r:.3g} m. It drives at up to "
         f"{robot.v_max:g} m/s and {robot.omega_max:g} rad/s, with up to {robot.alpha_v:g} m/s² and "
