@@ -66,7 +66,7 @@ MANY: tuple[
     ("irsim-x", "irsim-x", irsim_x, (256, 16)),
     ("MuJoCo", "mujoco", mujoco_rays, (1,)),
     ("navground", "navground", navground, (1,)),
-    ("JaxNav of jaxmarl", "jaxmarl", jaxnav, (256, 16)),
+    ("JaxNav", "jaxmarl jax", jaxnav, (256, 16)),
     ("pymunk", "pymunk", pymunk_rays, (1,)),
     ("ir-sim", "ir-sim", ir_sim, (1,)),
 )
@@ -142,7 +142,8 @@ def many_robots() -> Iterator[str]:
         except ImportError as error:
             missing.append(f"\n{name}: not measured: {error}; `pip install {package}`")
             continue
-        label = f"{name} {version(package)}" if package else name
+        versions = [f"{part} {version(part)}" for part in package.split()]
+        label = f"{name} ({', '.join(versions)})" if versions else name
         rows |= {f"{label} | {n}": (step, n) for n, step in steps.items()}
     lidar = DISCS.robot.lidar
     yield "\n## Many robots\n"
