@@ -7,7 +7,6 @@ filter with all theirs, whom it sees (`people`), and what changes it: ablation, 
 from __future__ import annotations
 
 import json
-import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ from lme.errors import InputError
 from lme.worlds.barn.map_set import FRESH, OFFICIAL
 from runners.config.changes import describe_changes, flatten
 from runners.records.episode_record import APPEND_LOG, CUSTOM_SUBSET
-from runners.records.launch_record import Launch, read_launch
+from runners.records.launch_record import Launch, read_launch, sweep_launch
 from runners.records.parquet import EPISODES
 from runners.records.run_directories import NOT_AS_WRITTEN, not_as_written
 from runners.reports.analysis.paired import METRIC, interval_of_mean
@@ -121,27 +120,25 @@ def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = No
     for run_dir, frame in frames.items():
         try:
             run = _read(run_dir, frame)
-            _entry(run, run.setting, run.system, with_interval=False)
+            runs.append((run, _entry(run)))
         except NOT_AS_WRITTEN as error:
             if problems is None:
                 raise
             problems.append(not_as_written(run_dir, error))
-        else:
-            runs.append(run)
     # Runs of equal names may differ in other keys: add those to their names.
-    settings = _by_name((run.setting, run.of_setting) for run in runs)
-    systems = _by_name((run.system, run.of_system) for run in runs)
+    settings = _by_name((run.setting, run.of_setting) for run, _ in runs)
+    systems = _by_name((run.system, run.of_system) for run, _ in runs)
     unordered = [
-        _entry(
-            run,
-            run.setting._replace(
+        replace(
+            entry,
+            setting=run.setting._replace(
                 traits=run.setting.traits + _distinguishing(run.of_setting, settings[run.setting])
             ),
-            run.system._replace(
+            system=run.system._replace(
                 traits=run.system.traits + _distinguishing(run.of_system, systems[run.system])
             ),
         )
-        for run in runs
+        for run, entry in runs
     ]
     return _with_repeats(sorted(unordered, key=lambda entry: entry.started, reverse=True))
 
@@ -231,15 +228,15 @@ def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, 
     return (*settings, f"{len(values_shown) - _MAX_KEYS} more (no. {namesakes.index(values) + 1})")
 
 
-def _entry(run: _ReadRun, setting: Setting, system: BoardSystem, with_interval: bool = True) -> BoardEntry:
+def _entry(run: _ReadRun) -> BoardEntry:
     launch = run.launch
     row = measure(run.frame, run.text("system"), {})
     return BoardEntry(
         run_dir=run.run_dir,
-        setting=setting,
-        system=system,
+        setting=run.setting,
+        system=run.system,
         row=row,
-        metric_interval=interval_of_mean(run.frame, METRIC) if with_interval else (math.nan, math.nan),
+        metric_interval=interval_of_mean(run.frame, METRIC),
         seed=run.text("seed"),
         runs=int(launch.configs[0].get("runs", 0) if launch else row.runs or 0),
         started=(launch.started if launch else "") or _last_written(run.run_dir),
@@ -257,7 +254,7 @@ def _last_written(run_dir: Path) -> str:
 def _command(run_dir: Path, launch: Launch | None) -> str:
     """Return the command that drove a run; that of `lme train` or `lme learn` for the evaluation at its end."""
     try:
-        parent = read_launch(run_dir.parent)
+        parent = sweep_launch(run_dir.parent)
     except InputError as error:  # the parent only says how the run was started
         warnings.warn(str(error), stacklevel=2)
         parent = None

@@ -5,7 +5,10 @@ import math
 
 import pytest
 
+from runners.records import launch_record
+from runners.records.launch_record import launch_of, read_launch
 from runners.records.run_directories import collect
+from runners.reports.analysis import leaderboard
 from runners.reports.analysis.leaderboard import UNKNOWN, entries
 from tests.composing import jobs_of
 from tests.made_runs import write_run
@@ -42,6 +45,21 @@ def test_a_run_keeps_its_place_if_the_launch_above_it_is_damaged(board, tmp_path
     with says.warns():
         entry = board(one=([], {}))["one"]
     assert entry.command == "lme eval"
+
+
+def test_the_large_launch_record_of_a_sweep_is_read_once(board, tmp_path, monkeypatch):
+    folders = []
+
+    def counting_read(folder):
+        folders.append(folder)
+        return read_launch(folder)
+
+    with jobs_of() as job:
+        launch_of("eval", [job(), job()], [], True, None).write(tmp_path)
+    for module in (launch_record, leaderboard):
+        monkeypatch.setattr(module, "read_launch", counting_read)
+    board(one=([], {}), two=([], {}), three=([], {}))
+    assert folders.count(tmp_path) == 1
 
 
 def test_other_robots_simulators_and_maps_are_other_settings(board):
