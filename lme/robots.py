@@ -324,7 +324,9 @@ class Robot:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
         if isinstance(self.footprint, Footprint):  # a config is typed only once it is built
-            check_mount("lidar", self.lidar.sensor.x, self.lidar.sensor.y, self.footprint.circumscribed_radius)
+            check_mount(
+                "lidar", self.lidar.sensor.x, self.lidar.sensor.y, self.footprint.circumscribed_radius
+            )
 
     @property
     def limits(self) -> Limits:

@@ -76,7 +76,8 @@ def test_an_angle_of_shadows_is_small_and_belongs_to_a_planar_scanner(says, keys
 def test_the_scan_of_a_cloud_is_seen_from_the_base(key, says):
     cloud = Cloud(height=0.4, min_height=0.05, max_height=0.5, x=0.3)
     lidar = Lidar(**{**LIDAR, "fov": math.tau}, cloud=cloud)
-    assert lidar.mount == (0.0, 0.0, 0.0) and lidar.sensor == (0.3, 0.0, 0.0)
+    assert lidar.mount == (0.0, 0.0, 0.0)
+    assert lidar.sensor == (0.3, 0.0, 0.0)
     with says.raises(InputError, match=f"{key} is 0.3"):
         replace(lidar, **{key: 0.3})
 

@@ -183,9 +183,7 @@ class Mid360:
     ) -> NDArray[np.float32]:
         """Project the next cloud of upright obstacles to what the base sees of it: (num_beams,) [m]."""
         sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
-        points = self.returns(
-            sensor, duration, upright(circles), upright(edges), _NO_SOLIDS, (0.0, math.inf)
-        )
+        points = self.returns(sensor, duration, upright(circles), upright(edges), _NO_SOLIDS, (0.0, math.inf))
         return to_scan(points, projection_of(lidar), half_bin_turn(lidar) @ self._mount).ranges
 
     def _fire(self, duration: float) -> tuple[int, int]:

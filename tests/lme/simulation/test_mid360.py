@@ -169,7 +169,9 @@ def test_the_mid360_scan_is_the_projection_of_its_cloud(std, place):
     slow.reset(np.random.default_rng(3))
     low, high = cloud.min_height, cloud.max_height
     keep = Projection(low, high, angle_increment=math.tau / 360, range_min=0.1, range_max=20.0)
-    half_bin = rigid_transform([0.0, 0.0, 0.0, 0.0, 0.0, math.pi / 360])  # the beams are the middles of the bins
+    half_bin = rigid_transform(
+        [0.0, 0.0, 0.0, 0.0, 0.0, math.pi / 360]
+    )  # the beams are the middles of the bins
     turned = half_bin @ rigid_transform([*place, cloud.height, 0.0, 0.0, 0.0])
     for _ in range(3):
         scan = fast.scan(lidar, pose, world.circles, world.edges)
