@@ -32,6 +32,7 @@ GROUPS = (
     "crowd",
 )  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
+_YAML = {None: "null", True: "true", False: "false"}
 _WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
 TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its families, and their robots
@@ -95,7 +96,8 @@ def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str,
 
 def describe_changes(changes: Mapping[str, Any]) -> str:
     """Return text such as "robot.v_max=1, sim.latency=0.1"; empty if nothing is changed."""
-    return ", ".join(f"{key}={_shown(value)}" for key, value in changes.items())
+    # Keys are separated by ", ", which no value contains.
+    return ", ".join(f"{key}={value_text(value).replace(', ', ',')}" for key, value in changes.items())
 
 
 def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[str, list[str]]]:
@@ -136,9 +138,9 @@ def _equal(written: Any, value: Any) -> bool:
         return False
 
 
-def _shown(value: Any) -> str:
-    """Return a value as text without ", ", which separates the keys."""
-    return str(value).replace(", ", ",")
+def value_text(value: Any) -> str:
+    """Return a value as one types it: null, true and false as in YAML."""
+    return _YAML.get(value, str(value)) if value is None or isinstance(value, bool) else str(value)
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -23,7 +23,14 @@ import numpy as np
 
 from lme.errors import InputError
 from runners.config.catalogue import Catalogue
-from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
+from runners.config.changes import (
+    describe_changes,
+    flatten,
+    map_like,
+    robot_difference,
+    robots_like,
+    value_text,
+)
 from runners.config.job import scale_in_words
 from runners.config.systems import ablation_labels, describe_ablation, system_settings
 from runners.records.atomic_write import what_is_full
@@ -401,7 +408,7 @@ def _columns_of(launch: Launch, changed_keys: Iterable[str]) -> dict[str, object
         ABLATED: describe_ablation(ablation, ablation_labels(launch.folders, [ablation])),
         **_likeness(launch),
         "changes": describe_changes(launch.changes[0]),
-        **{key: str(values.get(key, "")) for key in changed_keys},
+        **{key: value_text(values.get(key, "")) for key in changed_keys},
         **_planned(launch),
     }
 

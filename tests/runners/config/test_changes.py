@@ -8,6 +8,7 @@ import pytest
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.config.build import map_set
+from runners.config.changes import describe_changes
 from runners.evaluate.evaluate import run_labels
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
@@ -201,3 +202,9 @@ def test_a_family_of_worlds_that_is_no_mapping_is_an_error():
 def test_what_is_in_an_open_mapping_has_the_right_type(command, word, says):
     with jobs_of(command) as job_of, says.raises(InputError):
         job_of(word)
+
+
+def test_changes_are_written_as_one_types_them():
+    changes = {"robot.lidar.cloud": None, "guide.flag": True, "map.start": [1, 2], "planner.note": "none"}
+    text = "robot.lidar.cloud=null, guide.flag=true, map.start=[1,2], planner.note=none"
+    assert describe_changes(changes) == text
