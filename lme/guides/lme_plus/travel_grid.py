@@ -150,7 +150,7 @@ def turns_at(
 
     From 0 to π [rad]: (N,). The slope is that between the cells `_STEP` cells to each side of the place's own, or on
     one side only where the search did not reach the other. The angle is 0 at positions that the search did not reach,
-    and nearer than `_STEP` cells to the target or the grid's edge.
+    or reached alone, and nearer than `_STEP` cells to the target or the grid's edge.
     """
     low_x, low_y, cell, size = grid
     to_x, to_y, near_square = target[0], target[1], (_STEP * cell) ** 2
@@ -164,6 +164,8 @@ def turns_at(
         # Steepest descent of T by differences, and its angle with the straight way.
         down_x = _fall(times[i - _STEP, j], times[i, j], times[i + _STEP, j])
         down_y = _fall(times[i, j - _STEP], times[i, j], times[i, j + _STEP])
+        if down_x == 0.0 and down_y == 0.0:
+            continue  # there is no descent, and the angle with a vector of −0 would be π
         x, y = x - pose[0], y - pose[1]
         angles[n] = abs(math.atan2(x * down_y - y * down_x, x * down_x + y * down_y))
     return angles
