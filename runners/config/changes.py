@@ -19,6 +19,7 @@ from lme.robots import Robot
 from runners.config import systems
 from runners.config.catalogue import Catalogue
 from runners.config.instantiate import fill_dataclass
+from runners.config.quoting import value_text
 from runners.config.schema import COMMANDS
 
 GROUPS = (
@@ -32,7 +33,6 @@ GROUPS = (
     "crowd",
 )  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
-_YAML = {None: "null", True: "true", False: "false"}
 _WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
 TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its families, and their robots
@@ -136,11 +136,6 @@ def _equal(written: Any, value: Any) -> bool:
         return bool(written == value or (isinstance(value, float) and float(written) == value))
     except (TypeError, ValueError):
         return False
-
-
-def value_text(value: Any) -> str:
-    """Return a value as one types it: null, true and false as in YAML."""
-    return _YAML.get(value, str(value)) if value is None or isinstance(value, bool) else str(value)
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

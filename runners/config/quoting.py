@@ -25,6 +25,13 @@ def unquoted(value: str) -> str:
     return read if isinstance(read, str) and value[:1] in ("'", '"') else value
 
 
+def value_text(value: object) -> str:
+    """Return a value as one types it: null, true and false where Python writes None, True and False."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    return str(value)
+
+
 def override(key: str, value: str | Path) -> str:
     """Return the override `key=value` of a text, quoted for Hydra where it would read something else."""
     return f"{key}={element(str(value))}"

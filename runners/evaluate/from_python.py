@@ -16,7 +16,7 @@ from runners.config import build, command_line
 from runners.config.arguments import check_config_dir
 from runners.config.composer import Composer
 from runners.config.job import Job
-from runners.config.quoting import quoted
+from runners.config.quoting import quoted, value_text
 from runners.config.schema import EvalConfig
 from runners.evaluate.evaluate import drive, run_labels, validate
 from runners.evaluate.evaluate import evaluate as evaluate_job
@@ -84,7 +84,7 @@ def to_hydra(value: Any) -> str:
     if hasattr(value, "tolist"):  # a value of NumPy
         value = value.tolist()
     if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
+        return value_text(value)
     if isinstance(value, str | Path):
         text = str(value)
         # Names of options must not be quoted in a list.

@@ -23,15 +23,9 @@ import numpy as np
 
 from lme.errors import InputError
 from runners.config.catalogue import Catalogue
-from runners.config.changes import (
-    describe_changes,
-    flatten,
-    map_like,
-    robot_difference,
-    robots_like,
-    value_text,
-)
+from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
 from runners.config.job import scale_in_words
+from runners.config.quoting import value_text
 from runners.config.systems import ablation_labels, describe_ablation, system_settings
 from runners.records.atomic_write import what_is_full
 from runners.records.episode_record import (

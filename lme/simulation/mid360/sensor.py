@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lme.errors import InputError, require
 from lme.grids.edge_grid import NO_EDGES, EdgeGrid
-from lme.perception.point_cloud import Projection, rigid_transform, to_scan
+from lme.perception.point_cloud import Projection, rigid_transform, to_scan, without_unmeasured
 from lme.robots import Lidar
 from lme.simulation.mid360.cloud_scan import cloud_scan
 from lme.simulation.mid360.pattern import beam_noise, beam_pattern, beam_table
@@ -23,7 +23,6 @@ from lme.worlds.world import World
 
 Cloud = NDArray[np.float32]
 _UP = np.array([0.0, 0.0, 1.0])
-_NO_SOLIDS = np.empty((0, 4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +109,9 @@ class Mid360:
 
         pose: of the base in the world. A beam that hits nothing, or hits within the blind zone, gives no point.
         """
-        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
         planes = (float(extruded.ground), float(extruded.ceiling))
-        return self.returns(sensor, duration, *extruded.obstacles(), planes).astype(np.float32)
+        points = self.returns(self._above(pose), duration, *extruded.obstacles(), planes)
+        return points.astype(np.float32)
 
     def returns(
         self,
@@ -146,6 +145,19 @@ class Mid360:
         points: Floats = beams[is_return] * distances[is_return, None]
         return points
 
+    def upright_returns(
+        self,
+        sensor: Floats,
+        duration: float,
+        circles: Floats,
+        edges: Floats,
+        up: Floats = _UP,
+        highest: float = 1.0,
+    ) -> Floats:
+        """`returns` among circles (C, 3) and edges (E, 4) that reach from the floor to above every beam."""
+        solids, planes = np.empty((0, 4)), (0.0, math.inf)
+        return self.returns(sensor, duration, _upright(circles), _upright(edges), solids, planes, up, highest)
+
     def scan(
         self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats, grid: EdgeGrid = NO_EDGES
     ) -> NDArray[np.float32]:
@@ -153,7 +165,7 @@ class Mid360:
 
         pose: of the base. The result equals that of `cloud` and `lme.perception.point_cloud.to_scan` if the obstacles,
         circles (C, 3), edges (E, 4) and those of a grid, reach from the ground to above the highest points that count.
-        Inf means no return.
+        Inf means no return, and NaN that nothing is known: only where the sensor is not above the base.
         """
         config, cloud = self._config, lidar.cloud
         assert cloud is not None
@@ -181,10 +193,18 @@ class Mid360:
     def _projected(
         self, lidar: Lidar, duration: float, pose: Pose, circles: Floats, edges: Floats
     ) -> NDArray[np.float32]:
-        """Project the next cloud of upright obstacles to what the base sees of it: (num_beams,) [m]."""
-        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
-        points = self.returns(sensor, duration, upright(circles), upright(edges), _NO_SOLIDS, (0.0, math.inf))
-        return to_scan(points, projection_of(lidar), half_bin_turn(lidar) @ self._mount).ranges
+        """Project the next cloud of upright obstacles to what the base sees of it: (num_beams,) [m].
+
+        NaN means that nothing is known, for instance in the shadow of an obstacle beside the sensor.
+        """
+        projection, to_base = projection_of(lidar), half_bin_turn(lidar) @ self._mount
+        points = self.upright_returns(self._above(pose), duration, circles, edges)
+        points = points @ to_base[:3, :3].T + to_base[:3, 3]
+        return without_unmeasured(to_scan(points, projection), points, to_base[:3, 3], projection).ranges
+
+    def _above(self, pose: Pose) -> Floats:
+        """Transform (4, 4) from the sensor's frame to the world, for a base at this pose."""
+        return rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
 
     def _fire(self, duration: float) -> tuple[int, int]:
         """Advance the pattern by `duration` [s]; return the first of its beams in that time, and their number."""
@@ -218,7 +238,7 @@ def half_bin_turn(lidar: Lidar) -> Floats:
     return rigid_transform([0.0, 0.0, 0.0, 0.0, 0.0, lidar.angle_increment / 2])
 
 
-def upright(shapes: Floats) -> Floats:
+def _upright(shapes: Floats) -> Floats:
     """Return circles or edges with their heights, from the floor up to above every beam, in two more columns."""
     return np.column_stack((shapes, np.zeros(len(shapes)), np.full(len(shapes), math.inf)))
 

@@ -14,13 +14,12 @@ from lme.perception.point_cloud import CLEARED, rigid_transform, to_scan, withou
 from lme.robots import Lidar
 from lme.simulation.mid360 import mid360_of
 from lme.simulation.mid360.pattern import MOST_NOISE
-from lme.simulation.mid360.sensor import half_bin_turn, projection_of, upright
+from lme.simulation.mid360.sensor import half_bin_turn, projection_of
 from lme.simulation.simulator import LidarCloud
 from lme.simulation.substeps import nearby
 from lme.types import Floats, Pose
 from lme.worlds.world import World
 
-_NO_SOLIDS = np.empty((0, 4))
 _LEVEL = np.array([0.0, 0.0, 1.0])
 _TILTED_SHARE = (
     0.9  # [-] of a distance on the floor, at least, in the plane of a body that tilts by up to 25°
@@ -60,16 +59,8 @@ class TiltingLidar:
         sensor = trunk @ self._mount
         up = sensor[2, :3] if self._registered else _LEVEL
         height = float(sensor[2, 3]) if self._registered else self._cloud.height
-        points = self._mid360.returns(
-            sensor,
-            duration,
-            upright(circles),
-            upright(edges),
-            _NO_SOLIDS,
-            (0.0, math.inf),
-            up,
-            1.0 if self._whole else self._highest(height, sensor, world, circles, edges),
-        )
+        highest = 1.0 if self._whole else self._highest(height, sensor, world, circles, edges)
+        points = self._mid360.upright_returns(sensor, duration, circles, edges, up, highest)
         self._pieces.append((time, points, sensor))
         while self._pieces[0][0] <= time - self._cloud.duration + 1e-9:
             self._pieces.popleft()

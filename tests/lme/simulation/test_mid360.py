@@ -156,11 +156,10 @@ def test_the_transform_undoes_any_mount(seed):
     assert (on_ground | on_circle | on_box).all()
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0), (0.25, -0.1)], ids=["above the base", "ahead of it"])
-@pytest.mark.parametrize("std", [0.0, 0.02])
-def test_the_mid360_scan_is_the_projection_of_its_cloud(std, place):
+def scans_and_projections(std, x, y):
+    """Three scans of a Go2's lidar at (x, y), each with the projection of the same cloud, seen from the base."""
     lidar = shipped("go2").lidar
-    cloud = replace(lidar.cloud, x=place[0], y=place[1])
+    cloud = replace(lidar.cloud, x=x, y=y)
     lidar = replace(lidar, noise_std=std, cloud=cloud)
     world = World(circles=np.array([[1.5, 0.5, 0.2]]), polygons=(square(0.0, 0.0, 4.0),))
     pose = Pose(0.2, -0.1, 0.7)
@@ -169,20 +168,34 @@ def test_the_mid360_scan_is_the_projection_of_its_cloud(std, place):
     slow.reset(np.random.default_rng(3))
     low, high = cloud.min_height, cloud.max_height
     keep = Projection(low, high, angle_increment=math.tau / 360, range_min=0.1, range_max=20.0)
-    half_bin = rigid_transform(
-        [0.0, 0.0, 0.0, 0.0, 0.0, math.pi / 360]
-    )  # the beams are the middles of the bins
-    turned = half_bin @ rigid_transform([*place, cloud.height, 0.0, 0.0, 0.0])
+    # The beams of the scan are the middles of its bins.
+    half_bin = rigid_transform([0.0, 0.0, 0.0, 0.0, 0.0, math.pi / 360])
+    turned = half_bin @ rigid_transform([x, y, cloud.height, 0.0, 0.0, 0.0])
     for _ in range(3):
         scan = fast.scan(lidar, pose, world.circles, world.edges)
-        whole = to_scan(slow.cloud(ExtrudedWorld(world), pose, cloud.duration), keep, turned)
-        seen = np.isfinite(scan)
-        assert seen.mean() > 0.99
-        assert np.array_equal(seen, np.isfinite(whole.ranges))
-        off = np.abs(scan[seen] - whole.ranges[seen])
-        # A cloud is float32, so a point on the border of two bins may change sides.
-        assert (off > 1e-5).sum() <= 2
-        assert off.max() < 0.1
+        yield scan, to_scan(slow.cloud(ExtrudedWorld(world), pose, cloud.duration), keep, turned).ranges
+
+
+def check_equal(scan, projection):
+    off = np.abs(scan - projection)
+    # A cloud is float32, so a point on the border of two bins may change sides.
+    assert (off > 1e-5).sum() <= 2
+    assert off.max() < 0.1
+
+
+@pytest.mark.parametrize("std", [0.0, 0.02])
+def test_the_mid360_scan_is_the_projection_of_its_cloud(std):
+    for scan, projection in scans_and_projections(std, 0.0, 0.0):
+        assert np.isfinite(scan).all()
+        check_equal(scan, projection)
+
+
+@pytest.mark.parametrize("std", [0.0, 0.02])
+def test_the_scan_of_a_sensor_ahead_is_what_the_base_sees_but_for_the_shadow_of_the_disc(std):
+    for scan, projection in scans_and_projections(std, 0.25, -0.1):
+        assert np.array_equal(np.isnan(scan), np.isinf(projection))
+        assert np.isnan(scan).sum() <= 2
+        check_equal(scan[~np.isnan(scan)], projection[~np.isnan(scan)])
 
 
 # ---- The sensor
