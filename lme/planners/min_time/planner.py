@@ -115,6 +115,8 @@ class MinTime:
         self._fractions = slow_ones, fractions * np.abs(fractions)  # and near the current turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
         self._extra_stop_time = max(config.lag, robot.settling_time)  # [s] by which the drive stops later
+        # Until it settles, the robot may be faster than its command by half, so the outline is uncertain by that much.
+        self._margin_time = max(config.margin_time, robot.settling_time / 2)
         self._turn = (
             MultiPointTurn(robot.footprint, robot.dt, config.margin) if config.parts.multi_point else None
         )
@@ -284,7 +286,7 @@ class MinTime:
         window = (*twist,), (*lowest,), (*highest,), limits.bounds[2:], calm, _NEAR, self._commanded_omega
         estimate = limits.v_max, _TURN, dt, max(_HORIZON, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = config.margin, config.margin_time, brake, config.max_lateral_accel, self._extra_stop_time
+        safety = config.margin, self._margin_time, brake, config.max_lateral_accel, self._extra_stop_time
         return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:

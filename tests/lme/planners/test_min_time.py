@@ -332,6 +332,21 @@ def test_a_robot_that_settles_late_slows_down_earlier():
     assert speeds[0] > speeds[-1]
 
 
+def test_a_robot_that_settles_late_drives_slower_between_walls():
+    """The margin at speed grows with half the settling time, where that is more than `margin_time`."""
+
+    def between_walls(settling_time):
+        robot = stage(settling_time=settling_time)
+        half_width = robot.footprint.inscribed_radius + 0.05 + 0.075  # margin at rest, and at 0.75 m/s with 0.1 s
+        x = np.linspace(-1.0, 3.0, 161)
+        walls = np.column_stack((np.tile(x, 2), np.repeat([half_width, -half_width], len(x))))
+        seen = observation((2.9, 0.0), twist=Twist(0.45, 0.0), robot=robot)
+        return made(robot).plan(seen, Guidance(np.array([2.9, 0.0]), points=walls)).v
+
+    exact, barely, late = between_walls(0.0), between_walls(0.2), between_walls(0.4)
+    assert exact == barely > late
+
+
 def test_one_that_exceeds_its_command_is_taken_to_be_farther_on():
     assert before_a_wall(0.8, measured=0.9) < before_a_wall(0.8)
     assert before_a_wall(0.8, measured=0.1) == before_a_wall(0.8)  # to be slower gives no room
