@@ -337,7 +337,8 @@ def test_a_robot_that_settles_late_drives_slower_between_walls():
 
     def between_walls(settling_time):
         robot = stage(settling_time=settling_time)
-        half_width = robot.footprint.inscribed_radius + 0.05 + 0.075  # margin at rest, and at 0.75 m/s with 0.1 s
+        margins = 0.05 + 0.075  # [m] at rest, and at 0.75 m/s with 0.1 s
+        half_width = robot.footprint.inscribed_radius + margins
         x = np.linspace(-1.0, 3.0, 161)
         walls = np.column_stack((np.tile(x, 2), np.repeat([half_width, -half_width], len(x))))
         seen = observation((2.9, 0.0), twist=Twist(0.45, 0.0), robot=robot)
