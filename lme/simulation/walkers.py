@@ -10,19 +10,13 @@ which are static; dt [s] to the next decision. They return the new velocities (P
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from lme.geometry.orca import before_point, beside_disc, best_velocity
-from lme.types import Floats, Pose
-from lme.worlds.movers import ORCA, REPEATS, Mover
-from lme.worlds.world import World
-
-if TYPE_CHECKING:
-    from lme.simulation.crowd import Crowd
+from lme.types import Floats, Ints
+from lme.worlds.movers import REPEATS, Mover
 
 PERIOD = 0.1  # [s] between two decisions of a person
 HASTE = 1.3  # greatest speed of a person, relative to the wanted one (Helbing & Molnár 1995)
@@ -47,95 +41,32 @@ _STRENGTH, _GAMMA, _N, _N_TURN, _LAMBDA = 4.5, 0.35, 2.0, 3.0, 2.0  # A [m/s²],
 _WALL_STRENGTH, _WALL_REACH = 3.0, 0.1  # a [m/s²], b [m]
 
 
-class Walkers:
-    """The people among the movers of a world. Each waits at the start of its path until `walk` is called."""
+def traits_of(person: Mover) -> tuple[float, ...]:
+    """Return the traits (5,) of a person."""
+    assert person.radius is not None
+    return person.radius, person.speed, HASTE * person.speed, person.sees_robot, person.start_after
 
-    def __init__(
-        self, movers: Sequence[Mover], chosen: Sequence[int], world: World, robot_radius: float
-    ) -> None:
-        """chosen: indices of the people. robot_radius: of the disc that represents the robot [m]."""
-        self._indices = np.array(chosen, dtype=np.int64)
-        people = [movers[i] for i in chosen]
-        self._other_indices = np.array(
-            [i for i, mover in enumerate(movers) if mover.radius is not None and not mover.walks],
-            dtype=np.int64,
-        )
-        self._other_radii = np.array([movers[i].radius for i in self._other_indices])
-        self._by_orca = np.array([mover.motion == ORCA for mover in people])
-        self._traits = np.array(
-            [
-                (mover.radius, mover.speed, HASTE * mover.speed, mover.sees_robot, mover.start_after)
-                for mover in people
-            ]
-        )
-        self._waypoints = np.vstack([mover.path[:, :2] for mover in people])
-        self._first = np.cumsum([0, *(len(mover.path) for mover in people)])
-        self._repeats = np.array([REPEATS.index(mover.repeat) for mover in people])
-        self._plan = np.column_stack([np.zeros(len(people)), np.ones(len(people)), np.zeros(len(people))])
-        self._circles = np.ascontiguousarray(world.circles, dtype=np.float64)
-        self._edges = world.edges
-        self._robot_radius = robot_radius
-        self._velocities = np.zeros((len(people), 2))
-        self._robot: Pose | None = None
-        self._time, self._decision_time = 0.0, -math.inf
 
-    def go_on(self, former: Walkers, pairs: Mapping[int, int]) -> None:
-        """Continue from other walkers: take over their time, and the plans of the people who are in both.
+@njit(cache=True, error_model="numpy")
+def new_velocities(positions, velocities, plans, how, where, time, elapsed):
+    """New velocities (P, 2) [m/s] of people, whose plans (P, 3) are brought up to date.
 
-        pairs: for each mover that stays, its current and its former index.
-        """
-        self._time, self._decision_time, self._robot = former._time, former._decision_time, former._robot
-        rows = {int(i): row for row, i in enumerate(former._indices)}
-        for row, i in enumerate(self._indices.tolist()):
-            if i in pairs:
-                self._plan[row] = former._plan[rows[pairs[i]]]
-                self._velocities[row] = former._velocities[rows[pairs[i]]]
-
-    def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
-        """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""
-        previous, self._robot = self._robot, robot
-        if self._time - self._decision_time < PERIOD - 1e-9:
-            return
-        # Wanted velocities, from the waypoints of each person.
-        elapsed = min(self._time - self._decision_time, self._time)
-        self._decision_time = self._time
-        positions = crowd.poses[self._indices, :2]
-        state = (positions, self._velocities)
-        preferred = next_waypoints(
-            positions,
-            self._velocities,
-            self._traits,
-            self._waypoints,
-            self._first,
-            self._repeats,
-            self._plan,
-            self._time,
-            elapsed,
-        )
-        # New velocities by the model of each person; both models run only if both are in use.
-        moving_discs = self._moving(crowd, robot, previous or robot, dt)
-        edges = np.vstack([self._edges, crowd.edges]) if len(crowd.edges) else self._edges
-        arguments = (*state, preferred, self._traits, moving_discs, self._circles, edges, PERIOD)
-        if self._by_orca.all():
-            self._velocities = orca(*arguments)
-        elif not self._by_orca.any():
-            self._velocities = social_force(*arguments)
-        else:
-            self._velocities = np.where(self._by_orca[:, None], orca(*arguments), social_force(*arguments))
-
-    def walk(self, poses: Floats, velocities: Floats, dt: float) -> None:
-        """Move the people in the poses (M, 3) of all movers by `dt` [s]; velocities (M, 2) become theirs."""
-        poses[self._indices, :2] += dt * self._velocities
-        velocities[self._indices] = self._velocities
-        self._time += dt
-
-    def _moving(self, crowd: Crowd, robot: Pose, previous: Pose, dt: float) -> Floats:
-        """Rows (1 + O, 5) of x, y, vx, vy, radius: first the robot, then the other discs that move."""
-        velocity = ((robot.x - previous.x) / dt, (robot.y - previous.y) / dt)
-        is_present = crowd.present[self._other_indices]
-        positions, speeds = crowd.poses[self._other_indices, :2], crowd.velocities[self._other_indices]
-        discs = np.column_stack([positions, speeds, self._other_radii])[is_present]
-        return np.vstack([[robot.x, robot.y, *velocity, self._robot_radius], discs])
+    how: whether each follows ORCA (P,), traits (P, 5), waypoints (V, 2), legs (P, 2) and repeats (P,). where: circles
+    (C, 3), edges (E, 4) and others (1 + O, 5). elapsed: since the last decision [s].
+    """
+    is_orca, traits, waypoints, legs, repeats = how
+    circles, edges, others = where
+    preferred = next_waypoints(positions, velocities, traits, waypoints, legs, repeats, plans, time, elapsed)
+    # Both models run only if both are in use.
+    chosen = np.empty_like(velocities)
+    if is_orca.any():
+        chosen = orca(positions, velocities, preferred, traits, others, circles, edges, PERIOD)
+    if not is_orca.all():
+        forced = social_force(positions, velocities, preferred, traits, others, circles, edges, PERIOD)
+        for i in range(len(is_orca)):
+            if not is_orca[i]:
+                chosen[i] = forced[i]
+    return chosen
 
 
 @njit(cache=True, error_model="numpy")
@@ -144,21 +75,22 @@ def next_waypoints(
     velocities: Floats,
     traits: Floats,
     waypoints: Floats,
-    first: Floats,
-    repeats: Floats,
+    legs: Ints,
+    repeats: Ints,
     plans: Floats,
     time: float,
     elapsed: float,
 ) -> Floats:
     """Advance the plans (P, 3) in place and return the wanted velocities (P, 2) [m/s].
 
-    waypoints (W, 2): those of all people; those of person i begin at first[i]. elapsed: since the last call [s].
+    waypoints (W, 2): those of all people; those of person i are the rows from legs[i, 0] to
+    legs[i, 1] − 1. elapsed: since the last call [s].
     A person who makes no progress for `_PATIENCE` turns round, so that two people in a narrow passage do not block
     each other for ever.
     """
     preferred = np.zeros_like(positions)
     for i in range(len(positions)):
-        path, plan = waypoints[first[i] : first[i + 1]], plans[i]
+        path, plan = waypoints[legs[i, 0] : legs[i, 1]], plans[i]
         if time < traits[i, _STARTS]:
             continue
         # Count the time without progress, other than at the end of the path, and turn round after `_PATIENCE`.
