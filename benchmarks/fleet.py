@@ -9,6 +9,7 @@ benchmarks/results/fleet.md.
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import time
@@ -29,6 +30,7 @@ from lme.gym.kernels.steps import advance, look
 from lme.simulation.fast import FastSimulator
 from lme.types import Floats, Pose, Twist
 from lme.worlds.contours import outlines
+from lme.worlds.movers import ORCA, SCRIPTED, SOCIAL_FORCE, Mover
 from lme.worlds.world import Task, World
 
 SECONDS = 3.0  # of a comparison
@@ -72,11 +74,23 @@ def halls() -> World:
     return World(polygons=tuple(outline * 0.05 - [26.0, 18.0] for outline in outlines(solid)))
 
 
+def among(motion: str, count: int = 8) -> World:
+    """A hundred discs, and movers that go to and fro on the sides of a polygon around the start."""
+    turns = 2 * math.pi * np.arange(count + 1) / count
+    corners = 6.0 * np.column_stack([np.cos(turns), np.sin(turns)])
+    sides = itertools.pairwise(corners)
+    movers = [
+        Mover(path=np.array(side), radius=0.25, motion=motion, repeat="back_and_forth") for side in sides
+    ]
+    return replace(discs(100, 20.0), movers=tuple(movers))
+
+
 WORLDS = {
     "100 discs in 20 × 20 m": discs(100, 20.0),
     "10,000 discs in 200 × 200 m": discs(10_000, 200.0),
     "10,000 discs in 20 × 20 m": discs(10_000, 20.0, (0.02, 0.05)),
 }
+MOVERS = {"cylinders": SCRIPTED, "people (ORCA)": ORCA, "people (social force)": SOCIAL_FORCE}
 FEW, MANY = list(WORLDS)[:2]
 
 
@@ -98,7 +112,8 @@ def report() -> Iterator[str]:
     yield "\n## Against the simulator of one robot\n"
     yield "| world | edges | simulator alone [µs] | 64 robots [µs each] | times as fast |"
     yield "|---|---:|---:|---:|---:|"
-    for name, world in {**WORLDS, "walls on a lattice": halls()}.items():
+    moving = {f"100 discs and 8 {who}": among(motion) for who, motion in MOVERS.items()}
+    for name, world in {**WORLDS, "walls on a lattice": halls(), **moving}.items():
         alone_us, many_us = turns({"alone": (alone(world), 1), "many": (step_of(world, 64), 64)}).values()
         yield f"| {name} | {len(world.edges):,} | {alone_us:.1f} | {many_us:.2f} | {alone_us / many_us:.1f} |"
     yield "\n## Threads\n"

@@ -1,6 +1,6 @@
 """Bases of many robots: wheels that follow commands at once, wheels in substeps, and wheels that slide.
 
-To the last bit, each moves as in `sim=fast` or `sim=skid` without movers.
+To the last bit, each moves as in `sim=fast` or `sim=skid`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import asdict
 import numpy as np
 
 from lme.geometry.skid import AXES, Chassis, WheelState
+from lme.gym.kernels.crowds import Crowds, Walkers
 from lme.gym.kernels.delays import Gaits, Queues
 from lme.gym.kernels.poses import compose
 from lme.gym.kernels.rolling import Encoders, reckon, roll
@@ -26,10 +27,12 @@ from lme.types import Floats, Ints
 
 Generators = list[np.random.Generator]
 Scene = tuple[States, Bodies, Places, Obstacles]
+Movers = tuple[Crowds | None, Walkers | None]
+NOTHING_MOVES: Movers = (None, None)
 
 
 class ExactBases:
-    """Wheels that follow commands at once, within the limits: `sim=fast` without substeps."""
+    """Wheels that follow commands at once, within the limits: `sim=fast` without substeps and movers."""
 
     def __init__(self, config: FastConfig, dt: float, states: States) -> None:
         """states: of N robots, whose twists and poses are what the encoders report."""
@@ -44,8 +47,11 @@ class ExactBases:
         if self._starts is not None:
             self._starts[i] = start
 
-    def advance(self, robots: Ints, scene: Scene, commands: Floats) -> None:
-        """Drive robots (K,) for one control period, or until contact or arrival. commands (N, 2) [m/s, rad/s]."""
+    def advance(self, robots: Ints, scene: Scene, commands: Floats, movers: Movers = NOTHING_MOVES) -> None:
+        """Drive robots (K,) for one control period, or until contact or arrival. commands (N, 2) [m/s, rad/s].
+
+        movers: not among these robots.
+        """
         advance(robots, *scene, commands, *self._timing)
         if self._starts is not None:
             reckon(robots, scene[0].poses, self._starts, self.encoders.odometry)
@@ -67,8 +73,10 @@ class DelayedBases:
         is_followed = np.array(self._frequencies)
         self._gaits = Gaits(np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2, 3, 3)), is_followed)
 
-    def begin(self, i: int, robot: Robot, rng: np.random.Generator, start: Floats) -> None:
-        """Put robot i at rest at the start of an episode."""
+    def begin(
+        self, i: int, robot: Robot, rng: np.random.Generator, start: Floats, fastest_mover: float = 0.0
+    ) -> None:
+        """Put robot i at rest at the start of an episode. fastest_mover: greatest speed of the movers [m/s]."""
         self._starts[i] = self.encoders.scans[i] = start
         arrays = (*self.encoders[:3], *self._queues[2:], self._gaits.twists, self._gaits.rates)
         for array in arrays:
@@ -88,34 +96,40 @@ class DelayedBases:
 
 
 class RollingBases(DelayedBases):
-    """Wheels without sliding whose commands arrive late, or whose legs overshoot: `sim=fast` in substeps."""
+    """Wheels or legs that do not slide, in substeps: `sim=fast` among movers, with a delay or with a gait."""
 
     def __init__(self, config: FastConfig, dt: float, n: int) -> None:
         super().__init__(config, dt, n)
         self._counts, self._tracks = np.ones(n, np.int64), np.zeros(n)
         self._rules = dt, float(config.latency), float(config.lag), config.even_ramp
 
-    def begin(self, i: int, robot: Robot, rng: np.random.Generator, start: Floats) -> None:
-        """Put robot i at rest at the start of an episode."""
-        super().begin(i, robot, rng, start)
+    def begin(
+        self, i: int, robot: Robot, rng: np.random.Generator, start: Floats, fastest_mover: float = 0.0
+    ) -> None:
+        """Put robot i at rest at the start of an episode. fastest_mover: greatest speed of the movers [m/s]."""
+        super().begin(i, robot, rng, start, fastest_mover)
         (self._slip_rngs[i],) = rng.spawn(1)
         assert isinstance(self._config, FastConfig)
-        self._counts[i], self._tracks[i] = num_substeps(robot, self._config), track(robot.footprint)
+        self._counts[i], self._tracks[i] = (
+            num_substeps(robot, self._config, fastest_mover),
+            track(robot.footprint),
+        )
         self._set_gait(i, robot.dt / self._counts[i])
 
-    def advance(self, robots: Ints, scene: Scene, commands: Floats) -> None:
+    def advance(self, robots: Ints, scene: Scene, commands: Floats, movers: Movers = NOTHING_MOVES) -> None:
         """Drive robots (K,) for one control period, or until contact or arrival. commands (N, 2) [m/s, rad/s]."""
         self._draw_slip(robots)
         sizes = self._counts, self._tracks, self._factors
-        roll(robots, *scene, commands, *sizes, self._queues, self._gaits, self.encoders, self._rules)
+        roll(robots, *scene, commands, *sizes, self._queues, self._gaits, self.encoders, self._rules, *movers)
 
 
 class SlidingBases(DelayedBases):
     """Wheels that slide on the floor: `sim=skid` and `sim=gazebo`."""
 
-    def __init__(self, config: SkidConfig, dt: float, n: int) -> None:
+    def __init__(self, config: SkidConfig, dt: float, n: int, among_movers: bool = False) -> None:
         super().__init__(config, dt, n)
-        self._pieces = math.ceil(dt / MAX_SUBSTEP - 1e-9) if config.latency or config.has_gait else 1
+        is_divided = among_movers or config.latency or config.has_gait
+        self._pieces = math.ceil(dt / MAX_SUBSTEP - 1e-9) if is_divided else 1
         self._yaw_rngs: Generators = [np.random.default_rng(0)] * n
         duration = dt / self._pieces
         self._yaw_errors = np.zeros((n, self._pieces, math.ceil(duration * ODOMETRY_RATE - 1e-9)))
@@ -125,10 +139,12 @@ class SlidingBases(DelayedBases):
         scans = float(self._scan_rate or 0.0), float(config.check_time)
         self._rules = dt, float(config.latency), AXES.index(config.friction), self._pieces, *scans
 
-    def begin(self, i: int, robot: Robot, rng: np.random.Generator, start: Floats) -> None:
-        """Put robot i at rest at the start of an episode."""
+    def begin(
+        self, i: int, robot: Robot, rng: np.random.Generator, start: Floats, fastest_mover: float = 0.0
+    ) -> None:
+        """Put robot i at rest at the start of an episode. fastest_mover: greatest speed of the movers [m/s]."""
         check_base(robot)
-        super().begin(i, robot, rng, start)
+        super().begin(i, robot, rng, start, fastest_mover)
         self._set_gait(i, self._dt / self._pieces)
         self._slip_rngs[i], self._yaw_rngs[i], phase_rng = rng.spawn(3)
         self._phases[i] = phase_rng.uniform() / self._scan_rate if self._scan_rate else 0.0
@@ -144,7 +160,7 @@ class SlidingBases(DelayedBases):
         self._wheels.body[i, :3] = compose(tuple(start), (robot.drivetrain.com_x, 0.0, 0.0))
         self._wheels.odometry[i] = start[:2]
 
-    def advance(self, robots: Ints, scene: Scene, commands: Floats) -> None:
+    def advance(self, robots: Ints, scene: Scene, commands: Floats, movers: Movers = NOTHING_MOVES) -> None:
         """Drive robots (K,) for one control period, or until contact or arrival. commands (N, 2) [m/s, rad/s]."""
         self._draw_slip(robots)
         if self._yaw_noise > 0.0:
@@ -154,4 +170,4 @@ class SlidingBases(DelayedBases):
         drive = self._chassis, self._limits, self._factors, self._yaw_errors, self._wheels
         origin = self._starts, self._phases
         delays = self._queues, self._gaits
-        slide_all(robots, *scene, commands, *drive, *origin, *delays, self.encoders, self._rules)
+        slide_all(robots, *scene, commands, *drive, *origin, *delays, self.encoders, self._rules, *movers)

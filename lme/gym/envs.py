@@ -181,9 +181,9 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         """
         if render_mode is not None:
             raise OneByOneError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
-        if people != People.none:
+        if people == People.tracked:
             raise OneByOneError(
-                f"people is {people!r}: the compiled step of many robots does not observe people, {ONE_BY_ONE}"
+                f"people is {people!r}: the compiled step of many robots does not track people, {ONE_BY_ONE}"
             )
         choices = choose(map, robot, sim, reward, map_config, sim_config)
         if choices.simulator not in (FastSimulator, SkidSimulator, GazeboSimulator):
@@ -191,12 +191,13 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
                 f"sim is {sim!r}: only fast, walking, skid and gazebo have a compiled step of many robots, {ONE_BY_ONE}"
             )
         mode = AutoresetMode(autoreset_mode)
-        self.fleet = Fleet(
-            choices.map_set, choices.robot, num_envs, choices.config, choices.reward, str(mode.value), threads
-        )
+        self._shows_people = people == People.truth
+        how = choices.config, choices.reward, str(mode.value), threads, self._shows_people
+        self.fleet = Fleet(choices.map_set, choices.robot, num_envs, *how)
+        people_source(people, self.fleet.robot)  # checks the name
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.num_envs, self._limits = num_envs, np.zeros((num_envs, 4))
-        self.single_observation_space = observation_space(self.fleet.robot.lidar, people=False)
+        self.single_observation_space = observation_space(self.fleet.robot.lidar, self._shows_people)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -267,4 +268,8 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
     def _obs(self, views: Views) -> Arrays:
         """Return the observations; the scan is the fleet's own array."""
         parts = {"target": views.targets, "twist": views.twists, "limits": views.limits}
-        return {"scan": views.ranges, **{name: part.astype(np.float32) for name, part in parts.items()}}
+        observation = {
+            "scan": views.ranges,
+            **{name: part.astype(np.float32) for name, part in parts.items()},
+        }
+        return {**observation, "people": views.people} if self._shows_people else observation

@@ -6,7 +6,6 @@ it would if it drove alone.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,21 +14,24 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_settings
 from lme.errors import InputError
-from lme.gym.bases import ExactBases, RollingBases, Scene, SlidingBases
+from lme.gym.bases import NOTHING_MOVES, ExactBases, Movers, RollingBases, Scene, SlidingBases
+from lme.gym.crowds import MOST_PEOPLE, CrowdStore
 from lme.gym.episodes import DrawRobot, Episodes, Results, Reward, distances
-from lme.gym.kernels.steps import RUNNING, TIMEOUT, Bodies, States, look, look_by_lattice, settle
+from lme.gym.kernels.crowds import look_at_movers, look_for_people
+from lme.gym.kernels.steps import RUNNING, TIMEOUT, Bodies, States, look, look_by_lattice
 from lme.gym.sensing import Sensing
 from lme.gym.threads import Threads
 from lme.gym.worlds import MOST_TASKS, WorldStore, places
 from lme.perception.raycast import add_noise, beam_table
 from lme.robots import Robot
-from lme.simulation.fast import FastConfig, FastSimulator
-from lme.simulation.simulator import Simulator
-from lme.simulation.skid.simulator import SkidConfig, SkidSimulator, outline_that_collides
-from lme.types import Bools, Floats, Ints, Observation, Twist
+from lme.simulation.crowd import SLACK
+from lme.simulation.fast import FastConfig
+from lme.simulation.skid.simulator import SkidConfig, outline_that_collides
+from lme.types import Bools, Floats, Ints
 from lme.worlds.world import MapSet, Task
 
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
+Bases = ExactBases | RollingBases | SlidingBases
 SAME_STEP, NEXT_STEP, DISABLED = AUTORESETS = "SameStep", "NextStep", "Disabled"  # as Gymnasium calls them
 
 
@@ -43,6 +45,8 @@ class Views(NamedTuple):
     ranges (K, B) float32 [m], range_max without a return; targets (K, 2): goals in the robots' frames [m]; twists (K,
     2) as measured, and commands (K, 2): the last ones, as far as the robots could follow them [m/s, rad/s]; limits (K,
     4): v_max, ω_max, α_v, α_ω; boxes (K, 3): half length, half width and rounding of the collision footprint [m].
+    people (K, MOST_PEOPLE, 5) float32: x, y [m], vx, vy [m/s] over ground, in the robots' frames, of the nearest people
+    in sight, and 1; rows of 0 follow. Without `people`, (K, 0, 5).
     """
 
     ranges: NDArray[np.float32]
@@ -51,6 +55,7 @@ class Views(NamedTuple):
     commands: Floats
     limits: Floats
     boxes: Floats
+    people: NDArray[np.float32]
 
     def of(self, chosen: Ints) -> Views:
         """Return the observations of some of the robots, in new arrays."""
@@ -91,11 +96,12 @@ class Fleet:
         reward: Reward | None = None,
         autoreset: str = SAME_STEP,
         threads: int | None = None,
+        people: bool = False,
     ) -> None:
         """autoreset: when the next episode begins after an end: "SameStep", "NextStep" instead of a motion, "Disabled".
 
-        config: None for `sim=fast` as shipped. threads: see `Threads`. Raises InputError for anything that the compiled
-        step does not support.
+        config: None for `sim=fast` as shipped. threads: see `Threads`. people: whether the robots observe people.
+        Raises InputError for anything that the compiled step does not support.
         """
         self._episodes = Episodes(map_set, robot)
         self._config, self._reward = config or load_settings("sim/fast"), reward or Reward()
@@ -105,17 +111,19 @@ class Fleet:
         lidar = self.robot.lidar
         angles = (lidar.angle_min, lidar.angle_increment)
         self._lidar = tuple(map(float, (*lidar.mount, *angles, lidar.range_max)))
+        self._people_sensor = tuple(map(float, (*angles, lidar.range_min, lidar.range_max, SLACK)))
+        self._num_people = MOST_PEOPLE if people else 0
         self._table = beam_table(lidar.angle_increment, lidar.num_beams)
         self.tasks: list[Task] = []  # of the current episodes
         self._rngs: list[np.random.Generator] = [np.random.default_rng() for _ in range(num_envs)]
         self._store, self._rows = WorldStore(), np.zeros(num_envs, np.int64)
         self._places, self._bodies, self._states = places(num_envs), _bodies(num_envs), _states(num_envs)
         self._is_skid = isinstance(self._config, SkidConfig)
-        self._base = _base_of(self._config, self.robot.dt, self._states)
+        self._base: Bases = _base_of(self._config, self.robot.dt, self._states)
+        self._crowds: CrowdStore | None = None  # once something moves
+        self._is_crowded = np.zeros(num_envs, np.bool_)  # robots in worlds where something moves
         is_exact = isinstance(self._base, ExactBases) and not self._config.disturbs_sensors
         self._sensing = None if is_exact else Sensing(self.robot, self._config, num_envs)
-        self._alone: dict[int, tuple[Simulator, Observation]] = {}  # robots in simulators of their own
-        self._has_warned = False
         self._twists = self._states.twists if is_exact else np.zeros((num_envs, 2))  # as measured
         self._distances, self._all = np.zeros(num_envs), np.arange(num_envs)
         self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
@@ -201,28 +209,23 @@ class Fleet:
         for array in (states.twists, states.times, states.lengths, states.steps, states.outcomes, self._over):
             array[robots] = 0
         for i, (task, robot) in zip(robots.tolist(), draws, strict=True):
-            if task.world.movers:
-                self._begin_alone(i, task, robot)
-                continue
-            self._alone.pop(i, None)
             if self._sensing:
                 self._sensing.begin(i, self._rngs[i], task.goal)
-            self._base.begin(i, robot, self._rngs[i], states.poses[i])
+            self._is_crowded[i] = len(task.world.movers) > 0
+            if self._is_crowded[i]:
+                self._begin_among_movers(i, task, robot)
+            else:
+                self._base.begin(i, robot, self._rngs[i], states.poses[i])
         states.clocks[robots] = np.where(self._places.rules[robots, 2] > 0.0, np.nan, 0.0)
         self._distances[robots] = distances(self._places.goals[robots], states.poses[robots])
 
-    def _begin_alone(self, i: int, task: Task, robot: Robot) -> None:
-        """Start an episode of robot i in a simulator of its own, which moves the obstacles too."""
-        if not self._has_warned:
-            self._has_warned = True
-            warnings.warn(
-                f"map {task.map_name}, world {task.number} has moving obstacles: the compiled step of many robots "
-                "moves robots only; in such worlds they drive one after another, which takes several times as long",
-                stacklevel=4,
-            )
-        simulator_class: Any = SkidSimulator if self._is_skid else FastSimulator
-        simulator = simulator_class(self._config, robot)
-        self._alone[i] = simulator, simulator.reset(task, self._rngs[i])
+    def _begin_among_movers(self, i: int, task: Task, robot: Robot) -> None:
+        """Start an episode of robot i in a world where something moves."""
+        if self._crowds is None:
+            self._crowds = CrowdStore(self.num_envs)
+            self._among_movers = _base_among_movers(self._config, robot.dt, self.num_envs)
+        fastest = self._crowds.begin(i, task.world)
+        self._among_movers.begin(i, robot, self._rngs[i], self._states.poses[i], fastest)
 
     def _enter(self, robots: Ints, tasks: list[Task]) -> None:
         """Give robots (K,) their tasks."""
@@ -241,46 +244,50 @@ class Fleet:
 
         motion: commands (N, 2), and which robots stand still (N,) if any do. Threads share the robots.
         """
-        states, store, encoders, sensing = self._states, self._store, self._base.encoders, self._sensing
+        states, store, sensing = self._states, self._store, self._sensing
         scene = self._places, store.obstacles
         moving: Scene = (states, self._bodies, *scene)
         sensor, ranges = (self._lidar, self._table, views.ranges), views.ranges
+        movers = self._crowds.packed() if self._crowds else NOTHING_MOVES
 
         def work(part: Ints) -> None:
+            is_crowded = self._is_crowded[part]
+            drive_and_see(part[~is_crowded], self._base, NOTHING_MOVES)
+            if is_crowded.any():
+                drive_and_see(part[is_crowded], self._among_movers, movers)
+
+        def drive_and_see(part: Ints, base: Bases, movers: Movers) -> None:
+            encoders, (crowds, _) = base.encoders, movers
             if motion is not None:
                 commands, standing = motion
                 driving = part if standing is None else part[~standing[part]]
-                self._base.advance(driving, moving, commands)
+                base.advance(driving, moving, commands, movers)
             look(part, encoders.scans, *scene, *sensor, views.targets)
             for world, members in store.by_lattice(self._rows[part]):
                 look_by_lattice(part[members], encoders.scans, *sensor, world.grid, world.lattice)
+            if crowds is not None:
+                look_at_movers(part, encoders.scans, *sensor, crowds)
             if sensing is None:
                 self._add_noise(part, ranges)
             else:
                 sensing.ranges(part, self._rngs, encoders.twists, ranges)
                 sensing.motion(part, states, self._places.goals, encoders, views.targets, self._twists)
+            if self._num_people:
+                views.people[part] = 0.0
+            if self._num_people and crowds is not None:
+                sensors = encoders.scans, states.poses, self._lidar[:3], self._people_sensor
+                look_for_people(part, *sensors, ranges, views.people, crowds)
 
-        alone = [i for i in robots.tolist() if i in self._alone] if self._alone else []
-        self._threads.run(work, np.setdiff1d(robots, alone) if alone else robots)
-        columns = (self._twists, encoders.commands, self._bodies.limits, self._bodies.boxes)
-        for array, values in zip(views[2:], columns, strict=True):
+        self._threads.run(work, robots)
+        columns = (self._twists, self._base.encoders.commands, self._bodies.limits, self._bodies.boxes)
+        for array, values in zip(views[2:6], columns, strict=True):
             if robots is self._all:
                 array[:] = values
             else:
                 array[robots] = values[robots]
-        for i in alone:
-            if motion is not None and (motion[1] is None or not motion[1][i]):
-                self._step_alone(i, motion[0][i])
-            seen = self._alone[i][1]
-            np.minimum(seen.scan.ranges, np.float32(self.robot.lidar.range_max), out=ranges[i])
-            views.targets[i], views.twists[i], views.commands[i] = seen.target, seen.twist, seen.last_command
-
-    def _step_alone(self, i: int, command: Floats) -> None:
-        """Drive robot i in its own simulator. command (2,) [m/s, rad/s]."""
-        simulator, _ = self._alone[i]
-        self._alone[i] = simulator, simulator.step(Twist(*command.tolist()))
-        state = simulator.state
-        settle(i, self._states, self._places, state.travel, state.time, state.contact, state.arrived)
+        crowded = robots[self._is_crowded[robots]]
+        if len(crowded):
+            views.commands[crowded] = self._among_movers.encoders.commands[crowded]
 
     def _add_noise(self, robots: Ints, ranges: NDArray[np.float32]) -> None:
         """Add the lidar's noise, which each robot draws from its own stream."""
@@ -296,7 +303,9 @@ class Fleet:
         """Return arrays for the observations of all robots."""
         n = self.num_envs
         ranges, pairs = np.empty((n, self.robot.lidar.num_beams), np.float32), np.empty((3, n, 2))
-        return Views(ranges, pairs[0], pairs[1], pairs[2], np.empty((n, 4)), np.empty((n, 3)))
+        people = np.empty((n, self._num_people, 5), np.float32)
+        targets, twists, commands = pairs
+        return Views(ranges, targets, twists, commands, np.empty((n, 4)), np.empty((n, 3)), people)
 
     def _results(self, robots: Ints) -> Results:
         store, states, rows = self._store, self._states, self._rows[robots]
@@ -346,10 +355,8 @@ class Fleet:
             )
 
 
-def _base_of(
-    config: FastConfig | SkidConfig, dt: float, states: States
-) -> ExactBases | RollingBases | SlidingBases:
-    """Return the base of robots with these states."""
+def _base_of(config: FastConfig | SkidConfig, dt: float, states: States) -> Bases:
+    """Return the base of robots with these states, in worlds where nothing moves."""
     if isinstance(config, SkidConfig):
         return SlidingBases(config, dt, len(states.times))
     return (
@@ -357,6 +364,13 @@ def _base_of(
         if config.needs_substeps
         else ExactBases(config, dt, states)
     )
+
+
+def _base_among_movers(config: FastConfig | SkidConfig, dt: float, n: int) -> RollingBases | SlidingBases:
+    """Return the base of N robots in worlds where something moves."""
+    if isinstance(config, SkidConfig):
+        return SlidingBases(config, dt, n, among_movers=True)
+    return RollingBases(config, dt, n)
 
 
 def _bodies(n: int) -> Bodies:

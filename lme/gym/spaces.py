@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lme.config.presets import load_map_set, load_robot, load_simulator
 from lme.errors import InputError, building, nearest, require
+from lme.gym.crowds import MOST_PEOPLE
 from lme.gym.episodes import DrawRobot, Reward
 from lme.perception.resampling import nearest_by_sector
 from lme.robots import Lidar, Robot
@@ -21,7 +22,6 @@ from lme.worlds.world import MapSet
 
 Arrays = dict[str, NDArray[np.float32]]
 
-MOST_PEOPLE = 16  # in an observation
 Settings = Mapping[str, Any]
 TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
 

@@ -26,7 +26,7 @@ from lme.types import Bools, Floats, LaserScan, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
 
-_SLACK = 0.1  # [m] a beam that ends this much before a person is hidden from it; more than a lidar's noise
+SLACK = 0.1  # [m] a beam that ends this much before a person is hidden from it; more than a lidar's noise
 
 
 class Crowd:
@@ -137,7 +137,7 @@ def tracked(crowd: Crowd, scan: LaserScan, lidar: Pose, base: Pose) -> Floats:
     them. Positions and velocities are the true ones.
     """
     angles = (float(scan.angle_min), float(scan.angle_increment))
-    limits = (float(scan.range_min), float(scan.range_max), _SLACK)
+    limits = (float(scan.range_min), float(scan.range_max), SLACK)
     poses = (lidar.x, lidar.y, lidar.yaw), (base.x, base.y, base.yaw)  # Numba takes a Pose for another type
     people: Floats = discs_in_sight(crowd.circles, crowd.disc_velocities, scan.ranges, angles, limits, *poses)
     return people

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from lme.geometry.motion import even_limits
+from lme.gym.kernels.crowds import crowd_of, first_touch, move
 from lme.gym.kernels.delays import has_gait, receive, remember, send, walk
 from lme.gym.kernels.poses import relative, rolled
 from lme.gym.kernels.steps import driven_until, settle
@@ -58,11 +59,14 @@ def roll(
     gaits,
     encoders,
     rules,
+    crowds,
+    walkers,
 ):
     """Drive the chosen robots (K,) in substeps, as `Substepper.period` does; `states.twists` are on the ramps.
 
     counts (N,) of the substeps; tracks (N,) [m]; factors (N, 2): ground per metre of tread, left and right. rules:
-    control period, latency and lag [s], and whether the ramp is even.
+    control period, latency and lag [s], and whether the ramp is even. crowds, walkers: movers around the robots; None
+    if nothing moves, or nobody walks.
     """
     period, latency, lag, even_ramp = rules
     for i in chosen:
@@ -77,7 +81,13 @@ def roll(
         pose = (states.poses[i, 0], states.poses[i, 1], states.poses[i, 2])
         odometry = (encoders.odometry[i, 0], encoders.odometry[i, 1], encoders.odometry[i, 2])
         allowed = bounds
+        box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
+        driven, contact, arrived = count, False, False
+        if crowds is not None:
+            crowd = crowd_of(crowds, walkers, i)
         for k in range(count):
+            if crowds is not None:
+                move(crowd, pose, bodies.reaches[i], dt)
             # The command that is active in the middle of the substep, and its limits from when it took effect.
             has_changed = receive(queues, i, begin + (k + 0.5) * dt)
             command = (queues.arrived[i, 0], queues.arrived[i, 1])
@@ -103,8 +113,18 @@ def roll(
             travel[k, 0], travel[k, 1], travel[k, 2] = pose
             measured[k, 0], measured[k, 1] = twist_v, twist_omega
             measured[k, 2], measured[k, 3], measured[k, 4] = odometry
+            # Movers are where they are in this substep alone.
+            if crowds is not None:
+                here = travel[k : k + 1]
+                _, contact, arrived = driven_until(i, here, bodies, places, obstacles)
+                if first_touch(crowd, here, box) >= 0:
+                    contact, arrived = True, False
+                if contact or arrived:
+                    driven = k + 1
+                    break
         # Cut the motion at contact or arrival. What encoders and ramps show then is of that substep.
-        driven, contact, arrived = driven_until(i, travel, bodies, places, obstacles)
+        if crowds is None:
+            driven, contact, arrived = driven_until(i, travel, bodies, places, obstacles)
         states.twists[i, 0], states.twists[i, 1] = v, omega
         encoders.twists[i], encoders.odometry[i] = measured[driven - 1, :2], measured[driven - 1, 2:]
         settle(i, states, places, travel[:driven], begin + dt * driven, contact, arrived)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from lme.geometry.skid import Chassis, WheelState, slide
+from lme.gym.kernels.crowds import crowd_of, first_touch, move
 from lme.gym.kernels.delays import has_gait, receive, remember, send, walk
 from lme.gym.kernels.poses import relative
 from lme.gym.kernels.steps import driven_until, settle
@@ -30,13 +31,15 @@ def slide_all(
     gaits,
     encoders,
     rules,
+    crowds,
+    walkers,
 ):
     """Drive the chosen robots (K,) as `SkidSimulator.step` does.
 
     chassis (N, 11), limits (N, 4): of the controllers; factors (N, 2): ground per metre of tread, left and right;
     yaw_errors (N, P, E) [rad] of P pieces of a period; wheels: `WheelState` of arrays of N rows. rules: control period
     and latency [s], index into `AXES`, number of pieces, rate of the scans [Hz], 0 for one at each step, and time
-    between two contact checks [s].
+    between two contact checks [s]. crowds, walkers: as in `roll`.
     """
     period, latency, axes, pieces, scan_rate, check_time = rules
     duration = period / pieces
@@ -52,8 +55,14 @@ def slide_all(
             wheels.body[i], wheels.wheels[i], wheels.acceleration[i], wheels.grip[i], wheels.odometry[i]
         )
         bounds = (limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3])
+        box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
+        if crowds is not None:
+            crowd = crowd_of(crowds, walkers, i)
         num_driven, end, contact, arrived, error = 0, begin, False, False, 0.0
         for k in range(pieces):
+            if crowds is not None:
+                at = states.poses[i] if k == 0 else travel[num_driven - 1]
+                move(crowd, (at[0], at[1], at[2]), bodies.reaches[i], duration)
             # The command that is active in the middle of the piece, which legs may follow.
             time = begin + k * duration
             receive(queues, i, time + duration / 2)
@@ -67,6 +76,10 @@ def slide_all(
             error = errors[len(errors) - 1]
             # Cut the piece at contact or arrival, which end the episode.
             driven, contact, arrived = driven_until(i, poses, bodies, places, obstacles)
+            if crowds is not None:
+                touch = first_touch(crowd, poses[:driven], box)
+                if touch >= 0:
+                    driven, contact, arrived = touch + 1, True, False
             travel[k * count : k * count + driven] = poses[:driven]
             num_driven = k * count + driven
             end = time + duration * driven / count

@@ -97,7 +97,7 @@ def look(chosen, poses, places, obstacles, lidar, table, ranges, targets):
             span[2],
             span[2] if span[4] else span[3],
         )
-        lidar_x, lidar_y, heading = _lidar_pose(x, y, yaw, lidar)
+        lidar_x, lidar_y, heading = lidar_pose(x, y, yaw, lidar)
         scan_leaves(lidar_x, lidar_y, heading, increment, range_max, table, leaves, ranges[i])
         # Rotate the goal into the robot frame.
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -109,7 +109,7 @@ def look(chosen, poses, places, obstacles, lidar, table, ranges, targets):
 def look_by_lattice(chosen, poses, lidar, table, ranges, grid, lattice):
     """Shorten ranges (N, B) to the edges of a grid and its lattice, for the chosen robots (K,) in one world."""
     for i in chosen:
-        x, y, heading = _lidar_pose(poses[i, 0], poses[i, 1], poses[i, 2], lidar)
+        x, y, heading = lidar_pose(poses[i, 0], poses[i, 1], poses[i, 2], lidar)
         met = cast_lattice(
             x,
             y,
@@ -154,7 +154,7 @@ def settle(i, states, places, travel, end, contact, arrived):
 
 
 @njit(cache=True, error_model="numpy")
-def _lidar_pose(x, y, yaw, lidar):
+def lidar_pose(x, y, yaw, lidar):
     """Position of the lidar in the world, and the heading of its first beam."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     mount_x, mount_y, mount_yaw, angle_min = lidar[0], lidar[1], lidar[2], lidar[3]

@@ -12,6 +12,8 @@ from lme.gym.envs import NavigationVectorEnv, vector_env  # noqa: E402
 
 SHORT = {"worlds": [0, 150, 299], "time_limit": 2.5}
 
+SOON = {"worlds": [0, 1], "time_limit": 3.0}
+
 
 def any_limits(rng):
     robot = load_robot("jackal")
@@ -32,6 +34,8 @@ def plain(infos):
         ("Barn", {"map_config": SHORT, "sim": "gazebo"}),
         ("Barn", {"map_config": SHORT, "sim_config": {"latency": 0.15, "slip": 0.1, "goal_noise": 0.1}}),
         ("Env1", {"map_config": {"time_limit": 3.0, "worlds": [0, 1]}, "sim_config": {"even_ramp": True}}),
+        ("Dynabarn", {"map_config": SOON, "people": "truth", "sim_config": {"scan_noise": 0.02}}),
+        ("Social", {"map_config": {"kind": "crossing", **SOON}, "people": "truth", "sim": "skid"}),
     ],
 )
 def test_a_vector_environment_is_a_row_of_single_ones_bit_by_bit(env_id, keywords):

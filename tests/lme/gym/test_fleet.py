@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from lme.config.presets import load_map_set, load_robot, load_settings
 from lme.errors import InputError
 from lme.geometry.frames import wrap_angle
+from lme.gym import crowds
 from lme.gym import fleet as fleet_module
 from lme.gym.episodes import CODES, Reward
 from lme.gym.fleet import Fleet
@@ -22,7 +23,9 @@ from lme.simulation.fast import FastSimulator
 from lme.simulation.skid.simulator import SkidConfig, SkidSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.contours import outlines
+from lme.worlds.movers import Mover
 from lme.worlds.world import World
+from tests.builders import CLUTTER
 from tests.builders import task as make_task
 
 HARD = load_map_set("barn", {"worlds": [200, 250, 299], "time_limit": 4.0})
@@ -211,23 +214,61 @@ def test_wheels_slide_as_those_of_a_robot_that_drives_alone(sim, disturbances):
     assert len(kinds) > 1
 
 
-class _Moving:
-    """Two worlds of a map set: one with people, one without."""
+DYNABARN = load_map_set("dynabarn", {"time_limit": 6.0})
+SOCIAL = [
+    load_map_set("social", {"radius": 0.3, "count": 2, "time_limit": 6.0, **keys})
+    for keys in ({"kind": "doorway"}, {"kind": "group", "motion": "social_force", "sees_robot": 0.5})
+]
 
-    dynamic, static = load_map_set("dynabarn"), HARD
-    numbers = (0, 200)
+
+def _doors_and_tracks(number):
+    """A room with a door that opens, a person who walks and a recorded one who comes and goes, or with nothing."""
+    path = np.array([[1.5, -2.0], [1.5, 2.0], [0.5, 0.0]])
+    door = Mover(
+        path=np.array([[2.0, 1.0, 0.0], [2.0, 1.0, 1.5]]),
+        outline=np.array([[0.0, -0.05], [1.2, -0.05], [1.2, 0.05], [0.0, 0.05]]),
+        starts_within=2.0,
+        repeat="back_and_forth",
+    )
+    recorded = Mover(path=path, radius=0.3, times=np.array([0.3, 2.0, 4.0]))
+    walker = Mover(path=path[::-1], radius=0.25, motion="orca", repeat="cycle")
+    waiting = Mover(path=path + 0.5, radius=0.2, waits_within=1.0, repeat="cycle")
+    movers = [(door, recorded, walker, waiting), (door, waiting), (recorded,), ()][number]
+    world = World(circles=CLUTTER.circles, movers=movers)
+    return make_task(world, start=Pose(0.0, 0.0, 0.3), goal=np.array([2.5, 0.5]), time_limit=4.0)
+
+
+class _Doors:
+    """Four worlds, in three of which something moves."""
+
+    numbers = (0, 1, 2, 3)
+
+    def __init__(self):
+        self._tasks = [_doors_and_tracks(number) for number in self.numbers]
 
     def task(self, number):
-        task = (self.static if number else self.dynamic).task(number)
-        return replace(task, time_limit=3.0)
+        return self._tasks[number]
 
 
-@pytest.mark.parametrize("sim", ["fast", "skid"])
-def test_worlds_where_something_moves_are_driven_as_alone_with_one_warning(sim, says):
-    with says.warns() as warnings:
-        kinds = assert_drives_as_alone(_Moving(), any_jackal, load_settings(f"sim/{sim}"), 70)
-    assert len(warnings) == 1
-    assert kinds
+@pytest.mark.parametrize(
+    "config",
+    [
+        load_settings("sim/fast"),
+        load_settings("sim/fast", **DISTURBANCES[-1]),
+        load_settings("sim/skid"),
+        load_settings("sim/gazebo", latency=0.05),
+    ],
+    ids=["fast", "disturbed", "skid", "gazebo"],
+)
+@pytest.mark.parametrize("maps", [DYNABARN, *SOCIAL, _Doors()], ids=["dynabarn", "orca", "force", "doors"])
+def test_what_moves_moves_as_around_a_robot_that_drives_alone(maps, config):
+    kinds = assert_drives_as_alone(maps, any_jackal, config, 120, threads=2)
+    assert kinds  # some episodes have ended and begun anew
+
+
+def test_worlds_that_no_robot_is_in_are_forgotten(monkeypatch):
+    monkeypatch.setattr(crowds, "MOST_WORLDS", 0)
+    assert_drives_as_alone(_Doors(), any_jackal, load_settings("sim/fast"), 100)
 
 
 class _Large:
