@@ -1,6 +1,7 @@
 """What holds for every test: `says`, marks `browser` and `ros`, `--last-skipped`, kernels that are compiled once."""
 
 import contextlib
+import gc
 import re
 import sys
 
@@ -20,6 +21,9 @@ _MARKED_BY_FIXTURE = {"browser", "ros"}
 _CACHE_KEY = "lme/skipped"
 _MANY = 2000  # tests, which call most kernels
 _skipped: set[str] = set()
+
+# Ten thousand tests with their configs are many objects that stay, and looking through them takes a tenth of the time.
+gc.set_threshold(20_000, 50, 100)
 
 
 @pytest.fixture(autouse=True, scope="session")
