@@ -1,8 +1,8 @@
 """Encode an episode for the explainer page.
 
-Features and all other inputs of a decision are exact: the page computes scores again and must choose as LME does.
-Values that are only drawn are rounded to the millimetre or to single precision. What the page can compute itself is
-left out (`drawn.py`).
+The page computes scores again and must choose as LME does, so the inputs of a decision are exact, or rounded where
+that changes no choice (`rounded.py`). Values that are only drawn are rounded to the millimetre or to single precision.
+What the page can compute itself is left out (`drawn.py`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from runners.config import build
 from runners.config.schema import SystemConfig
 from runners.reports.explainer.drawn import add_features, drawn_candidates
 from runners.reports.explainer.packer import Packer
+from runners.reports.explainer.rounded import add_rounded_features
 from runners.workers.trace import Trace, TracedStep, TraceEnd
 
 CELL_M = 0.05  # side of a cell of the world seen so far
@@ -61,12 +62,17 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str =
     _movers(packer, stretch)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
     drawn = drawn_candidates(trace, reasons) if reasons else None
-    _add_thoughts(
-        packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config), bool(drawn)
-    )
+    _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
     header = _header(trace, system) | {"story": story} | ({"play": play} if play else {})
+    # Candidates and features in as few bytes as they need.
     if drawn:
+        packer.add_counts("candidates", [reason.candidates for reason in reasons])
         header |= {"drawn": drawn, "computed": add_features(packer, reasons)}
+    elif reasons and reasons[0].way is not None:
+        _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
+        header |= {"quantum": add_rounded_features(packer, reasons)}
+    elif reasons:
+        _candidates(packer, reasons)
     header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
     return packer.text(header)
 
@@ -78,27 +84,20 @@ def add_stretch(packer: Packer, stretch: Stretch, planned: bool, tracked: bool) 
     _movers(packer, stretch)
     reasons = [step.explanation for step in stretch.steps if step.explanation is not None]
     _add_thoughts(packer, stretch, reasons, planned, tracked)
+    if reasons:
+        _candidates(packer, reasons)
 
 
 def _add_thoughts(
-    packer: Packer,
-    stretch: Stretch,
-    reasons: Sequence[Explanation],
-    planned: bool,
-    tracked: bool,
-    drawn: bool = False,
+    packer: Packer, stretch: Stretch, reasons: Sequence[Explanation], planned: bool, tracked: bool
 ) -> None:
-    """Add what the guide gave at each step. reasons: of those steps that have one. drawn: the page draws candidates."""
+    """Add what the guide gave at each step, without its candidates. reasons: of those steps that have one."""
     if planned:
         _plans(packer, stretch)
     if tracked:
         _people(packer, stretch)
     if reasons:
         _decisions(packer, reasons)
-        if drawn:
-            packer.add_counts("candidates", [reason.candidates for reason in reasons])
-        else:
-            _candidates(packer, reasons)
         _obstacles(packer, reasons)
 
 

@@ -91,6 +91,7 @@ function parse(raw) {
     if (differences) arrays[name] = runningSum(arrays[name]);
   }
   if (head.drawn) addDrawn(head, arrays);
+  if (head.quantum) addRounded(head, arrays);
   return { head, arrays };
 }
 

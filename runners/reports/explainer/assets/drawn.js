@@ -74,3 +74,17 @@ function computedFeature(kind, xs, ys, starts, points) {
   }
   return feature;
 }
+
+/** Features of multiples of a quantum, but exact at the steps whose choice needs that (see rounded.py). */
+function addRounded(head, arrays) {
+  const starts = startsOf(arrays["candidates.count"]);
+  for (const name of head.names) {
+    const feature = Float64Array.from(arrays[`feature.${name}`], (count) => count * head.quantum);
+    let at = 0;
+    for (const step of arrays["exact.steps"]) {
+      const count = starts[step + 1] - starts[step];
+      feature.set(arrays[`exact.${name}`].subarray(at, at += count), starts[step]);
+    }
+    arrays[`feature.${name}`] = feature;
+  }
+}
