@@ -61,6 +61,8 @@ def require(
         finite = math.isfinite(value)
     except OverflowError:  # an integer too large for a float
         raise argument_error(f"{argument} is too large: must be finite") from None
+    except TypeError:
+        raise argument_error(f"{argument} is {value!r}: must be a number") from None
     bounds = {
         f"greater than {above:g}" if above is not None else "": above is None or value > above,
         f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,

@@ -5,6 +5,7 @@ Each robot is one YAML in `conf/robot/`.
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, fields, replace
 
@@ -223,7 +224,9 @@ class Lidar:
 
     def __post_init__(self) -> None:
         require("num_beams", self.num_beams, above=1, at_most=_MOST_BEAMS)
-        require("fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
+        if self.fov > 2 * math.pi + 1e-6:
+            raise argument_error(f"fov is {self.fov:g} rad: must be at most 6.28319; is it in degrees?")
+        require("fov", self.fov, above=0.0)
         require("range_min", self.range_min, at_least=0.0)
         require("range_max", self.range_max, above=self.range_min)
         require("noise_std", self.noise_std, at_least=0.0)
@@ -335,8 +338,9 @@ class Robot:
 
     def capped(self, cap: Cap) -> Robot:
         """Return the robot as a system with this cap on its commands sees it."""
-        limits = cap.of(self.limits)
-        return replace(self, v_max=limits.v_max, omega_max=limits.omega_max)
+        limits, capped = cap.of(self.limits), copy.copy(self)  # not `replace`, which would warn again
+        capped.v_max, capped.omega_max = limits.v_max, limits.omega_max
+        return capped
 
     @property
     def dt(self) -> float:

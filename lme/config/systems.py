@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.config.composer import compose
-from lme.config.presets import configured, find_option, option
+from lme.config.presets import configured, find_option, load_robot, option
 from lme.errors import InputError, building, nearest
 from lme.guides.lme.weight_files import PUBLISHED, with_network
 from lme.inputs.resources import overlaid
@@ -24,7 +24,7 @@ _GROUPS = (*_PARTS, "ablation")
 
 def load_system(
     name: str,
-    robot: Robot,
+    robot: Robot | str,
     *,
     weights: str | Path | None = None,
     goal_tolerance: float = 0.0,
@@ -38,7 +38,8 @@ def load_system(
         navigator = lme.load_system("lme_plus", robot)
         navigator = lme.load_system("lme", robot, planner="dwa_tuned", **{"guide.candidates.number": 500})
 
-    name: in `conf/system/`. robot: it drives this one. weights: as on the command line; None: the system's own.
+    name: in `conf/system/`. robot: it drives this one, or that of `conf/robot/` with this name. weights: as on the
+    command line; None: the system's own.
     goal_tolerance: the robot stops within this distance of the target [m]. people: "truth": those in the
     observations; "tracked": those found in the scans; "none". feedback: commands ramp from the last command
     (OPEN_LOOP) or from the measured twist (CLOSED_LOOP). cap: highest speeds of its commands, as `{"v_max": 1.0}` [m/s,
@@ -50,6 +51,7 @@ def load_system(
 
     Raises InputError for an unknown name or key, and for a wrong value.
     """
+    robot = load_robot(robot) if isinstance(robot, str) else robot
     system = compose(find_option("system", name), "system")
     choices = {**system.choices, **{group: changes.pop(group) for group in _GROUPS if group in changes}}
 
@@ -94,6 +96,7 @@ def load_system(
         feedback,
         robot.dt,
         own_cap,
+        robot.lidar,
     )
 
 

@@ -174,11 +174,18 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         people: str = "none",
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         threads: int | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
         """See `lme.gym.spaces.choose` for the other keywords. Raises InputError for what the compiled call lacks.
 
+        max_episode_steps: not supported, since the map set limits the time.
         autoreset_mode: Gymnasium's, "SameStep", "NextStep" or "Disabled". threads: see `lme.gym.threads.Threads`.
         """
+        if max_episode_steps is not None:
+            raise InputError(
+                f"max_episode_steps is {max_episode_steps}: the map set limits the time of many robots; must be "
+                'map_config={"time_limit": …} [s], which is the steps times the control period'
+            )
         if render_mode is not None:
             raise OneByOneError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         if people == People.tracked:

@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from lme.errors import InputError
-from lme.types import Floats, Guidance, LaserScan, Observation, Twist
+from lme.types import Floats, Guidance, LaserScan, Observation, Pose, Twist
 
 _NO_NUMBER = (str, bytes, bool, np.bool_)
 _PLACES = "rows of (x, y) in the robot's frame [m]"
@@ -92,6 +92,25 @@ def checked_observation(observation: object, state: Any, simulator: object) -> O
         return _observation(observation)
     except ReturnedError as error:
         raise ReturnedError(f"{dotted_name(simulator)} returned {error}") from None
+
+
+def given_observation(observation: object) -> Observation:
+    """Return an observation that a user's own program gives to a navigator, as guides and planners take it.
+
+    Lists and other kinds of numbers are converted. Raises ReturnedError for what cannot be used.
+    """
+    try:
+        given = _observation(observation)
+        requirement = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
+        people = checked_array(given.pedestrians, (None, 4), "pedestrians", requirement)
+    except ReturnedError as error:
+        raise ReturnedError(f"the observation has {error}") from None
+    scan, ranges = given.scan, np.asarray(given.scan.ranges)
+    if ranges.dtype.kind != "f" or ranges is not scan.ranges:
+        scan = scan._replace(ranges=ranges.astype(np.float32))
+    return given._replace(
+        scan=scan, twist=Twist(*given.twist), odometry=Pose(*given.odometry), pedestrians=people
+    )
 
 
 def checked_array(value: object, shape: tuple[int | None, ...], subject: str, requirement: str) -> Floats:

@@ -12,9 +12,10 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.guides.lme.explanation import Decision, Explanation
 from lme.inputs.returned import ReturnedError, checked_command, checked_guidance, checked_people
+from lme.navigation.observation_check import ObservationCheck
 from lme.perception.dead_reckoning import DeadReckoning, Move
 from lme.perception.people.source import PeopleSource
-from lme.robots import Cap, reachable
+from lme.robots import Cap, Lidar, reachable
 from lme.types import Feedback, Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
@@ -64,7 +65,8 @@ class Navigator:
     people: source of the people in observations; None: observations keep their own. feedback: from where commands
     ramp. dt: control period [s], in which commands, also those of a user's own planner, change no faster than the
     limits of acceleration allow; None: only the limits of velocity are enforced here, and acceleration is left to the
-    planner. cap: lowers the limits that guide and planner see; build them for `robot.capped(cap)`.
+    planner. cap: lowers the limits that guide and planner see; build them for `robot.capped(cap)`. lidar: of the robot;
+    with it the observations are checked, as those of a user's own program must be. None: they are checked elsewhere.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Navigator:
         feedback: Feedback | str = Feedback.OPEN_LOOP,
         dt: float | None = None,
         cap: Cap | None = None,
+        lidar: Lidar | None = None,
     ) -> None:
         require("goal_tolerance", goal_tolerance, at_least=0.0)
         self._feedback = CommandFeedback(feedback, dt)
@@ -84,6 +87,7 @@ class Navigator:
         self.goal_tolerance = goal_tolerance
         self.people = people
         self.cap = cap or Cap()
+        self._check = lidar and ObservationCheck(lidar)
         # Of the last step, with the people whom guide and planner saw.
         self.observation: Observation | None = None
         self.guidance: Guidance | None = None
@@ -112,7 +116,8 @@ class Navigator:
     def act(self, observation: Observation, time: float | None = None) -> Twist:
         """Return the velocity command for one control period, within the limits and one ramp of the last command.
 
-        Raises InputError, which names the step, if guide, planner or source of people return invalid values.
+        Raises InputError, which names the step, if guide, planner or source of people return invalid values, and if the
+        observation cannot be used; it has then changed nothing.
         time: of the scan [s], on any clock; None: one control period after the last one.
         """
         self._steps += 1
@@ -122,6 +127,13 @@ class Navigator:
             raise InputError(f"step {self._steps}: {error}") from error
 
     def _act(self, observation: Observation, time: float | None) -> Twist:
+        if self._check:
+            observation = self._check.checked(observation)
+        if not math.isfinite(sum((*observation.target.tolist(), *observation.twist, *observation.odometry))):
+            raise ReturnedError(
+                f"the observation has target {observation.target.tolist()}, {observation.twist} and odometry "
+                f"{observation.odometry}: must be finite"
+            )
         if self.people is not None:
             observation = checked_people(self.people.seen(observation, time), self.people)
         observation = observation._replace(limits=self.cap.of(observation.limits))

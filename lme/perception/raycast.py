@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lme.errors import InputError
 from lme.geometry.frames import compose
 from lme.grids.edge_grid import EdgeGrid, first_hit
 from lme.grids.lattice import NO_LATTICE, Lattice, cast_lattice
@@ -26,16 +27,20 @@ def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike 
     """Return the scan, without noise, of a planar lidar on a robot at `pose`.
 
     pose: of the robot in the world. circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls
-    [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises ValueError for other shapes.
+    [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises InputError for other shapes.
     """
     angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
     lidar_pose = compose(pose, lidar.mount)
-    ranges = cast_shapes(lidar_pose, angles, lidar.range_max, _rows(circles, 3), _rows(segments, 4))
+    shapes = _rows("circles", circles, 3), _rows("segments", segments, 4)
+    ranges = cast_shapes(lidar_pose, angles, lidar.range_max, *shapes)
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
 
-def _rows(values: ArrayLike, columns: int) -> Floats:
-    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, columns)
+def _rows(name: str, values: ArrayLike, columns: int) -> Floats:
+    rows = np.ascontiguousarray(values, dtype=np.float64)
+    if rows.size and (rows.ndim != 2 or rows.shape[1] != columns):
+        raise InputError(f"{name} has shape {rows.shape}: must be rows of {columns} numbers")
+    return rows.reshape(-1, columns)
 
 
 def cast_shapes(

@@ -85,8 +85,8 @@ class FreeSpace:
             raise InputError(f"{subject} is ({x:g}, {y:g}), outside the map: must lie {self._plan.region}")
         if not self._passable[*self._cell(position)]:
             raise InputError(
-                f"{subject} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
-                "from every obstacle (radius)"
+                f"{subject} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m, "
+                "the map set's radius, from every obstacle"
             )
 
     def checked_length(self, subject: str, start: Pose, goal: Floats) -> float:
@@ -99,8 +99,9 @@ class FreeSpace:
         length = self.path_length(start, goal)
         if not math.isfinite(length):
             raise InputError(
-                f"{subject}: no path from the start to the goal is wide enough for a disc of radius "
-                f"{self._radius:.3g} m (radius): must be a smaller robot, or a different start, goal or map"
+                f"{subject}: no path from the start to the goal is wide enough for a disc of "
+                f"{self._radius:.3g} m, the map set's radius: must be a smaller robot, or a different start, goal or "
+                "map"
             )
         return length
 

@@ -77,8 +77,8 @@ class Scene(Starts):
         for index, mover in enumerate(task.world.movers):
             if _distance(mover, task.start) <= self._radius:
                 raise InputError(
-                    f"map {task.map_name}, start {number}: movers[{index}] overlaps the disc around the robot "
-                    "(radius): must start further away"
+                    f"map {task.map_name}, start {number}: movers[{index}] overlaps the disc around the robot, "
+                    "of the map set's radius: must start further away"
                 )
         return task
 

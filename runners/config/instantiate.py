@@ -18,6 +18,7 @@ from typing import Any, cast
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, GrammarParseError, OmegaConfBaseException
 
+from lme import robots
 from lme.errors import InputError, building, nearest
 from lme.inputs.user_code import import_module
 
@@ -154,6 +155,12 @@ def translate_error(error: BaseException, schema: Any = None) -> InputError:
         return InputError(f"{key} has no value: give one")
     if re.search(r"Key '.*' (?:is )?not in", message):
         return unknown_key(key, keys_beside(schema, key))
+    merged = re.search(r"Merge error: \w+ is not a subclass of (\w+)\. value: (.+)", message)
+    if merged:
+        name, value_text = merged.groups()
+        part = getattr(robots, name, None)
+        keys = f" of {', '.join(field.name for field in dataclasses.fields(part))}" if part else ""
+        return InputError(f"{name.lower()} is {value_text:.80}: must be a mapping{keys}")
     value, wanted = _VALUE.search(message), describe_expected(schema, key) if key else ""
     if value and wanted:
         return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {wanted}")

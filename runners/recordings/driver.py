@@ -6,6 +6,7 @@ The goal is a fixed point, or the messages of a topic.
 from __future__ import annotations
 
 import math
+import warnings
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -39,6 +40,7 @@ _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
 _STEP = 0.02  # [m] furthest that a point of the footprint moves between collision checks
 _SAMPLE = 60  # minimum number of decisions kept for the pictures, if there are enough
+_TIMES_TOO_FAST = 3.0  # by which a recorded motion exceeds the limits if its unit is another one
 LAST = "last"
 
 
@@ -128,8 +130,38 @@ class Driver:
                 f"bag {self._recording.bag.path}: nothing to replay: {self.log.scans} scans"
                 + (f", skipped: {reasons}" if reasons else " between start and end")
             )
+        self._warn_of_motion()
         self.log.sample = self._sampler.kept
         return self.log
+
+    def _warn_of_motion(self) -> None:
+        """Warn of poses and stamps that no robot has, such as poses in millimetres."""
+        rows, robot = self.log.rows, self._robot
+        times, x, y, yaw = (
+            np.array([row[key] for row in rows]) for key in ("time_s", "x_m", "y_m", "yaw_rad")
+        )
+        duration = times[-1] - times[0]
+        if self.log.scans > 1 and duration == 0.0:
+            warnings.warn(
+                f"all {self.log.scans} scans have the same stamp: must have the times at which they were taken",
+                stacklevel=2,
+            )
+            return
+        steps = np.diff(times) > 0.0
+        if not steps.any():
+            return
+        speed = np.hypot(np.diff(x), np.diff(y))[steps].sum() / duration
+        rate = np.abs(np.remainder(np.diff(yaw) + math.pi, math.tau) - math.pi)[steps].sum() / duration
+        for measured, limit, unit, key, hint in (
+            (speed, robot.v_max, "m/s", "v_max", "in millimetres or centimetres"),
+            (rate, robot.omega_max, "rad/s", "omega_max", "in degrees"),
+        ):
+            if measured > _TIMES_TOO_FAST * limit:
+                warnings.warn(
+                    f"the recorded poses move at {measured:.3g} {unit} on average, and robot.{key} is {limit:g} "
+                    f"{unit}: are they {hint}, or of another robot?",
+                    stacklevel=2,
+                )
 
     def _decide(self, next_message: Message | None) -> None:
         """Decide on the scans whose poses are known. next_message: the next message; None at the end."""

@@ -93,14 +93,13 @@ def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> di
 
 def lines(results: Mapping[str, float]) -> list[str]:
     """Return the figures as a few lines of text."""
-    ticks = f"{results['ticks']:.0f} decisions over {results['duration_s']:.1f} s"
+    decisions = "decision" if results["ticks"] == 1 else "decisions"
+    ticks = f"{results['ticks']:.0f} {decisions} over {results['duration_s']:.1f} s"
     skipped = results["skipped_no_pose"] + results["skipped_no_goal"]
     left_out = f", {skipped:.0f} ticks left out" if skipped else ""
     return [
         f"{ticks}{left_out}, {results['times_real_time']:.0f} × real time",
-        f"heading  off the robot's by {results['heading_error_median_deg']:.0f}° (median), "
-        f"within 30° in {_percent(results['heading_within_30deg'])}, "
-        f"turning the same way in {_percent(results['turn_same_way'])}",
+        _heading(results),
         f"speed    {results['speed_error_mean_mps']:+.2f} m/s against the robot's, "
         f"{results['speed_error_abs_mean_mps']:.2f} m/s apart on average",
         f"clearance of the command {results['command_clearance_p05_m']:.2f} m (5th percentile), of the robot's motion "
@@ -111,6 +110,18 @@ def lines(results: Mapping[str, float]) -> list[str]:
         f"scans    {results['beams_without_return']:.0f} of {results['beams']:.0f} beams without return, "
         f"{results['scans_without_point']:.0f} scans without a point",
     ]
+
+
+def _heading(results: Mapping[str, float]) -> str:
+    """Return the line about headings and turns, as far as the robot drove and turned."""
+    if math.isnan(results["heading_error_median_deg"]):
+        return "heading  not compared: the robot hardly drove"
+    turns = results["turn_same_way"]
+    same_way = "" if math.isnan(turns) else f", turning the same way in {_percent(turns)}"
+    return (
+        f"heading  off the robot's by {results['heading_error_median_deg']:.0f}° (median), "
+        f"within 30° in {_percent(results['heading_within_30deg'])}{same_way}"
+    )
 
 
 def write(frame: pd.DataFrame, results: Mapping[str, float], run_dir: Path) -> list[Path]:
@@ -180,4 +191,4 @@ def _median(values: Floats) -> float:
 
 
 def _percent(share: float) -> str:
-    return "no tick" if math.isnan(share) else f"{100 * share:.0f} %"
+    return f"{100 * share:.0f} %"

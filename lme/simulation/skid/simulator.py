@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import asdict, dataclass
 from typing import ClassVar, Protocol
 
@@ -192,15 +193,46 @@ def outline_that_collides(robot: Robot) -> Footprint:
 
 
 def check_base(robot: Robot) -> None:
-    """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
+    """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely.
+
+    Warn if its footprint or speed is not that of the drivetrain.
+    """
     drivetrain = robot.drivetrain
     if drivetrain is None and robot.response is None:
         raise InputError(
-            f"robot.drivetrain is null in robot {robot.name}: sim=skid needs mass, inertia, track, wheel_radius, "
-            "friction and controller there, as conf/robot/jackal.yaml has them, or a robot.response"
+            f"robot.drivetrain is null in robot {robot.name}: sim=skid and sim=gazebo need mass, inertia, track, "
+            "wheel_radius, friction and controller there, as conf/robot/jackal.yaml has them, or a robot.response"
         )
     if drivetrain is not None:
         check_control_rate(robot, drivetrain.controller.timeout)
+        _warn_of_differences(robot, drivetrain)
+
+
+def _warn_of_differences(robot: Robot, drivetrain: Drivetrain) -> None:
+    """Warn if the outline that collides is smaller than the footprint, or if the wheels are slower than the limits."""
+    if drivetrain.contact is not None:
+        sides, outline = _sides(robot.footprint), _sides(drivetrain.contact)
+        if any(side > limit + 1e-3 for side, limit in zip(sides, outline, strict=True)):
+            warnings.warn(
+                f"robot.footprint of {sides[0]:g} × {sides[1]:g} m reaches beyond robot.drivetrain.contact of "
+                f"{outline[0]:g} × {outline[1]:g} m, the outline that collides: give both, or "
+                "robot.drivetrain.contact=null for the footprint to collide",
+                stacklevel=3,
+            )
+    for key in ("v_max", "omega_max"):
+        limit, wheels = getattr(robot, key), getattr(drivetrain.controller, key)
+        if limit > wheels:
+            warnings.warn(
+                f"robot.{key} is {limit:g}, robot.drivetrain.controller.{key} {wheels:g}: the robot gets no faster "
+                "than the controller of its wheels allows",
+                stacklevel=3,
+            )
+
+
+def _sides(outline: Footprint) -> tuple[float, float]:
+    """Length and width of the rectangle around an outline [m]."""
+    half_length, half_width, rounding = outline.box
+    return 2.0 * (half_length + rounding), 2.0 * (half_width + rounding)
 
 
 def check_control_rate(robot: Robot, timeout: float) -> None:

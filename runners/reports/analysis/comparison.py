@@ -117,6 +117,8 @@ class Comparison(SweepStudy):
             f"Paired differences from {self.reference}, {self.setting}:",
             *(
                 f"{name}: {'; '.join(_describe_change(key, change) for key, change in changes.items())}."
+                if changes
+                else f"{name}: no episode in common."
                 for name, changes in self.changes.items()
             ),
         ]
