@@ -143,3 +143,8 @@ def test_mistakes_while_driving(says):
         manual.reset(options={"reset_mask": np.zeros(2, bool)})
     with pytest.raises(InputError, match="options has 'reset_mask'"):
         many.reset(options={"reset_mask": np.ones(2, bool)})
+
+
+def test_a_limit_of_steps_is_refused_with_what_to_give(says):
+    with says.raises(InputError, match="time_limit"):
+        gym.make_vec("lme:lme/Barn-v0", num_envs=2, max_episode_steps=5)

@@ -10,7 +10,7 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative, to_robot
 from lme.navigation.episode import run_episode
-from lme.robots import Response
+from lme.robots import Footprint, Response
 from lme.simulation.fast import FastSimulator
 from lme.simulation.physics import PhysicsSimulator
 from lme.simulation.skid.simulator import SkidSimulator
@@ -266,3 +266,13 @@ def test_an_impossible_response_is_refused(says):
         Response(0.0, 1.0, 0.0, 0.0, 1.0, 1.0)
     with says.raises(InputError):
         dataclasses.replace(GAZEBO, response=REAL.response)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"footprint": Footprint(length=0.6, width=0.3)}, {"v_max": 4.0}, {"omega_max": 6.0}],
+    ids=str,
+)
+def test_an_outline_or_a_speed_that_is_not_the_drivetrains_is_said(change, says):
+    with says.warns():
+        SkidSimulator(load_settings("sim/skid"), dataclasses.replace(GAZEBO, **change))

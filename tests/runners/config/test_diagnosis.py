@@ -51,3 +51,17 @@ def test_a_mistake_in_an_ablation_of_ones_own_names_its_file(tmp_path, text, say
     shown = said("--config-dir", str(tmp_path), "ablation=mine")
     says(shown)
     assert shown.endswith(f"(in {file})")
+
+
+def test_a_polygon_as_a_footprint(tmp_path, says):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "mine.yaml").write_text(
+        "defaults: [jackal, _self_]\nname: mine\nfootprint: [[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]]\n"
+    )
+    says(said(f"--config-dir={tmp_path}", "robot=mine"))
+
+
+def test_an_odd_value_is_said_once(recwarn):
+    compose("eval", ["robot.alpha_v=0.01", "map.worlds=[0]", "sim=fast"], validate)
+    texts = [str(warning.message) for warning in recwarn if "alpha_v" in str(warning.message)]
+    assert texts == ["robot.alpha_v is 0.01 m/s²: it is usually from 0.05 to 50 m/s²"]

@@ -10,6 +10,7 @@ import pytest
 from lme.errors import InputError
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND, scan_of
+from lme.types import Pose
 from runners.cli.commands.replay import main
 from runners.recordings.bags import Bag
 from runners.recordings.carmen import ENDINGS, CarmenLog
@@ -195,3 +196,18 @@ def test_a_packed_log_that_ends_with_a_terabyte_of_zeros_is_refused(tmp_path):
         file.truncate(2**40)
     with pytest.raises(InputError, match=r"drive\.log\.gz: has 1099511627776 bytes"), CarmenLog(path):
         pass
+
+
+@pytest.mark.parametrize("odd", ["millimetres", "one stamp"])
+def test_poses_and_stamps_that_no_robot_has_are_said(tmp_path, monkeypatch, says, odd):
+    monkeypatch.chdir(tmp_path)
+    poses = [Pose(0.1 * k, 0.0, 0.0) for k in range(40)]
+    if odd == "millimetres":
+        lines = flaser_lines([Pose(1000.0 * pose.x, 0.0, 0.0) for pose in poses])
+    else:
+        lines = [
+            " ".join([*line.split()[:-3], "7", "host", "7"]) if line.startswith("FLASER") else line
+            for line in flaser_lines(poses)
+        ]
+    with says.warns():
+        main([f"bag={write(tmp_path / 'a.log', lines)}", "robot=turtlebot2", "tracking=none"])

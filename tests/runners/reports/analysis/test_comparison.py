@@ -108,6 +108,12 @@ def test_the_setting_is_what_all_rows_have_in_common():
     assert str(study.setting) == "map.count=4 · 4 worlds × 2 runs"
 
 
+def test_rows_without_a_common_episode_say_so():
+    apart = episodes(draws(0.4), system="Other").assign(world=lambda rows: rows["world"] + 1000)
+    (study,) = Comparison.studies(frame(episodes(draws(0.9), system="LME"), apart))
+    assert study.sentences()[1:] == ["Other: no episode in common."]
+
+
 def test_files_and_words(tmp_path, says):
     lme = episodes(draws(0.9), runs=2, system="LME", mean_abs_domega_radps=0.25)
     worse = episodes(draws(0.4), runs=2, system="Worse").drop(columns="barn_metric")
