@@ -41,10 +41,12 @@ class CrowdStore:
         """Put the movers around robot i at the start of their paths; return their greatest speed [m/s]."""
         stored = self._of(world)
         self._worlds[i] = self._numbers[id(world)]
-        self._states = CrowdState._make(map(_wide_enough, self._states, stored.start))
+        widths = [array.shape[1] for array in self._states]
+        if any(len(values) > width for values, width in zip(stored.start, widths, strict=True)):
+            self._states = CrowdState._make(map(_wide_enough, self._states, stored.start))
+            self._packed = None
         for array, values in zip(self._states, stored.start, strict=True):
             array[i, : len(values)] = values
-        self._packed = None
         return stored.top_speed
 
     def packed(self) -> tuple[Crowds, Walkers | None]:
@@ -67,6 +69,7 @@ class CrowdStore:
             start = state_at_start(world.movers, paths, people)
             self._numbers[id(world)] = len(self._stored)
             self._stored.append(_Stored(world, paths, people, start, top_speed(world.movers)))
+            self._packed = None
         return self._stored[self._numbers[id(world)]]
 
     def _forget(self) -> None:

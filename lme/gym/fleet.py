@@ -26,7 +26,7 @@ from lme.perception.raycast import add_noise, beam_table
 from lme.robots import Robot
 from lme.simulation.crowd import SLACK
 from lme.simulation.fast import FastConfig
-from lme.simulation.skid.simulator import SkidConfig, outline_that_collides
+from lme.simulation.skid.simulator import SkidConfig, outline_that_collides, warn_of_differences
 from lme.types import Bools, Floats, Ints
 from lme.worlds.world import MapSet, Task
 
@@ -348,6 +348,8 @@ class Fleet:
                 raise OneByOneError(
                     f"robot.lidar.{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
+        if isinstance(self._config, SkidConfig):
+            warn_of_differences(self.robot)
         if isinstance(self._config, SkidConfig) and self.robot.response is not None:
             raise OneByOneError(
                 f"robot.response is set in robot {self.robot.name}: the compiled step of many robots has only wheels "

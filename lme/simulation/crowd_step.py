@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +62,7 @@ class CrowdState(NamedTuple):
     progress (M,): seconds of motion along the path; has_begun (M,). poses (M, 3) and velocities (M, 2) in the world;
     is_present (M,). circles (D, 3) and edges (E, 4): all shapes at these poses. plans (P, 3) and walks (P, 2): next
     waypoints and velocities of the people. clock (4,): time, time of the people's last decision [s] (negative before
-    the first), and where the robot was then, x and y (NaN before the first step).
+    the first), and where the people last saw the robot, x and y (NaN before the first step).
     """
 
     progress: Floats
@@ -138,9 +138,9 @@ def state_at_start(movers: Sequence[Mover], paths: Paths, people: People | None)
     return state
 
 
-def _ranges(lengths: object) -> Ints:
+def _ranges(lengths: Iterable[int]) -> Ints:
     """First and last + 1 of parts of these lengths, one after another: (N, 2)."""
-    ends = np.cumsum(list(lengths), dtype=np.int64)  # type: ignore[call-overload]
+    ends = np.cumsum(list(lengths), dtype=np.int64)
     return np.column_stack([ends - np.diff(ends, prepend=0), ends]).reshape(-1, 2)
 
 

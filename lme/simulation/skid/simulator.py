@@ -53,6 +53,7 @@ class SkidSimulator:
 
     def __init__(self, config: SkidConfig, robot: Robot) -> None:
         check_base(robot)
+        warn_of_differences(robot)
         check_height(config.tilt, robot)
         self._robot = robot
         self._config = config
@@ -193,10 +194,7 @@ def outline_that_collides(robot: Robot) -> Footprint:
 
 
 def check_base(robot: Robot) -> None:
-    """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely.
-
-    Warn if its footprint or speed is not that of the drivetrain.
-    """
+    """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
     drivetrain = robot.drivetrain
     if drivetrain is None and robot.response is None:
         raise InputError(
@@ -205,11 +203,13 @@ def check_base(robot: Robot) -> None:
         )
     if drivetrain is not None:
         check_control_rate(robot, drivetrain.controller.timeout)
-        _warn_of_differences(robot, drivetrain)
 
 
-def _warn_of_differences(robot: Robot, drivetrain: Drivetrain) -> None:
+def warn_of_differences(robot: Robot) -> None:
     """Warn if the outline that collides is smaller than the footprint, or if the wheels are slower than the limits."""
+    drivetrain = robot.drivetrain
+    if drivetrain is None:
+        return
     if drivetrain.contact is not None:
         sides, outline = _sides(robot.footprint), _sides(drivetrain.contact)
         if any(side > limit + 1e-3 for side, limit in zip(sides, outline, strict=True)):
