@@ -226,7 +226,7 @@ class Lidar:
         require("num_beams", self.num_beams, above=1, at_most=_MOST_BEAMS)
         if self.fov > 2 * math.pi + 1e-6:
             raise argument_error(f"fov is {self.fov:g} rad: must be at most 6.28319; is it in degrees?")
-        require("fov", self.fov, above=0.0)
+        require("fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
         require("range_min", self.range_min, at_least=0.0)
         require("range_max", self.range_max, above=self.range_min)
         require("noise_std", self.noise_std, at_least=0.0)

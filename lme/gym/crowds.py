@@ -8,7 +8,7 @@ import numpy as np
 
 from lme.gym.kernels.crowds import Crowds, Walkers
 from lme.simulation.crowd import top_speed
-from lme.simulation.crowd_step import CrowdState, Paths, People, paths_of, people_of, state_at_start
+from lme.simulation.crowd_step import CrowdState, Paths, Pedestrians, paths_of, people_of, state_at_start
 from lme.types import Ints
 from lme.worlds.world import World
 
@@ -21,7 +21,7 @@ class _Stored(NamedTuple):
 
     world: World  # is kept alive, since its identity is a key
     paths: Paths
-    people: People | None
+    people: Pedestrians | None
     start: CrowdState
     top_speed: float
 
@@ -57,7 +57,7 @@ class CrowdStore:
             walkers = None
             if any(stored.people is not None for stored in self._stored):
                 people, rows = _joined([stored.people or _NOBODY for stored in self._stored])
-                walkers = Walkers(People(*people), rows)
+                walkers = Walkers(Pedestrians(*people), rows)
             self._packed = crowds, walkers
         return self._packed
 
@@ -80,7 +80,7 @@ class CrowdStore:
         self._numbers = {id(stored.world): k for k, stored in enumerate(self._stored)}
 
 
-_NOBODY = People(
+_NOBODY = Pedestrians(
     movers=np.empty(0, np.int64),
     is_orca=np.empty(0, np.bool_),
     traits=np.empty((0, 5)),

@@ -104,7 +104,7 @@ class Crowd:
         for j, k in pairs.items():
             state.progress[j], state.has_begun[j] = old.progress[k], old.has_begun[k]
             state.poses[j], state.velocities[j] = old.poses[k], old.velocities[k]
-        # People also keep where they were going, and what they know of the robot.
+        # Pedestrians also keep where they were going, and what they know of the robot.
         if self._people is not None and former._people is not None:
             state.clock[:] = old.clock
             rows = {i: row for row, i in enumerate(former._people.movers.tolist())}
@@ -132,7 +132,7 @@ def _top_speed(mover: Mover) -> float:
 def tracked(crowd: Crowd, scan: LaserScan, lidar: Pose, base: Pose) -> Floats:
     """Positions and velocities over ground of the people in sight, in the robot frame: (P, 4) [m, m/s].
 
-    People are the crowd's discs; doors and other polygons are not tracked. lidar: where the scan was taken;
+    Pedestrians are the crowd's discs; doors and other polygons are not tracked. lidar: where the scan was taken;
     base: the robot; both in the world. A person is in sight if the beam through their middle does not end before
     them. Positions and velocities are the true ones.
     """

@@ -36,7 +36,7 @@ class Paths(NamedTuple):
     owners: Ints
 
 
-class People(NamedTuple):
+class Pedestrians(NamedTuple):
     """The P movers that walk, and what they walk around.
 
     movers (P,): which ones. is_orca (P,); traits (P, 5): `lme.simulation.walkers`. legs (P, 2): first and last + 1 of
@@ -96,7 +96,7 @@ def paths_of(movers: Sequence[Mover]) -> Paths:
     )
 
 
-def people_of(movers: Sequence[Mover], world: World) -> People | None:
+def people_of(movers: Sequence[Mover], world: World) -> Pedestrians | None:
     """Return the movers that walk, around the walls of a world; None if none does."""
     walkers = [i for i, mover in enumerate(movers) if mover.walks]
     if not walkers:
@@ -105,7 +105,7 @@ def people_of(movers: Sequence[Mover], world: World) -> People | None:
     others = [
         (i, mover.radius) for i, mover in enumerate(movers) if mover.radius is not None and not mover.walks
     ]
-    return People(
+    return Pedestrians(
         movers=np.array(walkers, np.int64),
         is_orca=np.array([mover.motion == ORCA for mover in people]),
         traits=np.array([traits_of(mover) for mover in people]),
@@ -119,7 +119,7 @@ def people_of(movers: Sequence[Mover], world: World) -> People | None:
     )
 
 
-def state_at_start(movers: Sequence[Mover], paths: Paths, people: People | None) -> CrowdState:
+def state_at_start(movers: Sequence[Mover], paths: Paths, people: Pedestrians | None) -> CrowdState:
     """Return the state at the start of an episode, each mover at the start of its path."""
     count, num_people = len(movers), 0 if people is None else len(people.movers)
     state = CrowdState(
@@ -157,7 +157,7 @@ def _timed(mover: Mover) -> Floats:
 def _rules(mover: Mover) -> tuple[float, ...]:
     """Rules: start_after, starts_within, trigger x and y (NaN: the mover's own position), waits_within, repeat."""
     if mover.walks:
-        return (math.inf, -1.0, math.nan, math.nan, -1.0, 0.0)  # `People` move by themselves
+        return (math.inf, -1.0, math.nan, math.nan, -1.0, 0.0)  # `Pedestrians` move by themselves
     starts = math.inf if mover.starts_within is None else mover.starts_within
     waits = -1.0 if mover.waits_within is None else mover.waits_within
     trigger = mover.trigger or (math.nan, math.nan)
@@ -167,7 +167,7 @@ def _rules(mover: Mover) -> tuple[float, ...]:
 
 @njit(cache=True, error_model="numpy")
 def advance(
-    paths: Paths, people: People | None, state: CrowdState, robot: tuple[float, float, float], dt: float
+    paths: Paths, people: Pedestrians | None, state: CrowdState, robot: tuple[float, float, float], dt: float
 ) -> None:
     """Advance all movers by `dt` [s]. robot: x, y [m] of its base at the start of the step, and its radius [m].
 

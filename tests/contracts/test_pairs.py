@@ -261,7 +261,8 @@ def test_a_seed_decides_everything(crossing):
 
 
 def test_every_pair_survives_strange_scans(robot, guide, planner):
-    machine, navigator = made(robot, guide, planner)
+    machine, checked = made(robot, guide, planner)
+    navigator = Navigator(checked.guide, checked.planner, dt=machine.dt)  # which refuses no scan
     beams = machine.lidar.num_beams
     mixed = np.resize(np.array([0.0, np.nan, 1.0, np.inf, -1.0, 0.3], dtype=np.float32), beams)
     scans = [

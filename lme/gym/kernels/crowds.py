@@ -11,7 +11,7 @@ from lme.gym.kernels.poses import compose
 from lme.gym.kernels.steps import lidar_pose
 from lme.perception.leaf_scan import scan_shapes
 from lme.simulation.crowd import discs_in_sight
-from lme.simulation.crowd_step import CrowdState, Paths, People, advance, present_circles
+from lme.simulation.crowd_step import CrowdState, Paths, Pedestrians, advance, present_circles
 from lme.types import Ints
 
 
@@ -31,7 +31,7 @@ class Crowds(NamedTuple):
 class Walkers(NamedTuple):
     """The people among the movers: those of all worlds, and rows (K, 10, 2) as in `Crowds`."""
 
-    people: People
+    people: Pedestrians
     rows: Ints
 
 
@@ -53,7 +53,7 @@ def crowd_of(crowds, walkers, i):
     people, num_people = None, 0
     if walkers is not None:
         w, r = walkers.people, walkers.rows[world]
-        people = People(
+        people = Pedestrians(
             w.movers[r[0, 0] : r[0, 1]],
             w.is_orca[r[1, 0] : r[1, 1]],
             w.traits[r[2, 0] : r[2, 1]],
