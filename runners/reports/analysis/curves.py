@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
+
 from runners.config.escaping import markdown_table, markdown_text, plot_text
 from runners.reports.analysis import paired
 from runners.reports.analysis.paired import METRIC, SUCCESS
@@ -159,13 +161,19 @@ def _is_curve(frame: pd.DataFrame, key: str) -> bool:
 
 
 def _runs_of_key(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
-    """Return the records in which no other key is changed, each episode once, with the key's number as AT."""
-    # Keep the runs that change this key alone, and drop the columns of all others.
-    other_keys = {config_key for config_key in keys if config_key != key}
+    """Return the records in which the other keys are as usual, each episode once, with the key's number as AT."""
+    # Keep the runs in which this key alone is varied, and drop the columns of all others.
+    other_keys = [config_key for config_key in keys if config_key != key]
     changed_keys = frame["changes"].map(
         lambda text: {change.partition("=")[0] for change in text.split(", ")}
     )
-    subset = frame[[other_keys.isdisjoint(names) for names in changed_keys]]
+    is_usual = np.ones(len(frame), np.bool_)
+    for other in other_keys:
+        # Unchanged, or what most runs have if all of them change it, as those of one experiment do.
+        is_unchanged = np.array([other not in names for names in changed_keys])
+        values = frame[other]
+        is_usual &= is_unchanged if is_unchanged.any() else (values == values.mode().iloc[0]).to_numpy()
+    subset = frame[is_usual]
     subset = subset.drop(columns=[*other_keys, "changes", "run_dir"]).assign(**{AT: _numbers(subset[key])})
     # The same episode may have been driven in several runs: keep the first.
     settings = [name for name in ("system", *row_keys(subset), *EPISODE) if name != key]

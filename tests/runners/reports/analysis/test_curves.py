@@ -93,3 +93,14 @@ def test_the_files_of_curves_are_written(tmp_path, says):
         (LATENCY, "0.1", "0.5"),
     ]
     says("\n".join(found[0].sentences()))
+
+
+def test_keys_that_an_experiment_changes_in_every_run_are_as_usual():
+    """As in experiment=robustness_latency beside robustness_speed, which both lower the speed."""
+    lowered = [job(0.9 - latency, latency=f"{latency:g}", speed="1") for latency in (0.0, 0.1, 0.2)]
+    by_speed = [job(0.9 - 0.1 * speed, speed=f"{speed:g}") for speed in (0.5, 1.5)]
+    studies = CurveStudy.studies(sweep(*lowered, *by_speed))
+    assert {study.key: shown(study)["LME"] for study in studies} == {
+        LATENCY: [(0.0, 0.9), (0.1, 0.8), (0.2, 0.7)],
+        SPEED: [(0.5, 0.85), (1.0, 0.9), (1.5, 0.75)],
+    }
