@@ -73,10 +73,8 @@ class DelayedBases:
         is_followed = np.array(self._frequencies)
         self._gaits = Gaits(np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2, 3, 3)), is_followed)
 
-    def begin(
-        self, i: int, robot: Robot, rng: np.random.Generator, start: Floats, fastest_mover: float = 0.0
-    ) -> None:
-        """Put robot i at rest at the start of an episode. fastest_mover: greatest speed of the movers [m/s]."""
+    def begin(self, i: int, robot: Robot, rng: np.random.Generator, start: Floats) -> None:
+        """Put robot i at rest at the start of an episode."""
         self._starts[i] = self.encoders.scans[i] = start
         arrays = (*self.encoders[:3], *self._queues[2:], self._gaits.twists, self._gaits.rates)
         for array in arrays:
@@ -107,7 +105,7 @@ class RollingBases(DelayedBases):
         self, i: int, robot: Robot, rng: np.random.Generator, start: Floats, fastest_mover: float = 0.0
     ) -> None:
         """Put robot i at rest at the start of an episode. fastest_mover: greatest speed of the movers [m/s]."""
-        super().begin(i, robot, rng, start, fastest_mover)
+        super().begin(i, robot, rng, start)
         (self._slip_rngs[i],) = rng.spawn(1)
         assert isinstance(self._config, FastConfig)
         self._counts[i], self._tracks[i] = (
@@ -142,9 +140,9 @@ class SlidingBases(DelayedBases):
     def begin(
         self, i: int, robot: Robot, rng: np.random.Generator, start: Floats, fastest_mover: float = 0.0
     ) -> None:
-        """Put robot i at rest at the start of an episode. fastest_mover: greatest speed of the movers [m/s]."""
+        """Put robot i at rest at the start of an episode. fastest_mover: does not matter here."""
         check_base(robot)
-        super().begin(i, robot, rng, start, fastest_mover)
+        super().begin(i, robot, rng, start)
         self._set_gait(i, self._dt / self._pieces)
         self._slip_rngs[i], self._yaw_rngs[i], phase_rng = rng.spawn(3)
         self._phases[i] = phase_rng.uniform() / self._scan_rate if self._scan_rate else 0.0

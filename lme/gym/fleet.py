@@ -251,6 +251,9 @@ class Fleet:
         movers = self._crowds.packed() if self._crowds else NOTHING_MOVES
 
         def work(part: Ints) -> None:
+            if self._crowds is None:
+                drive_and_see(part, self._base, NOTHING_MOVES)
+                return
             is_crowded = self._is_crowded[part]
             drive_and_see(part[~is_crowded], self._base, NOTHING_MOVES)
             if is_crowded.any():

@@ -73,8 +73,7 @@ def checked_people(observation: object, source: object) -> Observation:
     try:
         if not isinstance(observation, Observation):
             raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
-        requirement = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
-        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", requirement)
+        people = _people(observation)
     except ReturnedError as error:
         raise ReturnedError(f"{dotted_name(source)}.seen returned {error}") from None
     return observation if people is observation.pedestrians else observation._replace(pedestrians=people)
@@ -101,8 +100,7 @@ def given_observation(observation: object) -> Observation:
     """
     try:
         given = _observation(observation)
-        requirement = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
-        people = checked_array(given.pedestrians, (None, 4), "pedestrians", requirement)
+        people = _people(given)
     except ReturnedError as error:
         raise ReturnedError(f"the observation has {error}") from None
     scan, ranges = given.scan, np.asarray(given.scan.ranges)
@@ -178,6 +176,11 @@ def _observation(observation: object) -> Observation:
     checked_array(observation.twist, (2,), "a twist", "(v [m/s], omega [rad/s])")
     checked_array(observation.odometry, (3,), "an odometry", "(x [m], y [m], yaw [rad])")
     return observation if target is observation.target else observation._replace(target=target)
+
+
+def _people(observation: Observation) -> Floats:
+    requirement = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
+    return checked_array(observation.pedestrians, (None, 4), "pedestrians", requirement)
 
 
 def _as_floats(value: object, shape: tuple[int | None, ...], subject: str, requirement: str) -> Floats:

@@ -129,7 +129,9 @@ class Navigator:
     def _act(self, observation: Observation, time: float | None) -> Twist:
         if self._check:
             observation = self._check.checked(observation)
-        if not math.isfinite(sum((*observation.target.tolist(), *observation.twist, *observation.odometry))):
+        elif not math.isfinite(
+            sum((*observation.target.tolist(), *observation.twist, *observation.odometry))
+        ):
             raise ReturnedError(
                 f"the observation has target {observation.target.tolist()}, {observation.twist} and odometry "
                 f"{observation.odometry}: must be finite"

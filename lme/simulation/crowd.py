@@ -19,6 +19,7 @@ from lme.simulation.crowd_step import (
     people_of,
     place,
     present_circles,
+    present_velocities,
     state_at_start,
 )
 from lme.simulation.walkers import HASTE
@@ -87,8 +88,7 @@ class Crowd:
     @property
     def disc_velocities(self) -> Floats:
         """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
-        discs = self._paths.discs
-        return self.velocities[discs[self.present[discs]] if self._come_and_go else discs]
+        return present_velocities(self._paths, self._state)
 
     def advance(self, robot: Pose, dt: float) -> None:
         """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""

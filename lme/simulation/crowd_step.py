@@ -220,6 +220,18 @@ def present_circles(paths: Paths, state: CrowdState) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
+def present_velocities(paths: Paths, state: CrowdState) -> Floats:
+    """Velocities (C, 2) of the discs that are present, in the order of `present_circles` [m/s]."""
+    velocities = np.empty((len(paths.discs), 2))
+    count = 0
+    for k in range(len(paths.discs)):
+        if state.is_present[paths.discs[k]]:
+            velocities[count] = state.velocities[paths.discs[k]]
+            count += 1
+    return velocities[:count]
+
+
+@njit(cache=True, error_model="numpy")
 def _decide(paths, people, state, x, y, radius, dt):
     """Let the people choose new velocities, every `PERIOD`."""
     time, decided = state.clock[TIME], state.clock[_DECIDED]

@@ -11,7 +11,14 @@ from lme.gym.kernels.poses import compose
 from lme.gym.kernels.steps import lidar_pose
 from lme.perception.leaf_scan import scan_shapes
 from lme.simulation.crowd import discs_in_sight
-from lme.simulation.crowd_step import CrowdState, Paths, Pedestrians, advance, present_circles
+from lme.simulation.crowd_step import (
+    CrowdState,
+    Paths,
+    Pedestrians,
+    advance,
+    present_circles,
+    present_velocities,
+)
 from lme.types import Ints
 
 
@@ -120,15 +127,10 @@ def look_for_people(chosen, scans, bases, mount, lidar, ranges, people, crowds):
     angles, limits = (angle_min, increment), (range_min, range_max, slack)
     for i in chosen:
         paths, _, state = crowd_of(crowds, None, i)
-        velocities, count = np.empty((len(paths.discs), 2)), 0
-        for k in range(len(paths.discs)):
-            if state.is_present[paths.discs[k]]:
-                velocities[count] = state.velocities[paths.discs[k]]
-                count += 1
         base = (bases[i, 0], bases[i, 1], bases[i, 2])
         sensor = compose((scans[i, 0], scans[i, 1], scans[i, 2]), mount)
-        circles = present_circles(paths, state)
-        seen = discs_in_sight(circles, velocities[:count], ranges[i], angles, limits, sensor, base)
+        circles, velocities = present_circles(paths, state), present_velocities(paths, state)
+        seen = discs_in_sight(circles, velocities, ranges[i], angles, limits, sensor, base)
         # The nearest first, and of equally near ones the first.
         distances = np.array([math.hypot(row[0], row[1]) for row in seen])
         for row in range(min(len(seen), people.shape[1])):

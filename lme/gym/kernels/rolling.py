@@ -81,7 +81,6 @@ def roll(
         pose = (states.poses[i, 0], states.poses[i, 1], states.poses[i, 2])
         odometry = (encoders.odometry[i, 0], encoders.odometry[i, 1], encoders.odometry[i, 2])
         allowed = bounds
-        box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
         driven, contact, arrived = count, False, False
         if crowds is not None:
             crowd = crowd_of(crowds, walkers, i)
@@ -117,7 +116,7 @@ def roll(
             if crowds is not None:
                 here = travel[k : k + 1]
                 _, contact, arrived = driven_until(i, here, bodies, places, obstacles)
-                if first_touch(crowd, here, box) >= 0:
+                if first_touch(crowd, here, bodies.boxes[i]) >= 0:
                     contact, arrived = True, False
                 if contact or arrived:
                     driven = k + 1

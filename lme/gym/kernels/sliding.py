@@ -55,7 +55,6 @@ def slide_all(
             wheels.body[i], wheels.wheels[i], wheels.acceleration[i], wheels.grip[i], wheels.odometry[i]
         )
         bounds = (limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3])
-        box = (bodies.boxes[i, 0], bodies.boxes[i, 1], bodies.boxes[i, 2])
         if crowds is not None:
             crowd = crowd_of(crowds, walkers, i)
         num_driven, end, contact, arrived, error = 0, begin, False, False, 0.0
@@ -77,7 +76,7 @@ def slide_all(
             # Cut the piece at contact or arrival, which end the episode.
             driven, contact, arrived = driven_until(i, poses, bodies, places, obstacles)
             if crowds is not None:
-                touch = first_touch(crowd, poses[:driven], box)
+                touch = first_touch(crowd, poses[:driven], bodies.boxes[i])
                 if touch >= 0:
                     driven, contact, arrived = touch + 1, True, False
             travel[k * count : k * count + driven] = poses[:driven]
