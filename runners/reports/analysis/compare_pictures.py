@@ -32,6 +32,7 @@ PAIR_IN, FLAT = (9.0, 4.6), 0.46  # and its height as a share of a page's width
 FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
+MOST_RUNS = 60  # in a heat map, the reference included
 LABEL = 34  # most letters in a line of a name
 
 
@@ -152,18 +153,19 @@ def _draw_bars(axes: Axes, gain: pd.Series, most: int) -> None:
 
 
 def _heat_map(study: RunComparison, page: PrintSpace | None) -> Noted:
-    """Draw runs × worlds in bands, with the worlds from the worst to the best of all runs."""
+    """Draw runs × worlds in bands, with the worlds from the worst to the best of all runs that are drawn."""
     from matplotlib import colormaps
 
     # Make room for the longest name, and split the worlds into bands.
-    names = [_wrapped(name) for name in study.names]
+    runs = _best_and_worst(study)
+    names = [_wrapped(name) for name in (study.reference, *(run.name for run in runs))]
     around_in = 1.1 + 0.075 * max(len(line) for name in names for line in name.split("\n"))
     band_in = 0.55 + LINE_IN * len(names) * (1 + 0.35 * any("\n" in name for name in names))
     band, most = BAND, MOST_WORLDS
     if page is not None:
         band = int((page.width_in - around_in) / CELL_IN)
         most = band * max(int(page.height_in / band_in), 1)
-    means, note = _means(study, most)
+    means, note = _means(study, runs, most)
     bands = [means.iloc[:, start : start + band] for start in range(0, means.shape[1], band)]
     width = around_in + CELL_IN * max(len(bands[0].columns), 28) if page is None else page.width_in
     figure = new_figure(width, (0.4 if page is None else 0.1) + band_in * len(bands))
@@ -190,8 +192,23 @@ def _heat_map(study: RunComparison, page: PrintSpace | None) -> Noted:
     return Noted(figure, note)
 
 
-def _means(study: RunComparison, most: int) -> tuple[pd.DataFrame, str]:
-    """Return the drawn measure by run and world, worst worlds first, and a note on which worlds these are.
+def _best_and_worst(study: RunComparison) -> list[Compared]:
+    """Return the runs to draw beside the reference, in their order: of too many, as many best as worst ones."""
+
+    def gain(run: Compared) -> float:
+        mean = float((run.worlds["other"] - run.worlds["reference"]).mean())
+        return -math.inf if math.isnan(mean) else mean
+
+    ranked = sorted(study.compared, key=gain)
+    most = MOST_RUNS - 1
+    if len(ranked) <= most:
+        return study.compared
+    drawn = {id(run) for run in (*ranked[: most // 2], *ranked[-(most - most // 2) :])}
+    return [run for run in study.compared if id(run) in drawn]
+
+
+def _means(study: RunComparison, runs: Sequence[Compared], most: int) -> tuple[pd.DataFrame, str]:
+    """Return the drawn measure by run and world, worst worlds first, and a note on what is drawn.
 
     Worlds in which all runs are equal are left out, unless all worlds are such. most: largest number of worlds.
     """
@@ -200,23 +217,29 @@ def _means(study: RunComparison, most: int) -> tuple[pd.DataFrame, str]:
     reference_means = paired.values(study.run.frame, study.measure).groupby("world").mean()
     columns = {
         study.reference: reference_means,
-        **{compared.name: compared.worlds["other"] for compared in study.compared},
+        **{run.name: run.worlds["other"] for run in runs},
     }
-    shared = sorted(set().union(*(compared.worlds.index for compared in study.compared)))
+    shared = sorted(set().union(*(run.worlds.index for run in runs)))
     table = pd.DataFrame(columns).loc[shared]
     # A world where a run is missing counts as different.
     differs = (table.max(axis=1) - table.min(axis=1) > TIE) | table.isna().any(axis=1)
     table = table[differs] if differs.any() else table
     order = table.mean(axis=1).sort_values(kind="stable").index
-    return table.loc[order[:most]].T, _picture_note(study, len(order), len(shared) - len(order), most)
+    note = _picture_note(study, len(runs), len(order), len(shared) - len(order), most)
+    return table.loc[order[:most]].T, note
 
 
-def _picture_note(study: RunComparison, differing: int, same: int, most: int) -> str:
-    """Return a note on what is drawn. differing: number of worlds to draw. same: of worlds with all runs alike."""
+def _picture_note(study: RunComparison, runs: int, differing: int, same: int, most: int) -> str:
+    """Return a note on what is drawn.
+
+    runs: number of runs beside the reference. differing: number of worlds to draw. same: of worlds with all runs alike.
+    """
     header = MEASURES[study.measure].header
     sentences = [
         f"{header}, mean of the runs in each world, from the world that is worst on average to the best."
     ]
+    if runs < len(study.compared):
+        sentences.append(f"The {runs // 2} worst and {runs - runs // 2} best of {len(study.compared):,} runs.")
     if differing > most:
         sentences.append(f"The {most} worst of {differing:,} worlds.")
     if same:

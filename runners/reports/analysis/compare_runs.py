@@ -148,8 +148,9 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     # Differences from the reference, over all measures and by world for the drawn one.
     baseline = _measured(group.reference.frame, group.reference.worlds)
     changes = _changes(baseline, frames)
+    baseline_values = paired.values(baseline, measure)
     compared = [
-        Compared(name, run, changes[name], _by_world(baseline, frames[name], measure))
+        Compared(name, run, changes[name], _by_world(baseline_values, paired.values(frames[name], measure)))
         for name, (run, _) in zip(names, group.others, strict=True)
     ]
     # Configs can be compared only if every run has one.
@@ -182,8 +183,9 @@ def _changes(baseline: pd.DataFrame, frames: Mapping[str, pd.DataFrame]) -> dict
                 _successes(reference),
                 {name: _successes(variant) for name, variant in variants.items()},
             )
+        reference_values = paired.values(reference, measure)
         for name, difference in paired.compare(Block({}, reference, variants), measure).items():
-            worlds = _by_world(reference, variants[name], measure).mean()
+            worlds = _by_world(reference_values, paired.values(variants[name], measure)).mean()
             change = Change(float(worlds["reference"]), float(worlds["other"]), difference)
             changes.setdefault(name, {})[measure] = change
     return changes
@@ -193,12 +195,11 @@ def _successes(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[frame["outcome"] == SUCCESS]
 
 
-def _by_world(baseline: pd.DataFrame, frame: pd.DataFrame, measure: str) -> pd.DataFrame:
+def _by_world(baseline: pd.Series, other: pd.Series) -> pd.DataFrame:
     """Return the means by world over the episodes that both have: columns `reference` and `other`."""
     import pandas as pd
 
-    series = {"reference": paired.values(baseline, measure), "other": paired.values(frame, measure)}
-    return pd.DataFrame(series).dropna().groupby("world").mean()
+    return pd.DataFrame({"reference": baseline, "other": other}).dropna().groupby("world").mean()
 
 
 def _notes(

@@ -128,7 +128,8 @@ def blocks(
 
 def compare(block: Block, quantity: str) -> dict[str, Difference]:
     """Return the difference of each variant from the baseline, by name; variants without pairs are left out."""
-    pairs = {name: difference(block.baseline, frame, quantity) for name, frame in block.variants.items()}
+    baseline = values(block.baseline, quantity)
+    pairs = {name: _difference(baseline, values(frame, quantity)) for name, frame in block.variants.items()}
     differences = {name: value for name, value in pairs.items() if value is not None}
     adjusted = holm([value.p for value in differences.values()])
     return {
@@ -139,8 +140,11 @@ def compare(block: Block, quantity: str) -> dict[str, Difference]:
 
 def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
     """Return `variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
-    baseline_values, variant_values = (values(frame, quantity) for frame in (baseline, variant))
-    changes = (variant_values - baseline_values).dropna()
+    return _difference(values(baseline, quantity), values(variant, quantity))
+
+
+def _difference(baseline: pd.Series, variant: pd.Series) -> Difference | None:
+    changes = (variant - baseline).dropna()
     if changes.empty:
         return None
     # The worlds are the units: the value of each is the mean of its paired differences.

@@ -107,3 +107,12 @@ def test_many_worlds_come_in_bands_and_only_the_worst(drawn, says):
     assert [len(ticks(band)) for band in bands] == [75] * 4
     assert ticks(bands[0])[0] == "0"
     says(figure.texts[-1].get_text())
+
+
+def test_of_many_runs_the_worst_and_the_best_are_drawn(drawn, says):
+    ranks = np.random.default_rng(0).permutation(100)
+    figure = drawn(study([0.0], *([rank / 200] for rank in ranks)))
+    names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    ends = np.flatnonzero((ranks < 29) | (ranks >= 70)) + 1
+    assert names == ["S0", *(f"S{run}" for run in ends)]
+    says(figure.texts[-1].get_text())
