@@ -44,6 +44,7 @@ _URG_INCREMENT = 360.0 / 1024.0  # [deg]
 _FINEST = 0.25  # [deg] increments over half a turn are multiples of this
 _RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
 _SAME_M, _SAME_RAD = 0.02, 0.02  # tolerance for the laser's pose on the robot
+_STEP_M, _FEWEST_STEPS = 0.05, 10  # between two scans in which a robot drives, and how many tell its direction
 
 
 class _Scan(NamedTuple):
@@ -60,9 +61,14 @@ class CarmenLog(Bag):
     """An open CARMEN log, plain or compressed by gzip. The whole log is read at once."""
 
     def __init__(self, path: Path) -> None:
-        """Read `path`. Raises InputError if it cannot be read, is damaged, or holds no scans."""
+        """Read `path`. Raises InputError if it cannot be read, is damaged, or holds no scans, or yaw in degrees."""
         self.path = path
         self._scans = _stamped(_scans(path))
+        if _turns_in_degrees(self._scans):
+            raise InputError(
+                f"log {path}: the yaw of the poses is in degrees, because only then does the robot drive where it "
+                "points; must be in radians"
+            )
         self._mount = _mount(self._scans)
 
     def __exit__(self, *error: object) -> None:
@@ -262,6 +268,18 @@ def _stamped(scans: list[_Scan]) -> list[_Scan]:
     for scan in scans[1:]:
         stamped.append(scan._replace(stamp=max(scan.stamp, stamped[-1].stamp + 1)))
     return stamped
+
+
+def _turns_in_degrees(scans: Sequence[_Scan]) -> bool:
+    """Return whether the robot drives along its yaw, forwards or backwards, only if that is read as degrees."""
+    x, y, yaw = np.array([scan.robot for scan in scans]).T
+    steps = np.diff(x) + 1j * np.diff(y)
+    drives = np.abs(steps) > _STEP_M
+    if np.count_nonzero(drives) < _FEWEST_STEPS:
+        return False
+    directions, yaw = np.angle(steps[drives]), yaw[:-1][drives]
+    in_radians, in_degrees = (np.abs(np.cos(directions - angle)).mean() for angle in (yaw, np.radians(yaw)))
+    return bool(in_degrees > 0.95 and in_radians < 0.85)  # 0.64 on average for any direction
 
 
 def _mount(scans: Sequence[_Scan]) -> Pose:

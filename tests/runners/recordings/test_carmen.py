@@ -211,3 +211,9 @@ def test_poses_and_stamps_that_no_robot_has_are_said(tmp_path, monkeypatch, says
         ]
     with says.warns():
         main([f"bag={write(tmp_path / 'a.log', lines)}", "robot=turtlebot2", "tracking=none"])
+
+
+def test_yaw_in_degrees_is_refused(tmp_path, says):
+    in_degrees = [pose._replace(yaw=math.degrees(pose.yaw)) for pose in way()]
+    with says.raises(InputError):
+        CarmenLog(write(tmp_path / "degrees.log", flaser_lines(in_degrees)))
