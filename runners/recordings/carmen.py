@@ -44,7 +44,8 @@ _URG_INCREMENT = 360.0 / 1024.0  # [deg]
 _FINEST = 0.25  # [deg] increments over half a turn are multiples of this
 _RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
 _SAME_M, _SAME_RAD = 0.02, 0.02  # tolerance for the laser's pose on the robot
-_STEP_M, _FEWEST_STEPS = 0.05, 10  # between two scans in which a robot drives, and how many tell its direction
+_STEP_M = 0.05  # between two scans, in which a robot drives
+_FEWEST_STEPS = 10  # that tell whether it drives where it points
 
 
 class _Scan(NamedTuple):
