@@ -33,14 +33,13 @@ def _to_overrides(argv: list[str]) -> list[str]:
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"figure={words[0]}"
-    return [_expand_key(word) for word in words]
-
-
-def _expand_key(word: str) -> str:
-    key, value = _key(word), word.partition("=")[2]
-    if key == "formats" and value.isalpha():
-        return f"formats=[{value}]"
-    return f"{_SHORT[key]}={value}" if key in _SHORT else word
+    for number, word in enumerate(words):
+        key, value = _key(word), word.partition("=")[2]
+        if key == "formats" and value.isalpha():
+            words[number] = f"formats=[{value}]"
+        elif key in _SHORT:
+            words[number] = f"{_SHORT[key]}={value}"
+    return words
 
 
 def _check_driving(words: list[str]) -> None:
