@@ -198,7 +198,7 @@ def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
     from runners.reports.figures.animation import animate
 
     path = run_dir / "episode.gif"
-    animate(config, world, 0, path)
+    animate(config, world, path)
     return [path]
 
 

@@ -76,11 +76,12 @@ def failed_section(frame: pd.DataFrame, directory: Path) -> str:
         return ""
     # A row for each failure, with the job in a sweep.
     jobs = _job_names(frame)
-    lines = [
-        [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, directory)]
-        for run_dir, episode in episode_rows(frame[is_failure(frame)])
-        for job in [[jobs[run_dir]] if len(jobs) > 1 else []]
-    ]
+    lines = []
+    for run_dir, episode in episode_rows(frame[is_failure(frame)]):
+        job = [jobs[run_dir]] if len(jobs) > 1 else []
+        page = page_path(run_dir, EpisodeKey.of(episode))
+        link = _link(page, directory) if page.is_file() else DASH
+        lines.append([*job, *map(markdown_text, cells(episode)), link])
     header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
     table = markdown_table([header, rule, *lines]) if lines else "None."
@@ -133,11 +134,6 @@ def _closest_m(episode: Mapping[str, Any], trajectory: Floats) -> float:
         return float("nan")
     x, y = (trajectory[:, TRAJECTORY_COLUMNS.index(name)] for name in ("x_m", "y_m"))
     return float(np.hypot(x - episode["goal_x_m"], y - episode["goal_y_m"]).min())
-
-
-def _page_link(episode: Mapping[str, Any], run_dir: Path, directory: Path) -> str:
-    path = page_path(run_dir, EpisodeKey.of(episode))
-    return _link(path, directory) if path.is_file() else DASH
 
 
 def _link(path: Path, directory: Path) -> str:
