@@ -45,11 +45,11 @@ def write_weights(
     values: those of the best trial, by dotted config key. metadata: further entries of the file.
     note: what follows "Written by lme train" in its first line. Returns the path of the first file. Raises OSError.
     """
-    parameters = best_parameters(config, values)
+    parameters, settings = best_parameters(config, values), other_settings(values)
     content = {
         "name": name,
         "parameters": parameters,
-        **({"settings": other_settings} if (other_settings := _other_settings(values)) else {}),
+        **({"settings": settings} if settings else {}),
         "robot": config.robot.name,
         **metadata,
         "seed": config.seed,
@@ -79,13 +79,14 @@ def check_weights_name(name: str, study: str) -> None:
         raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
 
 
-def settings(values: Mapping[str, float]) -> list[str]:
-    """Return the overrides that set the values found for keys that are not parameters of the guide."""
-    return [f"{key}={value!r}" for key, value in _other_settings(values).items()]
-
-
-def _other_settings(values: Mapping[str, float]) -> dict[str, float]:
+def other_settings(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values found for keys that are not parameters of the guide."""
     return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
+
+
+def settings_words(values: Mapping[str, float]) -> list[str]:
+    """Return the overrides that set the values of `other_settings`."""
+    return [f"{key}={value!r}" for key, value in other_settings(values).items()]
 
 
 def register_network(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:

@@ -163,7 +163,7 @@ def _usage(job: Job[TrainConfig], search_result: SearchResult) -> str:
     words = weight_file.driven(job, search_result.values)
     if weight_file.best_parameters(job.config, search_result.values):
         words.append(override("weights", weights_name(job)))
-    return lme_command("eval", *words, *weight_file.settings(search_result.values), folders=job.folders)
+    return lme_command("eval", *words, *weight_file.settings_words(search_result.values), folders=job.folders)
 
 
 def _advise(job: Job[TrainConfig], search_result: SearchResult, verdict: Verdict) -> None:
@@ -210,7 +210,7 @@ def _elsewhere(job: Job[TrainConfig], search_result: SearchResult) -> str:
         for word in weight_file.driven(job, search_result.values)
         if word.lstrip("+").partition("=")[0] != "robot"
     ]
-    settings = weight_file.settings(search_result.values)
+    settings = weight_file.settings_words(search_result.values)
     compared = [*([] if settings else [job.weights]), weights_name(job)]
     words = [f"robot={job.choices['robot']}", *words, f"map={','.join(other_maps)}"]
     words += [f"weights={','.join(map(element, compared))}", *settings]
