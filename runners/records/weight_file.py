@@ -20,6 +20,7 @@ from lme.guides.lme.weight_files import NETWORK, REGISTERED, WEIGHTS, shipped_ne
 from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
+from runners.config.quoting import key_of
 from runners.config.schema import SystemConfig, TrainConfig
 from runners.config.space import PARAMETERS
 from runners.config.systems import PAIR
@@ -149,7 +150,7 @@ def driven(job: Job[SystemConfig], values: Collection[str]) -> list[str]:
     An experiment, or a config of the user's own, may have chosen parts of the system instead, so a part is named if
     it is not the default of `lme eval`. The pair is always named if more than a guide's parameters was trained.
     """
-    keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
+    keys = {word: key_of(word) for word in job.overrides}
     trained = {*values, *(PARAMETERS.rstrip(".") for key in values if key.startswith(PARAMETERS))}
     words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in trained]
     defaults = Catalogue(job.folders).groups("eval")

@@ -153,7 +153,7 @@ def draw_mover_trails(axes: Axes, trace: Trace, last_frame: int) -> None:
 
 
 def stage_keys(time_text: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
-    """Return the entries of the key for a still `Stage`. moment: such as "at 12.5 s". colour: of the robot."""
+    """Return the entries of the key for a still `Stage`. time_text: such as "at 12.5 s". colour: of the robot."""
     from matplotlib.lines import Line2D
 
     keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {time_text}")]
