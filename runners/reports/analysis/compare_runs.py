@@ -136,7 +136,7 @@ def compare_runs(frames: Iterable[pd.DataFrame]) -> list[RunComparison]:
 
 
 def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
-    runs = [group.reference, *(run for run, _ in group.others)]
+    runs = group.runs
     reference, *names = run_names(runs)
     has_metric = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
     measure = METRIC if has_metric else SUCCESS
@@ -196,7 +196,7 @@ def _by_world(baseline: pd.DataFrame, frame: pd.DataFrame, measure: str) -> pd.D
 def _notes(
     group: Group, names: Sequence[str], keys: Mapping[str, Sequence[object]], launches: Sequence[Launch]
 ) -> list[str]:
-    runs = [group.reference, *(run for run, _ in group.others)]
+    runs = group.runs
     lines = [
         _describe_unshared(group.reference, run, worlds, name)
         for (run, worlds), name in zip(group.others, names[1:], strict=True)

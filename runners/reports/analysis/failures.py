@@ -19,6 +19,7 @@ from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories
 from runners.reports.analysis.summary import DASH, as_text, row_keys
+from runners.reports.analysis.text_table import TextTable
 from runners.reports.analysis.what_happened import ORDER, UP_TO_M, what_happened
 
 if TYPE_CHECKING:
@@ -188,7 +189,7 @@ def timeouts_section(frame: pd.DataFrame) -> str:
         for values, group in counts
     ]
     header = [*(key.capitalize() if key.isidentifier() else key for key in keys), "Time-outs", *CLASSES]
-    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
     standing, paces = UP_TO_M
     note = f"By the last minute: the robot stayed within {standing:g} m, within {paces:g} m, or went farther."
-    return f"\n## Time-outs\n\n{markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])}\n\n{note}\n"
+    table = TextTable(header, rows, left=range(len(keys))).to_markdown()
+    return f"\n## Time-outs\n\n{table}\n\n{note}\n"

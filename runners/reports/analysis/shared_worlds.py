@@ -73,6 +73,11 @@ class Group:
     reference: ComparedRun
     others: tuple[tuple[ComparedRun, frozenset[int]], ...]
 
+    @property
+    def runs(self) -> list[ComparedRun]:
+        """All runs, the reference first."""
+        return [self.reference, *(run for run, _ in self.others)]
+
 
 def groups(runs: Sequence[ComparedRun]) -> list[Group]:
     """Return the runs grouped by shared worlds, in their order. A run that shares none is a group without others.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TextIO
 
 from lme.metrics import interval_over_worlds
-from runners.config.escaping import csv_value, html_text, markdown_table, markdown_text, visible
+from runners.config.escaping import csv_value, html_text, markdown_text, visible
 from runners.config.schema import PUBLISHED_MARK
 from runners.records.atomic_write import write_atomically
 from runners.records.launch_record import read_launch
@@ -364,14 +364,13 @@ def families_section(frame: pd.DataFrame) -> str:
     rows = [[*map(str, values), *_figures(group)] for values, group in texts.groupby(keys, sort=False)]
     names = [key.capitalize() if key.isidentifier() else key for key in keys[:-1]]
     header = [*names, "Family", "Success", "95 % CI", "Collision", "Timeout", "n"]
-    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
     stands_in = (episodes[FAMILY] == STAND_IN).any()
     note = (
         f"\n{STAND_IN} are generated: no maps of real buildings were given (map.paths).\n"
         if stands_in
         else ""
     )
-    table = markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])
+    table = TextTable(header, rows, left=range(len(keys))).to_markdown()
     return f"\n## Families of worlds\n\n{table}\n{note}"
 
 
