@@ -119,8 +119,8 @@ class Composer(initialize_config_dir):
         search_paths = [o for o in overrides if o.startswith("hydra.searchpath=")]
         others = [o for o in overrides if o not in search_paths]
         lists = [override.value() for override in self.parse(search_paths)]
-        more = [str(place) for places in lists if isinstance(places, list) for place in places]
-        places = ",".join(quoted(place) for place in (f"file://{self._config_dir}", *more))
+        other_folders = [str(folder) for places in lists if isinstance(places, list) for folder in places]
+        places = ",".join(quoted(folder) for folder in (f"file://{self._config_dir}", *other_folders))
         return [f"hydra.searchpath=[{places}]", *others]
 
 

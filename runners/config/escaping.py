@@ -90,9 +90,9 @@ def csv_value(value: Any) -> Any:
     if not isinstance(value, str | Path):
         return value
     text = str(value)
-    shown = visible(text)
+    visible_text = visible(text)
     formula = text.lstrip()[:1] in _FORMULA or text[:1] in ("\t", "\r", "\n")
-    return f"'{shown}" if text and formula and not _is_number(text) else shown
+    return f"'{visible_text}" if text and formula and not _is_number(text) else visible_text
 
 
 def plot_text(text: str) -> str:
@@ -131,13 +131,13 @@ def _is_number(text: str) -> bool:
 
 def masked(url: str) -> str:
     """Return the URL without its password."""
-    place, mark, query = url.partition("?")
-    if (mark and not _ACCOUNT.search(f"{place}@")) or re.search(r"//[^/:]*:\d*(/[^?]*)?$", place):
-        return masked_text(place) + re.sub(rf"{_QUERY.pattern}.*", rf"\1{HIDDEN}", mark + query, flags=re.I)
-    shown = masked_text(url)
-    if shown == url and ":/" not in url:
-        shown = _ACCOUNT_ALONE.sub(rf"\1{HIDDEN}@", url)
-    return shown
+    address, mark, query = url.partition("?")
+    if (mark and not _ACCOUNT.search(f"{address}@")) or re.search(r"//[^/:]*:\d*(/[^?]*)?$", address):
+        return masked_text(address) + re.sub(rf"{_QUERY.pattern}.*", rf"\1{HIDDEN}", mark + query, flags=re.I)
+    masked_url = masked_text(url)
+    if masked_url == url and ":/" not in url:
+        masked_url = _ACCOUNT_ALONE.sub(rf"\1{HIDDEN}@", url)
+    return masked_url
 
 
 def masked_text(text: str) -> str:

@@ -138,8 +138,8 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
     """Return the error that a dotted `key` is unknown. known: the last parts of the keys that its parent holds."""
     parent, _, name = key.rpartition(".")
     names = sorted(known)
-    place = f"{parent} holds: " if parent else "there are: "
-    return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
+    listing = f"{parent} holds: " if parent else "there are: "
+    return InputError(f"{key}: no such key; {nearest(name, names)}{listing}{', '.join(names) or 'no keys'}")
 
 
 def translate_error(error: BaseException, schema: Any = None) -> InputError:
@@ -161,9 +161,9 @@ def translate_error(error: BaseException, schema: Any = None) -> InputError:
         part = getattr(robots, name, None)
         keys = f" of {', '.join(field.name for field in dataclasses.fields(part))}" if part else ""
         return InputError(f"{name.lower()} is {value_text:.80}: must be a mapping{keys}")
-    value, wanted = _VALUE.search(message), describe_expected(schema, key) if key else ""
-    if value and wanted:
-        return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {wanted}")
+    value, expected = _VALUE.search(message), describe_expected(schema, key) if key else ""
+    if value and expected:
+        return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {expected}")
     reason = re.sub(r"^\w+ raised while composing config:\s*", "", one_line(message))
     return InputError(f"{key}: {reason}" if key else reason)
 
@@ -226,8 +226,8 @@ def describe(annotation: Any) -> str:
 
 def one_line(message: str) -> str:
     """Return a message of OmegaConf or Hydra as one line, without internal names or advice for programmers."""
-    shown = [line.strip() for line in message.splitlines() if line.strip()]
-    text = " ".join(line for line in shown if not re.match(r"(full_key|object_type|reference_type)", line))
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    text = " ".join(line for line in lines if not re.match(r"(full_key|object_type|reference_type)", line))
     return re.split(r" (?:To append to|Config search path)", text)[0]
 
 

@@ -93,7 +93,9 @@ def _shared_changes(launches: Sequence[Launch]) -> dict[str, Any]:
     if len(changes) < 2:
         return {}
     return {
-        key: value for key, value in changes[0].items() if all((key, value) in one.items() for one in changes)
+        key: value
+        for key, value in changes[0].items()
+        if all((key, value) in changes_of_run.items() for changes_of_run in changes)
     }
 
 

@@ -70,12 +70,12 @@ def write_paper(recorded: Recorded, folder: Path) -> list[Path]:
             (draft / name).mkdir()
         comparisons = _comparisons(recorded)
         # Tables in three formats; the text of each .tex is one or several floats.
-        studies = [found for kind in KINDS if (found := kind.studies(recorded.frame))]
+        studies = [studies_of_kind for kind in KINDS if (studies_of_kind := kind.studies(recorded.frame))]
         written = _write_results(recorded, draft / "tables")
         if comparisons:
             written += compare_report.write(comparisons, (), draft / "tables")
-        for found in studies:
-            written += study.write_tables(found, draft / "tables")
+        for studies_of_kind in studies:
+            written += study.write_tables(studies_of_kind, draft / "tables")
         # Figures, methods, citation and commands; then a document that has them all.
         drawn = figures.draw(
             recorded.frame, recorded.rows, recorded.run_dirs, comparisons, studies, draft / "figures"
