@@ -26,7 +26,7 @@ from runners.config.composer import Composer, without_hydra
 from runners.config.escaping import masked_text
 from runners.config.instantiate import translate_error
 from runners.config.job import Job
-from runners.config.quoting import resume_command, unquoted
+from runners.config.quoting import key_of, resume_command, unquoted
 from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers.environment import search_working_folder_last
 
@@ -145,13 +145,13 @@ def _with_resumed(command: str, args: arguments.Arguments) -> tuple[arguments.Ar
         )
     # Refuse an untrusted run, and an override that names the directory a second time.
     _check_foreign(saved, directory, args)
-    keys = {_key(override) for override in args.overrides}
+    keys = {key_of(override) for override in args.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
     # Keep the saved overrides that nothing given now replaces: neither their key, nor the option that holds it.
     anew = tuple(f"{key.replace('/', '.')}." for key in keys)
     saved_overrides = [
-        word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)
+        word for word in saved.overrides if key_of(word) not in keys and not key_of(word).startswith(anew)
     ]
     if not saved.multirun and "hydra.mode" not in keys:
         saved_overrides.append("hydra.mode=RUN")  # a single job, even if its experiment asks for a sweep
@@ -205,12 +205,8 @@ def _check_code(plan: command_line.Plan, directory: Path) -> None:
             trust.check_code(cast(dict[str, Any], values), directory)
 
 
-def _key(override: str) -> str:
-    return override.partition("=")[0].lstrip("+")
-
-
 def _resume_path(words: Sequence[str]) -> Path | None:
-    values = [unquoted(word.partition("=")[2]) for word in words if _key(word) == "resume"]
+    values = [unquoted(word.partition("=")[2]) for word in words if key_of(word) == "resume"]
     if not values or values[-1].lower() in ("", "true", "false"):
         return None
     return Path(values[-1])
@@ -225,7 +221,7 @@ def _directory(
 ) -> tuple[launch_record.Launch, Path]:
     """Return the launch record and the directory to write to; create both unless a run is resumed."""
     # Record what is launched, without the words that only say where to write.
-    words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
+    words = [word for word in plan.overrides if key_of(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, args.config_name)
     record.num_jobs = plan.num_jobs if plan.multirun else None
     # Find out whether to start afresh: also if resume=true finds nothing in the directory.
@@ -329,7 +325,7 @@ class _Task:
         if self.num_jobs is None:
             return replace(job, run_dir=run_dir)
         # A job of a sweep says its number, and gets a launch record of its own.
-        words = [word for word in job.overrides if _key(word) != "resume"]
+        words = [word for word in job.overrides if key_of(word) != "resume"]
         number = int(hydra.job.num)
         print(f"[{number + 1}/{self.num_jobs}] {' '.join(words)}", file=sys.stderr)
         record = launch_record.launch_of(

@@ -40,14 +40,12 @@ from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
 
 
+@plain_output()
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `lme` with these words, or those of the process; return the exit status."""
-    with plain_output():
-        return _main(argv)
-
-
-def _main(argv: Sequence[str] | None) -> int:
-    _collect_rarely()
+    # Collect garbage less often, and not at exit: libraries create a million objects that all stay alive.
+    gc.set_threshold(50_000)
+    atexit.register(gc.freeze)
     stdout_lost = open_streams()
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else "--help"
@@ -118,12 +116,6 @@ def _is_open(number: int) -> bool:
     except OSError:
         return False
     return True
-
-
-def _collect_rarely() -> None:
-    """Collect garbage less often, and not at exit: libraries create a million objects that all stay alive."""
-    gc.set_threshold(50_000)
-    atexit.register(gc.freeze)
 
 
 def command_files() -> dict[str, Path]:

@@ -52,20 +52,20 @@ class Arguments:
 
 def parse(argv: Sequence[str]) -> Arguments:
     """Parse a command line. Raises InputError for an unknown flag, and for a mistyped override."""
-    given = Arguments(**vars(_parser().parse_intermixed_args(list(argv))))
-    check_words(given.overrides)
-    if given.config_dir is not None:
-        check_config_dir(given.config_dir)
-        given.config_dir = given.config_dir.resolve()
-    if given.resolve and given.cfg is None:
+    parsed = Arguments(**vars(_parser().parse_intermixed_args(list(argv))))
+    check_words(parsed.overrides)
+    if parsed.config_dir is not None:
+        check_config_dir(parsed.config_dir)
+        parsed.config_dir = parsed.config_dir.resolve()
+    if parsed.resolve and parsed.cfg is None:
         raise InputError("--resolve goes with --cfg: --cfg job --resolve")
-    return given
+    return parsed
 
 
-def check_config_dir(folder: Path, given: str = "--config-dir ") -> None:
-    """Raise InputError unless a folder of the user's own options exists. given: text before it in the message."""
+def check_config_dir(folder: Path, prefix: str = "--config-dir ") -> None:
+    """Raise InputError unless a folder of the user's own options exists. prefix: text before it in the message."""
     if not os.path.isdir(folder):  # noqa: PTH112 - Path.is_dir raises for a name that is too long
-        raise InputError(f"{given}{folder}: no such directory")
+        raise InputError(f"{prefix}{folder}: no such directory")
 
 
 def _from_home(word: str) -> str:
@@ -121,7 +121,7 @@ def _check_lookalikes(word: str) -> None:
     in_key = not equals or _as_typed(key) != key
     in_value = _OUTSIDE.search(value) or _NEGATIVE.search(value) or _NUMBERS.fullmatch(typed_value)
     if in_key or in_value:
-        wrong = next(each for each in word if _as_typed(each) != each)
+        wrong = next(letter for letter in word if _as_typed(letter) != letter)
         name = unicodedata.name(wrong, "unnamed").lower()
         raise InputError(
             f"{word}: holds {name} (U+{ord(wrong):04X}), which only looks like what a keyboard types: write {typed}"
@@ -131,7 +131,7 @@ def _check_lookalikes(word: str) -> None:
 def _as_typed(word: str) -> str:
     """Return the word with lookalikes replaced by the characters of a keyboard."""
     dashes = len(word) - len(word.lstrip(_DASHES + "-"))
-    if dashes and "=" not in word and any(each in _DASHES for each in word[:dashes]):  # a flag
+    if dashes and "=" not in word and any(letter in _DASHES for letter in word[:dashes]):  # a flag
         flag = word[dashes:].translate(_AS_TYPED)
         return ("-" if len(flag) == 1 else "--") + flag
     return unicodedata.normalize("NFKC", word.translate(_AS_TYPED)).strip() if not word.isascii() else word

@@ -138,17 +138,24 @@ def check_episodes(
     configured(config.executor, "executor")
     maps = map_set(config) if maps is None else maps
     settings = [setting(config, maps, number) for number in maps.numbers[:num_tasks]]
-    for here in settings:
-        check_task(here.task, here.config.robot)
+    for episode_setting in settings:
+        check_task(episode_setting.task, episode_setting.config.robot)
     _warn_of_short_limits(settings, len(maps.numbers))
     simulator(config)
 
 
 def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> None:
     """Warn of goals that the robot cannot reach in time. count: number of all tasks; these may be only the first."""
-    late = [here for here in settings if _fastest(here) > here.task.time_limit]
+    late = [
+        episode_setting
+        for episode_setting in settings
+        if _fastest(episode_setting) > episode_setting.task.time_limit
+    ]
     if late:
-        fastest, limits = sorted(map(_fastest, late)), sorted(here.task.time_limit for here in late)
+        fastest, limits = (
+            sorted(map(_fastest, late)),
+            sorted(episode_setting.task.time_limit for episode_setting in late),
+        )
         of = f"the first {len(settings)} of {count}" if len(settings) < count else f"{count}"
         warnings.warn(
             f"map.time_limit is {limits[0]:g} s, and in {len(late)} of {of} worlds the shortest path takes "
@@ -158,29 +165,31 @@ def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> Non
         )
 
 
-def _fastest(here: EpisodeSetting) -> float:
+def _fastest(episode_setting: EpisodeSetting) -> float:
     """Return the time [s] of the shortest path to within the goal's tolerance at full speed."""
-    return (here.task.shortest_path_length - here.task.goal_tolerance) / here.config.robot.v_max
+    return (
+        episode_setting.task.shortest_path_length - episode_setting.task.goal_tolerance
+    ) / episode_setting.config.robot.v_max
 
 
 def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
     """Describe a run's time limit, and the number of worlds where it is too short; empty for other rules."""
     if "time_limit" not in config.map:
         return ""
-    given, v_max = config.map["time_limit"], config.robot.v_max
+    time_limit, v_max = config.map["time_limit"], config.robot.v_max
     lengths = frame.groupby("world")["shortest_path_length_m"].first()
-    if given is None:
+    if time_limit is None:
         limits = [fair_limit(length / (config.map.get("v_max") or v_max)) for length in lengths]
         rule = f"{TIME_FACTOR:g} × shortest path / v_max, at least {LEAST_TIME:g} s"
         return f"Time limit: {rule}: {_span(min(limits), max(limits))} s"
     fastest = (lengths - frame.groupby("world")["goal_tolerance_m"].first()) / v_max
-    late = fastest[fastest > given]
+    late = fastest[fastest > time_limit]
     beyond = (
         f"; the shortest path takes {_span(late.min(), late.max())} s at v_max in {len(late)} of {len(lengths)} worlds"
         if len(late)
         else ""
     )
-    return f"Time limit: {given:g} s{beyond}"
+    return f"Time limit: {time_limit:g} s{beyond}"
 
 
 def _span(low: float, high: float) -> str:

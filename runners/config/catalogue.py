@@ -42,13 +42,13 @@ class Catalogue:
 
         A user's own experiments count for every command.
         """
-        found = {option: f"{group}/{option}" for option in self.options(group)}
+        files = {option: f"{group}/{option}" for option in self.options(group)}
         own = self.options(f"{group}/{command}") if group == "experiment" else []
         if not own:
-            return found
+            return files
         users = Catalogue(self.folders[1:]).options(group)
         named = {option: f"{group}/{command}/{option}" for option in own}
-        return dict(sorted({**named, **{option: found[option] for option in users}}.items()))
+        return dict(sorted({**named, **{option: files[option] for option in users}}.items()))
 
     def options(self, group: str) -> list[str]:
         """Return the names of a group's options. A file named _… is not an option: others inherit it."""
@@ -89,13 +89,13 @@ class Catalogue:
 
         A key without a comment of its own has the inherited one.
         """
-        found: dict[str, Key] = {}
+        keys_by_name: dict[str, Key] = {}
         for file in self.option(name).files:
             text = _text(file)
             for key in _walk(yaml.compose(text, SafeLoader), text.splitlines(), ""):
-                comment = key.comment or (found[key.name].comment if key.name in found else "")
-                found[key.name] = replace(key, comment=comment)
-        return list(found.values())
+                comment = key.comment or (keys_by_name[key.name].comment if key.name in keys_by_name else "")
+                keys_by_name[key.name] = replace(key, comment=comment)
+        return list(keys_by_name.values())
 
 
 def shipped(*more: Path) -> Catalogue:

@@ -53,14 +53,14 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     beside = systems.system_settings(choices.get("system", ""), catalogue)
     beside = overlaid(beside, systems.ablation_settings(choices.get(systems.ABLATION, ""), catalogue))
     for node, names in _chosen(config, choices):
-        given: Any = OmegaConf.select(config, node)
-        if not isinstance(given, DictConfig):
-            raise InputError(f"{node} is {given!r}: must be a mapping, such as a file in conf/ has")
-        if not given:  # such as crowd=none
+        group_config: Any = OmegaConf.select(config, node)
+        if not isinstance(group_config, DictConfig):
+            raise InputError(f"{node} is {group_config!r}: must be a mapping, such as a file in conf/ has")
+        if not group_config:  # such as crowd=none
             continue
         written = _written(names, {**_of_family(node, config, catalogue), **beside.get(node, {})}, catalogue)
-        resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
-        for key, value in flatten(_plain(given, resolve=False)):
+        resolved = dict(flatten(_plain(group_config, resolve=True), f"{node}."))
+        for key, value in flatten(_plain(group_config, resolve=False)):
             dotted = f"{node}.{key}"
             # Records show in another way which worlds were driven, and how many.
             is_shown = dotted in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
@@ -69,7 +69,11 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     # Keys outside of these nodes: whom the system sees, from where commands ramp, their cap, and the clocks and range
     # of costmaps.
     schema: Any = OmegaConf.get_type(config)
-    defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
+    defaults = {
+        schema_field.name: schema_field.default
+        for schema_field in fields(schema)
+        if schema_field.name in ("people", "feedback")
+    }
     usual = {key: str(beside.get(key, default)) for key, default in defaults.items()}
     changes |= {key: str(config[key]) for key, value in usual.items() if config[key] != value}
     sim = f"sim/{choices.get('sim', '')}"
@@ -126,8 +130,8 @@ def _written(names: Sequence[str], ablated: Mapping[str, Any], catalogue: Catalo
 
 
 def _plain(node: Any, *, resolve: bool) -> dict[str, Any]:
-    found: Any = OmegaConf.to_container(node, resolve=resolve) if OmegaConf.is_config(node) else node
-    return cast(dict[str, Any], found)
+    plain: Any = OmegaConf.to_container(node, resolve=resolve) if OmegaConf.is_config(node) else node
+    return cast(dict[str, Any], plain)
 
 
 def _equal(written: Any, value: Any) -> bool:
@@ -187,7 +191,7 @@ def robot_difference(robot: Mapping[str, Any], settings: Mapping[str, Any] | Non
     """
     ours = _values(robot)
     name = ours.get("name")
-    written = next((one for one in _robots(SHIPPED).values() if one.get("name") == name), None)
+    written = next((values for values in _robots(SHIPPED).values() if values.get("name") == name), None)
     shipped = None if written is None else {**_values(written), **dict(flatten(settings or {}))}
     key = None if shipped is None else next(_differing(ours, shipped, limits=False), None)
     if shipped is None or key is None:
@@ -213,8 +217,8 @@ def map_like(node: Mapping[str, Any], option: str, name: str) -> str:
     if not catalogue.has(f"map/{name}"):
         return ""
     ours, theirs = (
-        {key: value for key, value in flatten(one) if key not in _BESIDE}
-        for one in (node, catalogue.values(f"map/{name}"))
+        {key: value for key, value in flatten(config) if key not in _BESIDE}
+        for config in (node, catalogue.values(f"map/{name}"))
     )
     same = all(_same(ours.get(key), theirs.get(key)) for key in ours.keys() | theirs.keys())
     return name if same else ""
@@ -273,23 +277,23 @@ def _differing(ours: Mapping[str, Any], theirs: Mapping[str, Any], limits: bool)
             yield key
 
 
-def _below(one: Any, other: Any) -> bool:
+def _below(limit: Any, other: Any) -> bool:
     """Return whether a limit is lower than another; null stands for backing up as fast as driving ahead."""
-    if other is not None and one is None:
+    if other is not None and limit is None:
         return True
-    return _is_number(one) and _is_number(other) and float(one) < float(other)
+    return _is_number(limit) and _is_number(other) and float(limit) < float(other)
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _same(one: Any, other: Any) -> bool:
+def _same(value: Any, other: Any) -> bool:
     """Return whether two values are equal. Plain YAML reads a float without a point, such as 1e0, as text."""
-    if one == other:
+    if value == other:
         return True
     try:
-        return float(one) == float(other)
+        return float(value) == float(other)
     except (TypeError, ValueError):
         return False
 

@@ -59,9 +59,9 @@ def compose(command: str, argv: Sequence[str] = (), validate: Validate = lambda 
     validate: checks of the command. A very large sweep gives only enough jobs for each value to occur once. Nothing
     is written. Raises InputError.
     """
-    given = arguments.parse(argv)
-    with Composer(given.config_name or command, given.config_dir) as composer:
-        planned = plan(composer, given.overrides, given.multirun, given.overrides)
+    parsed = arguments.parse(argv)
+    with Composer(parsed.config_name or command, parsed.config_dir) as composer:
+        planned = plan(composer, parsed.overrides, parsed.multirun, parsed.overrides)
         return validated(planned, composer, validate)
 
 
@@ -77,8 +77,13 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     job = next(_jobs(parsed))
     first = _composed(composer, job)
     if multirun or str(first.hydra.mode or "").endswith("MULTIRUN"):
-        swept = composer.parse(_sweeper_params(first)) + parsed
-        configs = {each: first if each == job else _composed(composer, each) for each in _checked_jobs(swept)}
+        # Sweeps of an experiment file come first, since those of the command line take precedence.
+        params = OmegaConf.select(first, "hydra.sweeper.params") or {}
+        swept = composer.parse([f"{key}={value}" for key, value in params.items()]) + parsed
+        configs = {
+            words_of_job: first if words_of_job == job else _composed(composer, words_of_job)
+            for words_of_job in _checked_jobs(swept)
+        }
         planned = Plan(words, True, math.prod(map(len, _choices(swept))), configs)
     else:
         _refuse_sweep(parsed, composer)
@@ -110,10 +115,10 @@ def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[An
             mistake = error if isinstance(error, InputError) else translate_error(error, schema)
             raise add_location(mistake, config, words, composer) from error
         except (Exception, SystemExit) as error:  # a user's own class may raise anything
-            said = user_error(error)
-            if not said:
+            explanation = user_error(error)
+            if not explanation:
                 raise
-            raise InputError(said) from error
+            raise InputError(explanation) from error
         jobs.append(job)
     _refuse_shared_label(jobs, composer)
     return jobs
@@ -167,12 +172,6 @@ def _suggest_range(key: str, override: Override) -> str:
     if not numbers or swept.step != 1:
         return ""
     return f", or write {key}={numbers[0]}-{numbers[-1]} to drive them in one run"
-
-
-def _sweeper_params(config: DictConfig) -> list[str]:
-    """Return the sweeps of an experiment file. Those of the command line come after them and take precedence."""
-    params = OmegaConf.select(config, "hydra.sweeper.params") or {}
-    return [f"{key}={value}" for key, value in params.items()]
 
 
 def _checked_jobs(parsed: Sequence[Override]) -> list[tuple[str, ...]]:

@@ -77,15 +77,22 @@ class Composer(initialize_config_dir):
 
     def canonical(self, overrides: Sequence[str]) -> frozenset[tuple[str, str]]:
         """Return the overrides of a job, independent of order and spelling, without those of Hydra's own part."""
-        own = [override for override in self.parse(overrides) if not override.is_hydra_override()]
-        return frozenset((each.get_key_element(), each.get_value_element_as_str()) for each in own)
+        return frozenset(
+            (override.get_key_element(), override.get_value_element_as_str())
+            for override in self.parse(overrides)
+            if not override.is_hydra_override()
+        )
 
     def compose(self, overrides: Sequence[str], mode: RunMode = RunMode.RUN) -> DictConfig:
         """Compose the whole config, Hydra's own part included; in MULTIRUN without the swept overrides.
 
-        Raises what Hydra and OmegaConf raise.
+        Raises what Hydra and OmegaConf raise, and InputError for a user's file that Hydra would unfold without end.
         """
-        self._check_own_options(overrides)
+        if self._config_dir is not None:
+            for override in self.parse(overrides):
+                file = self._config_dir / override.key_or_group / f"{override.value()}.yaml"
+                if os.path.isfile(file):  # noqa: PTH113  (Path.is_file raises for long names)
+                    catalogue.check_structure_of(file)
         words = self._with_search_path(overrides)
         config = self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
         self._complete_own_options(config)
@@ -105,24 +112,15 @@ class Composer(initialize_config_dir):
                     complete = OmegaConf.merge(self.catalogue.values(f"{group}/{name}"), own)
                     OmegaConf.update(config, node, complete, merge=False)
 
-    def _check_own_options(self, overrides: Sequence[str]) -> None:
-        """Raise InputError for a user's file that Hydra would unfold without end."""
-        if self._config_dir is None:
-            return
-        for override in self.parse(overrides):
-            file = self._config_dir / override.key_or_group / f"{override.value()}.yaml"
-            if os.path.isfile(file):  # noqa: PTH113  (Path.is_file raises for long names)
-                catalogue.check_structure_of(file)
-
     def _with_search_path(self, overrides: Sequence[str]) -> list[str]:
         """Add the config directory to the search path, as Hydra's --config-dir does."""
         if self._config_dir is None:
             return list(overrides)
-        given = [o for o in overrides if o.startswith("hydra.searchpath=")]
-        others = [o for o in overrides if o not in given]
-        lists = [override.value() for override in self.parse(given)]
-        more = [str(place) for places in lists if isinstance(places, list) for place in places]
-        places = ",".join(quoted(place) for place in (f"file://{self._config_dir}", *more))
+        search_paths = [o for o in overrides if o.startswith("hydra.searchpath=")]
+        others = [o for o in overrides if o not in search_paths]
+        lists = [override.value() for override in self.parse(search_paths)]
+        other_folders = [str(folder) for places in lists if isinstance(places, list) for folder in places]
+        places = ",".join(quoted(folder) for folder in (f"file://{self._config_dir}", *other_folders))
         return [f"hydra.searchpath=[{places}]", *others]
 
 
@@ -164,12 +162,12 @@ def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:
 
     Raises InputError for one that cannot be read, and for an option or a group that does not exist.
     """
-    given = composer.parse([*_implied(composer.parse(overrides), composer), *overrides])
-    for override in given:
+    parsed_all = composer.parse([*_implied(composer.parse(overrides), composer), *overrides])
+    for override in parsed_all:
         if len(override.key_or_group) > _LONGEST:
             raise InputError(f"{override.key_or_group:.40}…: no such key or group")
-    custom = [override.key_or_group for override in given if override.value() == CUSTOM]
-    texts = (_normalised(override, composer, (*OPEN_MAPPINGS, *custom)) for override in given)
+    custom = [override.key_or_group for override in parsed_all if override.value() == CUSTOM]
+    texts = (_normalised(override, composer, (*OPEN_MAPPINGS, *custom)) for override in parsed_all)
     parsed = composer.parse([text for text in texts if text])
     for override in parsed:
         _check_options(override, composer)
@@ -292,14 +290,14 @@ def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
     return f"; {group}={option}, an option of your own, needs --config-dir DIR, with the file DIR/{group}/{option}.yaml"
 
 
-def refuse_conflicts(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
+def refuse_conflicts(overrides: Sequence[Override], configs: Collection[DictConfig]) -> None:
     """Raise InputError for a key with two values, worlds outside their given subset, and values that no job uses.
 
-    given: overrides as they were typed; they may replace the values of a file or of a resumed run. configs: those of
+    overrides: as they were typed; they may replace the values of a file or of a resumed run. configs: those of
     the jobs that they give.
     """
     texts: dict[str, str] = {}
-    for override in given:
+    for override in overrides:
         key, text = override.get_key_element().lstrip("+"), text_of(override).lstrip("+")
         if texts.setdefault(key, text) != text:
             raise InputError(f"{texts[key]} and {text}: {key} has two values; give one of them")
@@ -317,9 +315,9 @@ def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
     node, _, name = key.rpartition(".")
     if name not in FRESH_KEYS:
         return
-    found = [OmegaConf.select(config, node) for config in configs]
-    if found and all(OmegaConf.is_dict(each) and is_idle(name, each) for each in found):
-        check_given([name], found[0], node)
+    nodes = [OmegaConf.select(config, node) for config in configs]
+    if nodes and all(OmegaConf.is_dict(values) and is_idle(name, values) for values in nodes):
+        check_given([name], nodes[0], node)
 
 
 def _check_worlds(barn: Mapping[str, Any]) -> None:

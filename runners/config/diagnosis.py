@@ -71,8 +71,10 @@ def _not_a_mapping(groups: Sequence[str], composer: Composer) -> InputError | No
 
 def _broken_yaml(error: yaml.YAMLError) -> InputError:
     mark = getattr(error, "problem_mark", None)  # none for a character that YAML does not allow
-    place = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
-    return InputError(f"{place}: not valid YAML ({one_line(getattr(error, 'problem', None) or str(error))})")
+    position = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
+    return InputError(
+        f"{position}: not valid YAML ({one_line(getattr(error, 'problem', None) or str(error))})"
+    )
 
 
 def _broken_interpolation(error: GrammarParseError, composer: Composer) -> InputError:
@@ -119,11 +121,11 @@ def _find_mistake(override: Override, config: DictConfig, composer: Composer) ->
         return translate_error(error)
     except (OmegaConfBaseException, TypeError, OverflowError, AttributeError) as error:
         schema = OmegaConf.get_type(config)
-        wanted = describe_expected(schema, key)
-        shown = text_of(override).partition("=")[2] or "empty"
+        expected = describe_expected(schema, key)
+        value = text_of(override).partition("=")[2] or "empty"
         whole = full_key(error) in ("", key)
-        if wanted and whole:
-            return InputError(f"{key} is {shown}: must be {wanted}")
+        if expected and whole:
+            return InputError(f"{key} is {value}: must be {expected}")
         return translate_error(error, schema)
     except (ValueError, AssertionError):  # a word as index of a list, or a key below a null
         return _unknown(key, known, config, composer)

@@ -57,7 +57,7 @@ def visible(text: str, keep: str = "") -> str:
 
     keep: characters that stay, such as line breaks.
     """
-    return _HIDDEN.sub(lambda found: found[0] if found[0] in keep else _code(found[0]), text)
+    return _HIDDEN.sub(lambda match: match[0] if match[0] in keep else _code(match[0]), text)
 
 
 def html_text(text: str) -> str:
@@ -72,8 +72,8 @@ def html_address(path: str | Path) -> str:
 
 def markdown_text(text: str) -> str:
     """Escape text for Markdown: no tags, code, links, headings, lists or line breaks. A table escapes | itself."""
-    plain = _MARKUP.sub(lambda found: "".join(f"&#{ord(letter)};" for letter in found[0]), visible(text))
-    return _BLOCK.sub(lambda found: f"&#{ord(found[0])};", plain)
+    plain = _MARKUP.sub(lambda match: "".join(f"&#{ord(letter)};" for letter in match[0]), visible(text))
+    return _BLOCK.sub(lambda match: f"&#{ord(match[0])};", plain)
 
 
 def latex_text(text: str) -> str:
@@ -81,7 +81,7 @@ def latex_text(text: str) -> str:
 
     Greek letters and signs become mathematics, which every engine knows; letters of other scripts stay.
     """
-    escaped = _IN_LATEX.sub(lambda found: _LATEX.get(found[0], _HYPHEN), visible(text))
+    escaped = _IN_LATEX.sub(lambda match: _LATEX.get(match[0], _HYPHEN), visible(text))
     return f"{{{escaped[0]}}}{escaped[1:]}" if escaped[:1] in ("[", "*") else escaped
 
 
@@ -90,9 +90,9 @@ def csv_value(value: Any) -> Any:
     if not isinstance(value, str | Path):
         return value
     text = str(value)
-    shown = visible(text)
+    visible_text = visible(text)
     formula = text.lstrip()[:1] in _FORMULA or text[:1] in ("\t", "\r", "\n")
-    return f"'{shown}" if text and formula and not _is_number(text) else shown
+    return f"'{visible_text}" if text and formula and not _is_number(text) else visible_text
 
 
 def plot_text(text: str) -> str:
@@ -102,7 +102,7 @@ def plot_text(text: str) -> str:
 
 def json_text(text: str) -> str:
     """Return JSON with everything that a terminal would interpret written as \\u001b."""
-    return _HIDDEN.sub(lambda found: "".join(f"\\u{unit:04x}" for unit in _utf16(found[0])), text)
+    return _HIDDEN.sub(lambda match: "".join(f"\\u{unit:04x}" for unit in _utf16(match[0])), text)
 
 
 def _code(letter: str) -> str:
@@ -131,13 +131,13 @@ def _is_number(text: str) -> bool:
 
 def masked(url: str) -> str:
     """Return the URL without its password."""
-    place, mark, query = url.partition("?")
-    if (mark and not _ACCOUNT.search(f"{place}@")) or re.search(r"//[^/:]*:\d*(/[^?]*)?$", place):
-        return masked_text(place) + re.sub(rf"{_QUERY.pattern}.*", rf"\1{HIDDEN}", mark + query, flags=re.I)
-    shown = masked_text(url)
-    if shown == url and ":/" not in url:
-        shown = _ACCOUNT_ALONE.sub(rf"\1{HIDDEN}@", url)
-    return shown
+    address, mark, query = url.partition("?")
+    if (mark and not _ACCOUNT.search(f"{address}@")) or re.search(r"//[^/:]*:\d*(/[^?]*)?$", address):
+        return masked_text(address) + re.sub(rf"{_QUERY.pattern}.*", rf"\1{HIDDEN}", mark + query, flags=re.I)
+    masked_url = masked_text(url)
+    if masked_url == url and ":/" not in url:
+        masked_url = _ACCOUNT_ALONE.sub(rf"\1{HIDDEN}@", url)
+    return masked_url
 
 
 def masked_text(text: str) -> str:
@@ -162,11 +162,11 @@ def reveals_password(text: str, url: str) -> bool:
 def fault_of_password(url: str) -> str:
     """Return what is wrong with the spelling of the password in the URL; empty if nothing is."""
     wrong = sorted(
-        {each for each in re.sub(r"%[0-9A-Fa-f]{2}", "", _password(url)) if not _PLAIN.match(each)}
+        {letter for letter in re.sub(r"%[0-9A-Fa-f]{2}", "", _password(url)) if not _PLAIN.match(letter)}
     )
     if not wrong:
         return ""
-    escapes = [f"{'a space' if each == ' ' else each} as {quote(each, safe='')}" for each in wrong]
+    escapes = [f"{'a space' if letter == ' ' else letter} as {quote(letter, safe='')}" for letter in wrong]
     return f"the password must be escaped: {', '.join(escapes)}"
 
 

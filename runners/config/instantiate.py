@@ -40,9 +40,9 @@ def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
 
 def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any]:
     """Return the class and the checked Config instance of `node`, without making the object itself."""
-    given = _plain(node, key)
-    cls = _class(given.pop("_target_", None), key)
-    return cls, fill_dataclass(cls.Config, given, key)
+    values = _plain(node, key)
+    cls = _class(values.pop("_target_", None), key)
+    return cls, fill_dataclass(cls.Config, values, key)
 
 
 def config_class(target: Any, key: str) -> Any:
@@ -50,13 +50,13 @@ def config_class(target: Any, key: str) -> Any:
     return _class(target, key).Config
 
 
-def fill_dataclass(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
-    """Return an instance of the dataclass `schema` with the values `given`.
+def fill_dataclass(schema: Any, values: DictConfig | Mapping[str, Any], key: str) -> Any:
+    """Return an instance of the dataclass `schema` with these values.
 
     Raises InputError for a key that it lacks, a value of the wrong type, or a value that is missing.
     """
     node = OmegaConf.structured(schema)
-    for name, value in _plain(given, key).items():
+    for name, value in _plain(values, key).items():
         try:
             node.merge_with({name: value})
         except (OmegaConfBaseException, OverflowError) as error:
@@ -97,15 +97,15 @@ def _mistake(error: Exception, schema: Any, name: str, value: Any, key: str) -> 
 
 def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:
     if not OmegaConf.is_config(node):
-        given: Any = node
+        plain: Any = node
     else:
         try:
-            given = OmegaConf.to_container(node, resolve=True)
+            plain = OmegaConf.to_container(node, resolve=True)
         except OmegaConfBaseException as error:
             raise translate_error(error) from error
-    if not isinstance(given, Mapping):
-        raise InputError(f"{key} is {given!r}: must be a mapping")
-    return {str(name): value for name, value in given.items()}
+    if not isinstance(plain, Mapping):
+        raise InputError(f"{key} is {plain!r}: must be a mapping")
+    return {str(name): value for name, value in plain.items()}
 
 
 def _class(target: Any, key: str) -> Any:
@@ -138,8 +138,8 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
     """Return the error that a dotted `key` is unknown. known: the last parts of the keys that its parent holds."""
     parent, _, name = key.rpartition(".")
     names = sorted(known)
-    place = f"{parent} holds: " if parent else "there are: "
-    return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
+    listing = f"{parent} holds: " if parent else "there are: "
+    return InputError(f"{key}: no such key; {nearest(name, names)}{listing}{', '.join(names) or 'no keys'}")
 
 
 def translate_error(error: BaseException, schema: Any = None) -> InputError:
@@ -161,17 +161,17 @@ def translate_error(error: BaseException, schema: Any = None) -> InputError:
         part = getattr(robots, name, None)
         keys = f" of {', '.join(field.name for field in dataclasses.fields(part))}" if part else ""
         return InputError(f"{name.lower()} is {value_text:.80}: must be a mapping{keys}")
-    value, wanted = _VALUE.search(message), describe_expected(schema, key) if key else ""
-    if value and wanted:
-        return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {wanted}")
+    value, expected = _VALUE.search(message), describe_expected(schema, key) if key else ""
+    if value and expected:
+        return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {expected}")
     reason = re.sub(r"^\w+ raised while composing config:\s*", "", one_line(message))
     return InputError(f"{key}: {reason}" if key else reason)
 
 
 def full_key(error: BaseException) -> str:
     """Return the dotted key in an error of OmegaConf; empty if there is none."""
-    found = _FULL_KEY.search(str(error))
-    return found.group(1) if found else ""
+    match = _FULL_KEY.search(str(error))
+    return match.group(1) if match else ""
 
 
 def describe_expected(schema: Any, key: str) -> str:
@@ -189,7 +189,7 @@ def keys_beside(schema: Any, key: str) -> list[str]:
 def dataclass_of(annotation: Any) -> Any:
     """Return the dataclass of `Part` or of `Part | None`; None for any other type."""
     members = () if typing.get_origin(annotation) is dict else typing.get_args(annotation)
-    return next((each for each in (annotation, *members) if dataclasses.is_dataclass(each)), None)
+    return next((member for member in (annotation, *members) if dataclasses.is_dataclass(member)), None)
 
 
 def check_parts(config: Any, key: str = "") -> None:
@@ -202,10 +202,10 @@ def check_parts(config: Any, key: str = "") -> None:
         elif value is not None and dataclass_of(annotations[field.name]):
             raise InputError(f"{name} is {value!r:.80}: must be a mapping")
         elif typing.get_origin(annotations[field.name]) is dict and isinstance(value, dict):
-            each = typing.get_args(annotations[field.name])[1]
-            for part, given in value.items():
-                if each in _WORDS and isinstance(given, dict | list):
-                    raise InputError(f"{name}.{part} is {given!r:.80}: must be {describe(each)}")
+            item_type = typing.get_args(annotations[field.name])[1]
+            for part, item in value.items():
+                if item_type in _WORDS and isinstance(item, dict | list):
+                    raise InputError(f"{name}.{part} is {item!r:.80}: must be {describe(item_type)}")
 
 
 def describe(annotation: Any) -> str:
@@ -226,8 +226,8 @@ def describe(annotation: Any) -> str:
 
 def one_line(message: str) -> str:
     """Return a message of OmegaConf or Hydra as one line, without internal names or advice for programmers."""
-    shown = [line.strip() for line in message.splitlines() if line.strip()]
-    text = " ".join(line for line in shown if not re.match(r"(full_key|object_type|reference_type)", line))
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    text = " ".join(line for line in lines if not re.match(r"(full_key|object_type|reference_type)", line))
     return re.split(r" (?:To append to|Config search path)", text)[0]
 
 

@@ -127,8 +127,8 @@ def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) ->
     except GrammarParseError as error:
         raise translate_error(error) from error
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
-        given = " ".join(f"{prefix}{setting}" for setting in settings)
-        raise InputError(f"{given}: must be key=value, as in YAML") from error
+        words = " ".join(f"{prefix}{setting}" for setting in settings)
+        raise InputError(f"{words}: must be key=value, as in YAML") from error
 
 
 def expand_worlds(config: DictConfig) -> None:
@@ -144,16 +144,16 @@ def expand_worlds(config: DictConfig) -> None:
             node["worlds"] = parse_worlds(node["worlds"], f"{key}.worlds")
 
 
-def parse_worlds(given: Any, key: str) -> Any:
+def parse_worlds(worlds: Any, key: str) -> Any:
     """Return the numbers of worlds in order; anything that holds no text and is not a number stays as it is.
 
-    key: key of `given`, for messages. Raises InputError for a text that is not a number or a range, for a range that
+    key: key of `worlds`, for messages. Raises InputError for a text that is not a number or a range, for a range that
     runs backwards, and for a world that is listed twice.
     """
-    items = list(given) if isinstance(given, list | tuple) or OmegaConf.is_list(given) else [given]
-    is_number = isinstance(given, int) and not isinstance(given, bool)
+    items = list(worlds) if isinstance(worlds, list | tuple) or OmegaConf.is_list(worlds) else [worlds]
+    is_number = isinstance(worlds, int) and not isinstance(worlds, bool)
     if not is_number and not any(isinstance(item, str) for item in items):
-        return given
+        return worlds
     numbers = [number for item in items for number in _range_of(item, key)]
     if len(set(numbers)) < len(numbers):
         shown = ",".join(map(str, items))
@@ -165,12 +165,12 @@ def _range_of(item: Any, key: str) -> range | list[Any]:
     """Return the numbers that an item of the list stands for; an item that is not text stays as it is."""
     if not isinstance(item, str):
         return [item]
-    found = _RANGE.fullmatch(item.strip())
-    if found is None:
+    match = _RANGE.fullmatch(item.strip())
+    if match is None:
         raise InputError(
             f"{key} has {item!r}: must be numbers and ranges from 0 on, such as 0-49 or [0-9,20,30-39]"
         )
-    first, last = int(found[1]), int(found[2] or found[1])
+    first, last = int(match[1]), int(match[2] or match[1])
     if last < first:
         raise InputError(f"{key} has {item}: the range runs backwards; must be {last}-{first}")
     if last - first >= MAX_WORLDS:

@@ -19,10 +19,10 @@ def quoted(text: str) -> str:
 def unquoted(value: str) -> str:
     """Return the value of an override without its quotes, if it has any."""
     try:
-        read = OverridesParser.create().parse_override(f"key={value}").value()
+        parsed = OverridesParser.create().parse_override(f"key={value}").value()
     except HydraException:
         return value.strip("'\"")
-    return read if isinstance(read, str) and value[:1] in ("'", '"') else value
+    return parsed if isinstance(parsed, str) and value[:1] in ("'", '"') else value
 
 
 def value_text(value: object) -> str:
@@ -37,11 +37,16 @@ def override(key: str, value: str | Path) -> str:
     return f"{key}={element(str(value))}"
 
 
+def key_of(override: str) -> str:
+    """Return the key of an override, without the + before it."""
+    return override.partition("=")[0].lstrip("+")
+
+
 def element(text: str) -> str:
     """Return a text as a value in Hydra's override grammar, quoted only where Hydra would read something else."""
     try:
-        read: object = OverridesParser.create().parse_override(f"key={text}").value()
-        plain = isinstance(read, str) and read == text and not text.startswith("~")
+        parsed: object = OverridesParser.create().parse_override(f"key={text}").value()
+        plain = isinstance(parsed, str) and parsed == text and not text.startswith("~")
     except HydraException:
         plain = False
     return text if plain else quoted(text)

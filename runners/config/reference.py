@@ -82,7 +82,7 @@ def _group(configs: Catalogue, group: str) -> str:
 
 def _files(configs: Catalogue, group: str) -> dict[str, str]:
     """Return the options of a group, each with its file; those in subfolders come last."""
-    inner = sorted({each.name for folder in configs.folders for each in (folder / group).glob("*/")})
+    inner = sorted({path.name for folder in configs.folders for path in (folder / group).glob("*/")})
     options = [*configs.options(group)]
     options += [f"{name}/{option}" for name in inner for option in configs.options(f"{group}/{name}")]
     return {option: f"{group}/{option}" for option in options}
@@ -170,12 +170,12 @@ def _written(schema: type) -> list[catalogue.Key]:
     return []
 
 
-def as_rst(found: list[ConfigField]) -> list[str]:
+def as_rst(fields_shown: list[ConfigField]) -> list[str]:
     """Return the lines of a table in reStructuredText."""
     lines = [".. list-table::", "   :header-rows: 1", "   :class: fields", ""]
     rows = [
         (_literal(name), _literal(kind), _literal(default), without_markup(text, MARKS))
-        for name, kind, default, text in found
+        for name, kind, default, text in fields_shown
     ]
     for row in (HEADER, *rows):
         lines += [f"   {'  -' if at else '* -'} {cell}" for at, cell in enumerate(row)]
@@ -204,7 +204,7 @@ def _default(field: dataclasses.Field[Any]) -> Any:
 
 def _comments(schema: type) -> dict[str, str]:
     """Return the comments after the fields, inherited ones included, by name."""
-    bases = [each for each in reversed(inspect.getmro(schema)) if dataclasses.is_dataclass(each)]
+    bases = [base for base in reversed(inspect.getmro(schema)) if dataclasses.is_dataclass(base)]
     lines = "".join(map(inspect.getsource, bases))
     return dict(re.findall(r"^    (\w+): .*?  # (.*)$", lines, re.MULTILINE))
 

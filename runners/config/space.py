@@ -38,16 +38,16 @@ def read_space(config: TrainConfig, ablated: Collection[str] = ()) -> Space:
     is empty or, if logarithmic, not positive.
     """
     fixed = {*ablated, *(f"{PARAMETERS}{name}" for name in config.ablation)}
-    space = {key: found for key, found in _ranges(config.space, "") if key not in fixed}
+    space = {key: bounds for key, bounds in _ranges(config.space, "") if key not in fixed}
     if not space:
         raise InputError(
             "space is empty: must hold a range {low, high, log} for at least one key of the config"
         )
     known = dict(flatten(asdict(config)))
-    for key, found in space.items():
+    for key, bounds in space.items():
         _check_key(key, known)
-        require(f"space.{key}.low", found.low, **({"above": 0.0} if found.log else {"at_least": 0.0}))
-        require(f"space.{key}.high", found.high, above=found.low)
+        require(f"space.{key}.low", bounds.low, **({"above": 0.0} if bounds.log else {"at_least": 0.0}))
+        require(f"space.{key}.high", bounds.high, above=bounds.low)
     return space
 
 
@@ -56,8 +56,8 @@ def own_values(config: TrainConfig, space: Space) -> dict[str, float]:
     known = dict(flatten(asdict(config)))
     return {
         key: float(known[key])
-        for key, found in space.items()
-        if known[key] is not None and found.low <= known[key] <= found.high
+        for key, bounds in space.items()
+        if known[key] is not None and bounds.low <= known[key] <= bounds.high
     }
 
 

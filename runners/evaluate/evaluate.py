@@ -176,8 +176,6 @@ def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
     """Write tables and picture from the records alone; return the records, the table's rows, and all files."""
-    from runners.reports.analysis.summary import summarise
-    from runners.reports.analysis.tables import write_tables
     from runners.reports.figures.paths import draw_run
 
     # One run needs no other name than that of its own system.
@@ -198,7 +196,7 @@ def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
     from runners.reports.figures.animation import animate
 
     path = run_dir / "episode.gif"
-    animate(config, world, 0, path)
+    animate(config, world, path)
     return [path]
 
 
@@ -217,8 +215,11 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
     guide, planner = _option_label("guide", job), _option_label("planner", job)
     system = next(iter(_own_system(guide, planner, job).values()), None)
     has_changes = any(key.startswith(("guide.", "planner.")) for key in job.changes)
+    # The user may have named the system; the file of a system names its own pair.
+    chosen, catalogue = job.choices.get("system", ""), Catalogue(job.folders)
+    own_label = systems.own_label(config.system.label, chosen, catalogue)
     return RunLabels(
-        system=_own_label(job) or systems.label(guide, planner, system, has_changes),
+        system=own_label or systems.label(guide, planner, system, has_changes),
         guide=guide,
         planner=planner,
         global_map=str(config.guide.get("global_map", "")),
@@ -230,11 +231,6 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
         people=str(build.people_of(config)),
     )
-
-
-def _own_label(job: Job[DriveConfig]) -> str | None:
-    """Return the name that the user gives the system; None without one: the file of a system names its own pair."""
-    return systems.own_label(job.config.system.label, job.choices.get("system", ""), Catalogue(job.folders))
 
 
 def _own_system(guide: str, planner: str, job: Job[DriveConfig]) -> dict[str, System]:

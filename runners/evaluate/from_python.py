@@ -16,7 +16,7 @@ from runners.config import build, command_line
 from runners.config.arguments import check_config_dir
 from runners.config.composer import Composer
 from runners.config.job import Job
-from runners.config.quoting import quoted, value_text
+from runners.config.quoting import key_of, quoted, value_text
 from runners.config.schema import EvalConfig
 from runners.evaluate.evaluate import drive, run_labels, validate
 from runners.evaluate.evaluate import evaluate as evaluate_job
@@ -125,11 +125,10 @@ def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | Non
             raise InputError(f'{word!r}: must be text, key=value, such as "map=barn"')
     settings = {**keys, **({} if workers is None else {"executor.workers": workers})}
     words = [*overrides, *(f"{key}={to_hydra(value)}" for key, value in settings.items())]
-    given_keys = [word.partition("=")[0].lstrip("+") for word in words]
-    for key, word in zip(given_keys, words, strict=True):
-        if key in _KEYWORDS:
-            raise InputError(f"{word}: must be given as the keyword {_KEYWORDS[key]}")
-    return words if "tracking" in given_keys else ["tracking=none", *words]
+    for word in words:
+        if key_of(word) in _KEYWORDS:
+            raise InputError(f"{word}: must be given as the keyword {_KEYWORDS[key_of(word)]}")
+    return words if "tracking" in map(key_of, words) else ["tracking=none", *words]
 
 
 def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:

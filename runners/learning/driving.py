@@ -185,13 +185,13 @@ class Driving:
 
     def _observations(self, views: Views, rows: Iterable[int]) -> Iterator[Observation]:
         """Yield the observations of rows of `views`."""
-        lidar, here = self._config.robot.lidar, Pose(0.0, 0.0, 0.0)
+        lidar, origin = self._config.robot.lidar, Pose(0.0, 0.0, 0.0)
         sensor = (lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
         twists, commands, limits = views.twists.tolist(), views.commands.tolist(), views.limits.tolist()
         for row in rows:
             scan, target = LaserScan(views.ranges[row], *sensor), views.targets[row]
             twist, command = Twist(*twists[row]), Twist(*commands[row])
-            yield Observation(scan, target, twist, Limits(*limits[row]), here, last_command=command)
+            yield Observation(scan, target, twist, Limits(*limits[row]), origin, last_command=command)
 
     def _follower(self, views: Views, row: int) -> Follower:
         """Return the follower of a robot at the start of an episode."""

@@ -35,7 +35,7 @@ class _Largest(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor]:
-        inputs, weight = (each.detach().numpy() for each in ctx.saved_tensors)
+        inputs, weight = (tensor.detach().numpy() for tensor in ctx.saved_tensors)
         of_inputs, of_weight = largest_gradients(gradient.contiguous().numpy(), inputs, weight, ctx.where)
         return torch.from_numpy(of_inputs), torch.from_numpy(of_weight)
 

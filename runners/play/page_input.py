@@ -111,7 +111,7 @@ def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> 
 
     A new option of a group removes the keys of the former one. Raises InputError.
     """
-    words_by_key = {key_of(word): word for word in words}
+    words_by_key = {word.partition("=")[0].lstrip("+~"): word for word in words}
     for key, value in changes.items():
         _check_key(key)
         removed_keys = _SYSTEM if key == "system" else (key,)
@@ -126,11 +126,6 @@ def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> 
         if value is not None and value != "":
             words_by_key[key] = f"{key}={_check_value(key, value, root)}"
     return list(words_by_key.values())
-
-
-def key_of(word: str) -> str:
-    """Return the key that a word sets, without the signs before it."""
-    return word.partition("=")[0].lstrip("+~")
 
 
 def within(name: str, root: Path) -> Path:

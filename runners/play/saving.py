@@ -37,7 +37,7 @@ from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd
 
 FOLDER = Path("outputs/play")
 _NAME = re.compile(r"[A-Za-z0-9][\w-]{0,59}")
-_GIF_WIDTH, _GIF_FPS, _GIF_LONGEST_S = 800, 10.0, 20.0
+_GIF_WIDTH, _GIF_FPS = 800, 10.0
 SCRIPT = "play.json"
 _BORDER = 0.5  # [m] around a world that has no outer wall
 _SIDES = 4
@@ -183,14 +183,12 @@ def _save_page(session: Session, destination: _Destination, step: int) -> Saved:
 
 
 def _save_gif(session: Session, destination: _Destination, step: int) -> Saved:
-    from runners.reports.figures.animation import FilmPace, Screen, write_film
+    from runners.reports.figures.animation import Screen, write_film
+    from runners.reports.figures.video import pace_of
 
     path = destination.free(".gif")
-    # Drives that would make too long a film are shown faster than real time.
     traces = [trace_of(session, lane) for lane in session.lanes]
-    duration = max(trace.end.time for trace in traces)
-    speed = max(1.0, duration / _GIF_LONGEST_S)
-    pace = FilmPace(np.append(np.arange(0.0, duration - 1e-9, speed / _GIF_FPS), duration), _GIF_FPS)
+    pace, speed = pace_of(traces, None, _GIF_FPS)
     note = "" if speed == 1.0 else f"{speed:.3g}× real time"
     screen = Screen(traces, [lane.label for lane in session.lanes], _GIF_WIDTH, candidates=False, note=note)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
@@ -339,11 +337,12 @@ def _is_outline(segments: Floats) -> bool:
 
 def _extent(drawing: Sketch) -> Floats:
     """Return points that span everything in the world."""
+    from runners.reports.figures.scene import extremes
+
     world = drawing.world()
-    centres, radii = world.circles[:, :2], world.circles[:, 2:]
     paths = [mover.path[:, :2] for mover in world.movers]
     ends = np.array([drawing.start[:2], drawing.goal])
-    return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2), ends, *paths])
+    return np.vstack([extremes(world), ends, *paths])
 
 
 def _flow(value: Any) -> str:

@@ -255,7 +255,7 @@ def _count(field: str) -> int:
 def _scan(
     geometry: tuple[float, float, float], ranges: Sequence[str], tail: Sequence[str], time_at: int
 ) -> _Scan:
-    """Return a scan. trailing: the poses of laser and robot, then other fields, with the time at index `time_at`."""
+    """Return a scan. tail: the poses of laser and robot, then other fields, with the time at index `time_at`."""
     poses = np.array(tail[:6], dtype=np.float64)
     if len(poses) < 6 or not np.isfinite(poses).all():
         raise ValueError(tail[:6])

@@ -21,6 +21,7 @@ from runners.config import build, instantiate
 from runners.config.changes import flatten
 from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
+from runners.config.quoting import key_of
 from runners.config.schema import ReplayConfig
 from runners.recordings import figures, own_recordings, report
 from runners.recordings.bags import Bag
@@ -175,7 +176,7 @@ def _as_recorded(job: Job[ReplayConfig], episode: own_recordings.RecordedEpisode
     """Return the config with the recorded system and seed, if lme made the recording."""
     if episode is None:
         return job.config
-    changed_keys = {override.lstrip("+").partition("=")[0] for override in job.overrides}
+    changed_keys = set(map(key_of, job.overrides))
     requested = sorted(
         key
         for key in changed_keys

@@ -122,8 +122,8 @@ def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
     """Return a file and, for a ROS map, its picture."""
     picture = picture_of(path)
     if picture is not None:
-        place = name.parent / (picture if is_beside(picture) else Path(picture).name)
-        return {str(name): path, str(place): path.parent / expanded(picture)}
+        copy_name = name.parent / (picture if is_beside(picture) else Path(picture).name)
+        return {str(name): path, str(copy_name): path.parent / expanded(picture)}
     return {str(name): path}
 
 

@@ -96,16 +96,12 @@ def sentence(inputs: Sequence[Input]) -> str:
     files = {file.source: file for entry in inputs for file in entry.files.values()}
     kept_names = dict.fromkeys(Path(source).name for source, file in files.items() if file.copy)
     large_names = dict.fromkeys(Path(source).name for source, file in files.items() if not file.copy)
-    clauses = (
-        [f"kept with the run: {_listed(list(kept_names))}; whoever you send its folder to gets these files"]
-        if kept_names
-        else []
-    )
-    clauses += (
-        [f"too large to keep, so only their checksums are: {_listed(list(large_names))}"]
-        if large_names
-        else []
-    )
+    clauses = []
+    if kept_names:
+        kept = _listed(list(kept_names))
+        clauses.append(f"kept with the run: {kept}; whoever you send its folder to gets these files")
+    if large_names:
+        clauses.append(f"too large to keep, so only their checksums are: {_listed(list(large_names))}")
     return "; ".join(clauses)
 
 

@@ -241,9 +241,9 @@ def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
         has_steps[rows_here] = True
         for row in _known_values(table.take(rows_here)):
             yield LogEntry(row, _trajectory(steps_of[EpisodeKey.of(row)]))
-    rest = np.setdiff1d(first_rows, np.flatnonzero(has_steps))
-    for start in range(0, len(rest), _BATCH):
-        for row in _known_values(table.take(rest[start : start + _BATCH])):
+    rows_without_steps = np.setdiff1d(first_rows, np.flatnonzero(has_steps))
+    for start in range(0, len(rows_without_steps), _BATCH):
+        for row in _known_values(table.take(rows_without_steps[start : start + _BATCH])):
             yield LogEntry(row, {})
 
 

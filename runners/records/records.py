@@ -391,14 +391,12 @@ def _columns_of(launch: Launch, changed_keys: Iterable[str]) -> dict[str, object
     dotted name. So are the numbers of worlds and episodes that the run was planned to drive, and the columns of
     `_likeness`.
     """
-    values = dict(flatten(launch.configs[0]))
     config, choices = launch.configs[0], launch.choices[0]
-    added = {group: choices[group] for group in ("filter", "crowd") if config.get(group)}
-    ablation = choices.get("ablation", "")
+    values, ablation = dict(flatten(config)), choices.get("ablation", "")
     return {
-        "sim": launch.choices[0].get("sim", ""),
-        **added,
-        "scale": scale_in_words(launch.configs[0].get("scale", {})),
+        "sim": choices.get("sim", ""),
+        **{group: choices[group] for group in ("filter", "crowd") if config.get(group)},
+        "scale": scale_in_words(config.get("scale", {})),
         ABLATED: describe_ablation(ablation, ablation_labels(launch.folders, [ablation])),
         **_likeness(launch),
         "changes": describe_changes(launch.changes[0]),

@@ -45,10 +45,10 @@ NOT_AS_WRITTEN = (
 )
 
 
-def resumable(launch: Launch, root: Path = ROOT) -> Path:
+def resumable(launch: Launch) -> Path:
     """Return the newest directory with the launch's fingerprint. Raises InputError if there is none."""
     pattern = f"*-{_fingerprint_suffix(launch)}*"
-    folder = root / launch.command
+    folder = ROOT / launch.command
     for directory in sorted(folder.glob(pattern), reverse=True):
         saved = read_launch(directory)
         if saved is not None and saved.fingerprint == launch.fingerprint:
@@ -146,17 +146,20 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
     return [jobs[number] for number in sorted(jobs) if number < num_jobs or holds_run(jobs[number])]
 
 
-def make_fresh(launch: Launch, folder: Path | None, root: Path = ROOT) -> Path:
+def make_fresh(launch: Launch, folder: Path | None) -> Path:
     """Make the directory of a new run, with its `launch.json` and copies of the user's own files; name these.
 
-    Returns `folder`, or a new directory under `root`.
+    Returns `folder`, or a new directory under `ROOT`.
 
     Raises InputError if it cannot be written, already holds a run, or belongs to a running process.
     """
     if folder is not None and holds_run(folder):
         raise InputError(f"{folder}: already holds a run: add resume=true or choose another directory")
-    directory = _new_directory(launch, root) if folder is None else _make_directory(folder, exist_ok=True)
-    _check_free(directory)
+    directory = _new_directory(launch) if folder is None else _make_directory(folder, exist_ok=True)
+    # Another process may be using the directory, even if it has no results yet.
+    for path in (directory / LAUNCH, directory / APPEND_LOG):
+        with contextlib.suppress(FileNotFoundError, PermissionError), path.open("r+b") as file:
+            lock(file, directory)
     launch.write(directory, anew=True)
     inputs.keep(launch.inputs, directory)
     if sentence := inputs.sentence(launch.inputs):
@@ -164,20 +167,13 @@ def make_fresh(launch: Launch, folder: Path | None, root: Path = ROOT) -> Path:
     return directory
 
 
-def _check_free(directory: Path) -> None:
-    """Raise InputError if another process is using the directory, even if it has no results yet."""
-    for path in (directory / LAUNCH, directory / APPEND_LOG):
-        with contextlib.suppress(FileNotFoundError, PermissionError), path.open("r+b") as file:
-            lock(file, directory)
-
-
-def _new_directory(launch: Launch, root: Path) -> Path:
+def _new_directory(launch: Launch) -> Path:
     """Make a new directory, named by date, time and fingerprint; with a number if another run has that name."""
     name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_fingerprint_suffix(launch)}"
     for number in count(1):
         unique_name = name if number == 1 else f"{name}-{number}"
         with contextlib.suppress(FileExistsError):
-            return _make_directory(root / launch.command / unique_name, exist_ok=False)
+            return _make_directory(ROOT / launch.command / unique_name, exist_ok=False)
     raise AssertionError("an endless sequence ended")
 
 
@@ -213,7 +209,8 @@ def collect(folders: Iterable[Path]) -> Collected:
     collected = Collected({}, [])
     resolved: set[Path] = set()  # several paths may lead to a run, which is read once
     for folder in folders:
-        runs = _runs_below(folder)
+        run_dirs = [folder, *sorted(path.parent for path in folder.rglob(LAUNCH))]
+        runs = [run_dir for run_dir in dict.fromkeys(run_dirs) if has_records(run_dir)]
         if not runs:
             problem = "no run below it" if folder.is_dir() else "no such directory"
             raise InputError(f"{folder}: {problem}; run lme eval first, or give folders that hold runs")
@@ -222,11 +219,6 @@ def collect(folders: Iterable[Path]) -> Collected:
                 resolved.add(run_dir.resolve())
                 _add(run_dir, collected)
     return collected
-
-
-def _runs_below(folder: Path) -> list[Path]:
-    run_dirs = sorted(path.parent for path in folder.rglob(LAUNCH))
-    return [run for run in dict.fromkeys([folder, *run_dirs]) if has_records(run)]
 
 
 def _add(run_dir: Path, collected: Collected) -> None:

@@ -20,6 +20,7 @@ from lme.guides.lme.weight_files import NETWORK, REGISTERED, WEIGHTS, shipped_ne
 from lme.inputs.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
+from runners.config.quoting import key_of
 from runners.config.schema import SystemConfig, TrainConfig
 from runners.config.space import PARAMETERS
 from runners.config.systems import PAIR
@@ -45,11 +46,11 @@ def write_weights(
     values: those of the best trial, by dotted config key. metadata: further entries of the file.
     note: what follows "Written by lme train" in its first line. Returns the path of the first file. Raises OSError.
     """
-    parameters = best_parameters(config, values)
+    parameters, settings = best_parameters(config, values), other_settings(values)
     content = {
         "name": name,
         "parameters": parameters,
-        **({"settings": other_settings} if (other_settings := _other_settings(values)) else {}),
+        **({"settings": settings} if settings else {}),
         "robot": config.robot.name,
         **metadata,
         "seed": config.seed,
@@ -79,13 +80,14 @@ def check_weights_name(name: str, study: str) -> None:
         raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
 
 
-def settings(values: Mapping[str, float]) -> list[str]:
-    """Return the overrides that set the values found for keys that are not parameters of the guide."""
-    return [f"{key}={value!r}" for key, value in _other_settings(values).items()]
-
-
-def _other_settings(values: Mapping[str, float]) -> dict[str, float]:
+def other_settings(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values found for keys that are not parameters of the guide."""
     return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
+
+
+def settings_words(values: Mapping[str, float]) -> list[str]:
+    """Return the overrides that set the values of `other_settings`."""
+    return [f"{key}={value!r}" for key, value in other_settings(values).items()]
 
 
 def register_network(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:
@@ -148,7 +150,7 @@ def driven(job: Job[SystemConfig], values: Collection[str]) -> list[str]:
     An experiment, or a config of the user's own, may have chosen parts of the system instead, so a part is named if
     it is not the default of `lme eval`. The pair is always named if more than a guide's parameters was trained.
     """
-    keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
+    keys = {word: key_of(word) for word in job.overrides}
     trained = {*values, *(PARAMETERS.rstrip(".") for key in values if key.startswith(PARAMETERS))}
     words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in trained]
     defaults = Catalogue(job.folders).groups("eval")

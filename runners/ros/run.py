@@ -23,6 +23,7 @@ from lme.worlds.world import Task
 from runners.config import build
 from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
+from runners.config.quoting import key_of
 from runners.config.schema import LiveCommandConfig, Record
 from runners.ros import ros1, ros2
 from runners.ros.mcap_drives import LiveRecorder
@@ -144,7 +145,7 @@ def _check_keys(job: Job[LiveCommandConfig]) -> None:
         (_NODES_ONLY, "the nodes read") if _simulates(job) else (_SIMULATOR_ONLY, "the simulator reads")
     )
     for override in job.overrides:
-        if override.lstrip("+").partition("=")[0].partition(".")[0] in foreign:
+        if key_of(override).partition(".")[0] in foreign:
             raise InputError(f"{override}: only {reader} this; omit it")
 
 

@@ -13,11 +13,12 @@ from runners.config import build, instantiate
 from runners.config.changes import HELD_OUT, TRAINING, TRAINING_ROBOTS
 from runners.config.job import Job
 from runners.config.schema import DriveConfig, EvalConfig, HeldOutConfig, TrainConfig
-from runners.config.space import PARAMETERS, with_values
+from runners.config.space import with_values
 from runners.config.systems import systems
 from runners.evaluate.evaluate import drive, report, run_labels
 from runners.records import inputs
 from runners.records.launch_record import launch_of
+from runners.records.weight_file import other_settings
 from runners.reports.analysis.paired import COLLISION, SUCCESS, Difference, difference, signed
 from runners.reports.explainer import pages
 from runners.workers.progress import activity
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 Places = Mapping[str, HeldOutConfig]
 _REWARD = "reward"
 _FEWEST = 10  # worlds: the bootstrap of fewer is too narrow
-_WORDS = {1: "better", 0: "level", -1: "worse"}
+WORDS = {1: "better", 0: "level", -1: "worse"}
 
 
 def held_out_places(job: Job[HeldOutConfig]) -> Places:
@@ -109,7 +110,7 @@ def _evaluation(
         config=config,
         choices=_choices(job, map_name, own_robot),
         overrides=job.overrides,
-        changes=_changes(job, map_name, own_robot) | _settings(values),
+        changes=_changes(job, map_name, own_robot) | other_settings(values),
         folders=job.folders,
         run_dir=job.run_dir / subfolder / map_name,
     )
@@ -151,17 +152,12 @@ def _evaluate_on(map_name: str, job: Job[EvalConfig], values: Mapping[str, Any],
     launch.write(job.run_dir)
     inputs.keep(launch.inputs, job.run_dir)
     labels = replace(run_labels(job, maps), map=map_name)
-    if _settings(values):  # not the planner of the named pair any more
+    if other_settings(values):  # not the planner of the named pair any more
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
     pages.make_requested_pages(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
     with activity(f"Table and picture of {map_name}"):
         report(maps, job)
-
-
-def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values found for keys that are not parameters of the guide."""
-    return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,14 +214,13 @@ class Verdict:
         """
         if self.overall.worlds < _FEWEST:
             return 0
-        if self._fails_more or self.collides_more:
+        fails_more = any(
+            comparison.success_difference.high < 0.0 for comparison in self._comparisons.values()
+        )
+        if fails_more or self.collides_more:
             return -1
         change = self.overall.reward_difference
         return -1 if change.high < 0.0 else 1 if change.low > 0.0 else 0
-
-    @property
-    def _fails_more(self) -> bool:
-        return any(comparison.success_difference.high < 0.0 for comparison in self._comparisons.values())
 
     @property
     def collides_more(self) -> bool:
@@ -294,7 +289,7 @@ class Verdict:
             }
             for map_name, comparison in self._comparisons.items()
         }
-        return {"verdict": _WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": by_map}
+        return {"verdict": WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": by_map}
 
 
 def judge(held_out: Places, start: pd.DataFrame, result: pd.DataFrame, training_reward: float) -> Verdict:

@@ -93,9 +93,7 @@ def race_figure(race: Race, start: str) -> Figure:
 
     start: name of the starting weights.
     """
-    figure = new_figure(WIDTH_IN, 4.0)
-    axes = figure.add_subplot()
-    axes.spines[["top", "right"]].set_visible(False)
+    figure, axes = _figure(4.0)
     field = racers(race)
     step = one_drawn_in(len(field))
     for rank, racer in reversed(list(enumerate(field))):
@@ -108,10 +106,12 @@ def race_figure(race: Race, start: str) -> Figure:
     axes.set_ylim(low - 0.06 * reward_range, high + 0.06 * reward_range)
     axes.set_xlim(-0.08, len(race.rungs) - 1 + 0.3 * max(len(race.rungs) - 1, 1))
     axes.set_xticks(range(len(race.rungs)), [worlds_driven(rung) for rung in race.rungs])
-    axes.tick_params(labelsize=8.5, colors=INK)
     axes.set(xlabel=driven_label(race), ylabel="mean reward so far")
     _names(axes, field, start, len(race.rungs))
-    axes.set_title(_title(field), fontsize=10)
+    raced = [racer for racer in field if racer.raced]
+    worse = sum(racer.end is End.worse for racer in raced)
+    title = f"{len(field)} candidates · {len(raced)} raced · {worse} of these worse beyond the noise"
+    axes.set_title(title, fontsize=10)
     _race_legend(figure, race)
     return figure
 
@@ -228,17 +228,12 @@ def _panel(axes: Axes, key: str, bounds: Range, trials: Sequence[Trial], raced: 
 
 def _line(axes: Axes, racer: Racer) -> None:
     colour, width = _racer_style(racer)
-    is_prominent = racer.raced or racer.number == START
+    opacity = 1.0 if racer.raced or racer.number == START else 0.6
+    axes.plot(range(len(racer.values)), racer.values, color=colour, linewidth=width, alpha=opacity)
+    filling = "white" if racer.end is End.outranked else colour
     axes.plot(
-        range(len(racer.values)),
-        racer.values,
-        color=colour,
-        linewidth=width,
-        alpha=1.0 if is_prominent else 0.6,
-    )
-    axes.plot(
-        len(racer.values) - 1, racer.values[-1], _MARKS[racer.end], color=colour, markerfacecolor=_filling(racer),
-        markersize=11 if racer.end is End.won else 4.5, markeredgewidth=1.0, alpha=1.0 if is_prominent else 0.6,
+        len(racer.values) - 1, racer.values[-1], _MARKS[racer.end], color=colour, markerfacecolor=filling,
+        markersize=11 if racer.end is End.won else 4.5, markeredgewidth=1.0, alpha=opacity,
     )  # fmt: skip
 
 
@@ -247,10 +242,6 @@ def _racer_style(racer: Racer) -> tuple[str, float]:
     if racer.number == START:
         return BEST, 2.0
     return (LINE, 2.0) if racer.end is End.won else (OBSTACLE, 0.8)
-
-
-def _filling(racer: Racer) -> str:
-    return "white" if racer.end is End.outranked else _racer_style(racer)[0]
 
 
 def _names(axes: Axes, field: Sequence[Racer], start: str, rungs: int) -> None:
@@ -268,12 +259,6 @@ def _names(axes: Axes, field: Sequence[Racer], start: str, rungs: int) -> None:
             color=_racer_style(racer)[0] if special else INK, fontweight="bold" if special else "normal",
             arrowprops={"arrowstyle": "-", "color": FRAME, "linewidth": 0.6, "shrinkB": 4.0, "relpos": (0, 0.5)},
         )  # fmt: skip
-
-
-def _title(field: Sequence[Racer]) -> str:
-    worse = sum(racer.end is End.worse for racer in field if racer.raced)
-    raced = sum(racer.raced for racer in field)
-    return f"{len(field)} candidates · {raced} raced · {worse} of these worse beyond the noise"
 
 
 def _race_legend(figure: Figure, race: Race) -> None:

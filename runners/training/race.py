@@ -206,7 +206,11 @@ class Racer:
 
 def racers(race: Race) -> list[Racer]:
     """Return all candidates: the winner first, then by the number of rungs and by the last mean reward."""
-    all_racers = [_racer(race, number) for number in race.rungs[0].values]
+    all_racers = []
+    for number in race.rungs[0].values:
+        rungs = [rung for rung in race.rungs if number in rung.values]
+        means = tuple(rung.values[number] for rung in rungs)
+        all_racers.append(Racer(number, means, _end(race, number, rungs[-1])))
     return sorted(
         all_racers,
         key=lambda racer: (racer.end is not End.won, -len(racer.values), -racer.values[-1], racer.number),
@@ -234,11 +238,6 @@ def worlds_driven(rung: Rung) -> str:
     """Return the worlds of each family as text: "10" if all have equally many, else "10 + 8"."""
     counts = list(worlds_by_family(rung).values())
     return " + ".join(map(str, counts if len(set(counts)) > 1 else counts[:1]))
-
-
-def _racer(race: Race, number: int) -> Racer:
-    rungs = [rung for rung in race.rungs if number in rung.values]
-    return Racer(number, tuple(rung.values[number] for rung in rungs), _end(race, number, rungs[-1]))
 
 
 def _end(race: Race, number: int, last_rung: Rung) -> End:

@@ -5,7 +5,6 @@ With it come two pictures, and explainer pages of the worst held-out worlds.
 
 from __future__ import annotations
 
-import warnings
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -25,7 +24,7 @@ from runners.reports.explainer import pages
 from runners.reports.explainer.write import document_parts, fill, write_html
 from runners.reports.figures.style import picture, save
 from runners.training.families import families
-from runners.training.held_out import HeldOutComparison, Places, Verdict, write_table
+from runners.training.held_out import WORDS, HeldOutComparison, Places, Verdict, write_table
 from runners.training.race import START, Race, racers
 from runners.training.report_tables import (
     WorstWorld,
@@ -62,7 +61,6 @@ _FILES = (
 _SCRIPTS = ("theme.js", "training.js")
 _STYLES = ("index.css", "training.css")
 _PX_PER_IN = 125  # of a picture
-_SIGNS = {1: "better", 0: "level", -1: "worse"}
 _PAIRED_NOTE = " Differences are paired, world by world, with their 95 % intervals."
 _RACE_NOTE = (
     "Every candidate drives the same worlds with the same random numbers, so differences are paired. Worse: dropped "
@@ -97,7 +95,10 @@ def write_training_report(
     the start won. command: the one that drives with the weights. start_dir: directory of the start's evaluation.
     """
     run_dir, is_start = job.run_dir, search_result.number == START
-    start_values = _start_values(job.config, search_result.space)
+    config_values: dict[str, Any] = dict(flatten(asdict(job.config)))
+    start_values = {
+        key: None if config_values[key] is None else float(config_values[key]) for key in search_result.space
+    }
     best = search_result.race.best_trial if search_result.race is not None else search_result.number
     if best == START:  # the best trial has the values of the start, or there is no other
         best = max(search_result.trials, key=lambda trial: (trial.reward, -trial.number)).number
@@ -139,11 +140,6 @@ def write_training_report(
     return [*pictures, path]
 
 
-def _start_values(config: TrainConfig, space: Space) -> dict[str, float | None]:
-    config_values: dict[str, Any] = dict(flatten(asdict(config)))
-    return {key: None if config_values[key] is None else float(config_values[key]) for key in space}
-
-
 def _figures(
     search_result: SearchResult, start_values: Mapping[str, float | None], start: str, best: int
 ) -> dict[str, Figure]:
@@ -167,12 +163,7 @@ def _explain(job: Job[TrainConfig], frame: pd.DataFrame, worst: Sequence[WorstWo
         all_pages += pages.make_pages(run_dir, episodes, page_paths, executor, keep=True)
         pages.index(run_dir)
         write_table(job, run_dir)  # again, since the table lists the pages
-    failed_pages = [page for page in all_pages if page.problem]
-    if failed_pages:
-        warnings.warn(
-            f"{len(failed_pages)} of {len(all_pages)} pages were not made: {failed_pages[0].problem}",
-            stacklevel=2,
-        )
+    pages.warn_of_problems(all_pages)
 
 
 def _facts(job: Job[TrainConfig], trials: int) -> str:
@@ -271,7 +262,7 @@ def write_report(report: TrainingReport, path: Path) -> None:
 def _verdict(report: TrainingReport) -> str:
     word, _, explanation = report.sentence.partition(": ")
     return (
-        f'<p class="verdict {_SIGNS[report.sign]}"><strong>{html_text(word)}</strong> '
+        f'<p class="verdict {WORDS[report.sign]}"><strong>{html_text(word)}</strong> '
         f"<span>{html_text(explanation[:1].upper() + explanation[1:])}.</span></p>"
     )
 

@@ -214,8 +214,10 @@ def worst_table(worlds: Sequence[WorstWorld], directory: Path) -> str:
     lines = []
     for world in worlds:
         flag = ' <span class="flag">start was better</span>' if world.lost else ""
+        page = page_path(world.run_dir, world.key)
+        link = f' <a href="{quote(os.path.relpath(page, directory))}">why</a>' if page.is_file() else ""
         lines.append([
-            f'<th scope="row">{html_text(world.run_dir.name)} {world.key.world}{_page(world, directory)}</th>',
+            f'<th scope="row">{html_text(world.run_dir.name)} {world.key.world}{link}</th>',
             f'<span class="outcome {html_text(world.outcome)}">{html_text(world.outcome)}</span>',
             rounded(world.reward),
             f"{world.time_s:.1f}",
@@ -286,10 +288,3 @@ def _start_value(bounds: Range, value: float | None) -> str:
         if bounds.low <= value <= bounds.high
         else f"{_value(value)}<small>outside the range</small>"
     )
-
-
-def _page(world: WorstWorld, directory: Path) -> str:
-    path = page_path(world.run_dir, world.key)
-    if not path.is_file():
-        return ""
-    return f' <a href="{quote(os.path.relpath(path, directory))}">why</a>'

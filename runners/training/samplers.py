@@ -172,7 +172,9 @@ def per_trial(
             # A trial asks for its parameters one by one: keep its sampler until the next trial.
             number = _origin(trial)
             if number != self._number:
-                self._number, self._sampler = number, _make_quietly(make_sampler, trial_seed(seed, number))
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # Optuna's warnings that samplers are experimental
+                    self._number, self._sampler = number, make_sampler(trial_seed(seed, number))
             return self._sampler
 
         def _own_study(self, study: Study, trial: FrozenTrial) -> Any:
@@ -224,13 +226,6 @@ def restart_of(number: int, restarts: int) -> int:
 def trial_seed(seed: int, number: int) -> int:
     """Return a 32-bit seed from the study's seed and the trial's number."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-
-
-def _make_quietly(make_sampler: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
-    """Make a sampler without Optuna's warning that it is experimental."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return make_sampler(seed)
 
 
 def _require_package(package: str, search: str) -> None:

@@ -34,7 +34,12 @@ def open_storage(url: str) -> BaseStorage:
     """Open the storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if unusable."""
     with _as_input_error(url, "cannot be used", _RIGHT), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Optuna's warnings that Redis and heartbeats are experimental
-        return _redis(url) if url.startswith(_REDIS) else _database(url)
+        if not url.startswith(_REDIS):
+            return _database(url)
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalRedisBackend
+
+        return JournalStorage(JournalRedisBackend(url))
 
 
 @contextmanager
@@ -47,13 +52,6 @@ def storage_errors(url: str | None, advice: str) -> Iterator[None]:
             raise
         with _as_input_error(url, "no longer answers", advice):
             raise
-
-
-def _redis(url: str) -> BaseStorage:
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalRedisBackend
-
-    return JournalStorage(JournalRedisBackend(url))
 
 
 def _database(url: str) -> RDBStorage:
@@ -99,7 +97,9 @@ def _as_input_error(url: str, problem: str, advice: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        *_, cause = _causes(error)
+        cause: BaseException = error
+        while cause.__cause__ is not None:
+            cause = cause.__cause__
         if isinstance(cause, ImportError) and cause.name is not None:
             problem, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
         reason = " ".join(str(cause).split()) or type(cause).__name__
@@ -110,13 +110,6 @@ def _as_input_error(url: str, problem: str, advice: str) -> Iterator[None]:
                 "its password is not kept with the run: give storage=URL again, or let the driver read it"
             )
         raise InputError(f"storage is {masked(url)}: {problem} ({reason[:200]}); {advice}") from None
-
-
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    """Yield the error and its causes."""
-    while error is not None:
-        yield error
-        error = error.__cause__
 
 
 class Heartbeat:

@@ -14,7 +14,7 @@ from lme.guides.lme.weight_files import WEIGHTS
 from runners.config import build, instantiate
 from runners.config.changes import TRAINING
 from runners.config.job import Job
-from runners.config.quoting import element, lme_command, override, resume_command
+from runners.config.quoting import element, key_of, lme_command, override, resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.evaluate import evaluate
@@ -163,7 +163,7 @@ def _usage(job: Job[TrainConfig], search_result: SearchResult) -> str:
     words = weight_file.driven(job, search_result.values)
     if weight_file.best_parameters(job.config, search_result.values):
         words.append(override("weights", weights_name(job)))
-    return lme_command("eval", *words, *weight_file.settings(search_result.values), folders=job.folders)
+    return lme_command("eval", *words, *weight_file.settings_words(search_result.values), folders=job.folders)
 
 
 def _advise(job: Job[TrainConfig], search_result: SearchResult, verdict: Verdict) -> None:
@@ -205,12 +205,8 @@ def _elsewhere(job: Job[TrainConfig], search_result: SearchResult) -> str:
     if not other_maps:
         return ""
     # A sweep over these maps.
-    words = [
-        word
-        for word in weight_file.driven(job, search_result.values)
-        if word.lstrip("+").partition("=")[0] != "robot"
-    ]
-    settings = weight_file.settings(search_result.values)
+    words = [word for word in weight_file.driven(job, search_result.values) if key_of(word) != "robot"]
+    settings = weight_file.settings_words(search_result.values)
     compared = [*([] if settings else [job.weights]), weights_name(job)]
     words = [f"robot={job.choices['robot']}", *words, f"map={','.join(other_maps)}"]
     words += [f"weights={','.join(map(element, compared))}", *settings]

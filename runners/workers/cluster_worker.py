@@ -17,7 +17,7 @@ from runners.workers.executor import Item, Run, to_portable_error
 class WorkerSetup(WorkerPlugin):
     """Setup shared by all items of an open executor. Dask keeps it in each worker, and gives it to new workers.
 
-    pickled: `initialise` and its payload. wanted: the versions of the process that hands out the items.
+    pickled: `initialise` and its payload. required_versions: those of the process that hands out the items.
     """
 
     def __init__(self, token: str, pickled: bytes, required_versions: Mapping[str, str]) -> None:

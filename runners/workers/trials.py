@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,6 @@ from runners.config import build
 from runners.config.build import simulator, with_disturbances
 from runners.config.schema import RobotRanges, TrainConfig
 from runners.config.space import with_values
-
-if TYPE_CHECKING:
-    from runners.config.schema import TrainConfig
-
 
 _DISTURBANCES = 0x6469  # seeds the draw separately from the episode
 Values = tuple[tuple[str, float], ...]
@@ -118,14 +114,10 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
         # Every candidate gets the same random numbers, so two rewards differ by the parameters alone.
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, 0]))
         disturbance_seed = world if config.disturbances.any else None
-        known_latency_seed = (
-            disturbance_seed if config.disturbances.latency else None
-        )  # a planner may know the delay of its world
-        pilot, drive = (
-            navigator(family, attempt.values, known_latency_seed),
-            simulator(family, disturbance_seed),
-        )
-        episode = run_episode(task_driven, pilot, drive, rng)
+        # A planner may know the delay of its world.
+        known_latency_seed = disturbance_seed if config.disturbances.latency else None
+        pilot = navigator(family, attempt.values, known_latency_seed)
+        episode = run_episode(task_driven, pilot, simulator(family, disturbance_seed), rng)
         reward = episode_reward(config, task_driven.time_limit, str(episode.outcome), episode.steps)
         return Score(attempt.trial, world, str(episode.outcome), episode.steps, reward, family)
 

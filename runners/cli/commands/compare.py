@@ -7,12 +7,9 @@ import sys
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from lme.errors import InputError
 from runners.cli.help import texts
-
-if TYPE_CHECKING:
-    from runners.reports.analysis.compare_runs import RunComparison
 
 EXAMPLES = (
     "lme compare outputs/eval/RUN1 outputs/eval/RUN2",
@@ -25,9 +22,12 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """Print the comparison, write its files, and say where they are. Raises InputError."""
     from runners.records.records import find_runs, read_runs
+    from runners.records.run_directories import ROOT
     from runners.reports.analysis import compare_report
+    from runners.reports.analysis.compare_pictures import compare_figures
     from runners.reports.analysis.compare_runs import NOT_COMPARED, compare_runs
 
+    # Compare, and print the result in the chosen format.
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
     for path in arguments.runs:
@@ -39,8 +39,19 @@ def main(argv: list[str]) -> int:
         "tex": compare_report.to_latex,
     }
     print(renderers[arguments.format](comparisons), end="")
-    directory = arguments.into or _default_folder(arguments.runs, runs)
-    files = _write(comparisons, directory)
+    # Write the files into the sweep, if one was given alone, else into a new folder.
+    directory = ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    if len(arguments.runs) == 1 and arguments.runs != runs:
+        (directory,) = arguments.runs
+    directory = arguments.into or directory
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        pictures = compare_figures(comparisons, directory)
+        files = [*compare_report.write(comparisons, pictures, directory), *pictures]
+    except OSError as error:
+        raise InputError(
+            f"cannot write to {directory} ({error.strerror}): what is printed above is all"
+        ) from None
     message = f"Tables and pictures: {', '.join(path.name for path in files)} in {directory}"
     print(message, file=sys.stdout if arguments.format == "text" else sys.stderr)
     return 0
@@ -73,7 +84,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check_named(path: Path, runs: Sequence[Path]) -> None:
     """Raise InputError if `path` is a folder of runs that were not started together."""
-    from lme.errors import InputError
     from runners.records.launch_record import LAUNCH
 
     inside = [run for run in runs if run.parent == path]
@@ -84,28 +94,3 @@ def _check_named(path: Path, runs: Sequence[Path]) -> None:
             f"{path}: is a folder of {len(inside)} runs, not a sweep: name the runs to compare, such as\n"
             f"  lme compare {first}"
         )
-
-
-def _default_folder(paths: Sequence[Path], runs: Sequence[Path]) -> Path:
-    """Return the directory of a sweep that was given alone, else a new directory."""
-    from runners.records.run_directories import ROOT
-
-    if len(paths) == 1 and list(paths) != list(runs):
-        return paths[0]
-    return ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-
-
-def _write(comparisons: Sequence[RunComparison], directory: Path) -> list[Path]:
-    """Write the files and return their paths. Raises InputError if that cannot be done."""
-    from lme.errors import InputError
-    from runners.reports.analysis import compare_report
-    from runners.reports.analysis.compare_pictures import compare_figures
-
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        pictures = compare_figures(comparisons, directory)
-        return [*compare_report.write(comparisons, pictures, directory), *pictures]
-    except OSError as error:
-        raise InputError(
-            f"cannot write to {directory} ({error.strerror}): what is printed above is all"
-        ) from None

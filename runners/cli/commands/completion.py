@@ -34,6 +34,7 @@ _PATH_KEYS = (
     "hydra.run.dir",
     "hydra.sweep.dir",
 )
+_CONFIG_DIR = ("--config-dir", "-cd")
 _AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
 BASH = """\
 _lme() {
@@ -62,22 +63,18 @@ def main(argv: list[str]) -> int:
     """Print a shell's completion script, or the words that may come next, which that script asks for."""
     from runners.cli.main import command_files
 
-    given = _parser().parse_intermixed_args(argv)
-    if given.what in SCRIPTS:
-        print(SCRIPTS[given.what], end="")
-        return 0
-    words = candidates(given.line, command_files())
-    print("\n".join(drop_broken_part(words, given.line, given.breaks)))
-    return 0
-
-
-def _parser() -> argparse.ArgumentParser:
     title = (__doc__ or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog="lme completion", **texts(title, EXAMPLES))
     parser.add_argument("what", choices=("bash", "zsh", "words"), help="a shell; words: for its script")
     parser.add_argument("line", nargs="?", default="", help="with words: the line typed so far")
     parser.add_argument("--breaks", default="", help="with words: letters at which the shell breaks words")
-    return parser
+    parsed = parser.parse_intermixed_args(argv)
+    if parsed.what in SCRIPTS:
+        print(SCRIPTS[parsed.what], end="")
+        return 0
+    words = candidates(parsed.line, command_files())
+    print("\n".join(drop_broken_part(words, parsed.line, parsed.breaks)))
+    return 0
 
 
 def candidates(line: str, commands: Iterable[str]) -> list[str]:
@@ -87,9 +84,9 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
     if len(preceding) <= 1:
         return _starting(word, (*commands, "--help", "--version"))
     # The value of a flag comes before options of the command.
-    folders = [Path(value) for flag, value in pairwise(preceding) if _is_config_dir(flag)]
+    folders = [Path(value) for flag, value in pairwise(preceding) if flag in _CONFIG_DIR]
     configs = catalogue.shipped(*folders)
-    if _is_config_dir(preceding[-1]):
+    if preceding[-1] in _CONFIG_DIR:
         return _paths(word, folders_only=True)
     if preceding[-1] in _AFTER_FLAG:
         return _starting(word, _AFTER_FLAG[preceding[-1]])
@@ -119,7 +116,7 @@ def _override(
     configs: catalogue.Catalogue,
 ) -> list[str]:
     plus = "+" * (len(word) - len(word.lstrip("+")))
-    key, equals, value = word.lstrip("+").partition("=")
+    key, equals, typed_value = word.lstrip("+").partition("=")
     # Complete the key, or the kind of a command that has kinds.
     if not equals:
         names = [*(f"{group}=" for group in groups), *(f"{item.name}=" for item in configs.keys(command))]
@@ -130,10 +127,14 @@ def _override(
             names = [*configs.options(command), *names]  # lme figure KIND
         return [plus + name for name in _starting(key, names)]
     # Complete the last value of a list or of a sweep.
-    last_item = re.split(r"[,\[]", value)[-1]
-    finished_items = value.removesuffix(last_item)
-    values_found = _values(key, last_item, groups, command, configs)
-    return [f"{plus}{key}={finished_items}{text}" for text in values_found]
+    last_item = re.split(r"[,\[]", typed_value)[-1]
+    finished_items = typed_value.removesuffix(last_item)
+    if key in groups:
+        values = _starting(last_item, configs.choices(key, command))
+    else:
+        names = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
+        values = _starting(last_item, names) + (_paths(last_item) if key in _PATH_KEYS else [])
+    return [f"{plus}{key}={finished_items}{value}" for value in values]
 
 
 def _keys(
@@ -150,23 +151,10 @@ def _keys(
         return []
 
 
-def _values(
-    key: str, last_item: str, groups: dict[str, str | None], command: str, configs: catalogue.Catalogue
-) -> list[str]:
-    if key in groups:
-        return _starting(last_item, configs.choices(key, command))
-    names = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
-    return _starting(last_item, names) + (_paths(last_item) if key in _PATH_KEYS else [])
-
-
 def _flags(module: Path) -> list[str]:
     """Return the flags of a module's parser, read from its source because importing a command takes too long."""
     source = module.read_text(encoding="utf-8") if module.is_file() else ""
     return ["--help", *dict.fromkeys(re.findall(r'add_argument\(\s*"(--[\w-]+)"', source))]
-
-
-def _is_config_dir(flag: str) -> bool:
-    return flag in ("--config-dir", "-cd")
 
 
 def _starting(word: str, names: Iterable[str]) -> list[str]:
@@ -182,5 +170,8 @@ def _paths(word: str, folders_only: bool = False) -> list[str]:
     except (InputError, OSError):
         return []
     visible = [entry for entry in entries if start.startswith(".") or not entry.name.startswith(".")]
-    entries_shown = [entry for entry in visible if entry.is_dir() or not folders_only]
-    return [f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}" for entry in entries_shown]
+    return [
+        f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}"
+        for entry in visible
+        if entry.is_dir() or not folders_only
+    ]

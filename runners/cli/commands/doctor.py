@@ -47,27 +47,18 @@ _EXTRA = re.compile(r'extra == "([\w-]+)"')
 
 def main(argv: list[str]) -> int:
     """Print the report; return 1 if there is a problem."""
-    _parser().parse_args(argv)
+    title = (__doc__ or "").partition("\n")[0]
+    argparse.ArgumentParser(prog="lme doctor", **texts(title, EXAMPLES, _NOTES)).parse_args(argv)
     lines = report()
-    print("\n".join(_format(lines)))
-    return int(any(line.advice for line in lines))
-
-
-def _parser() -> argparse.ArgumentParser:
-    return argparse.ArgumentParser(
-        prog="lme doctor", **texts((__doc__ or "").partition("\n")[0], EXAMPLES, _NOTES)
-    )
-
-
-def _format(lines: Sequence[Line]) -> list[str]:
-    """Return the report as two columns, with advice below each problem and the number of problems at the end."""
+    # Print two columns, with advice below each problem, and the number of problems at the end.
     width = max(len(line.name) for line in lines)
-    texts = []
     for line in lines:
-        texts.append(f"{_MARK if line.advice else ' '} {line.name.ljust(width)}  {line.found}")
-        texts += [f"{' ' * (width + 4)}{line.advice}"] if line.advice else []
+        print(f"{_MARK if line.advice else ' '} {line.name.ljust(width)}  {line.found}")
+        if line.advice:
+            print(f"{' ' * (width + 4)}{line.advice}")
     problems = sum(bool(line.advice) for line in lines)
-    return [*texts, "", f"{problems or 'No'} problem{'' if problems == 1 else 's'}."]
+    print(f"\n{problems or 'No'} problem{'' if problems == 1 else 's'}.")
+    return int(problems > 0)
 
 
 class Line(NamedTuple):
@@ -82,7 +73,8 @@ def report() -> list[Line]:
     """Return all lines: versions, extras, machine, folders."""
     packages = [_package(requirement) for requirement in needed()]
     extras = [_extra(name, requirements) for name, requirements in optional().items()]
-    return [_lme(), _python(), *packages, *extras, _cores(), *_memory(), _numba(), _outputs(), _mlflow()]
+    cores = Line("cores", f"{available_cores()} of {os.cpu_count()}, with a worker process on each")
+    return [_lme(), _python(), *packages, *extras, cores, *_memory(), _numba(), _outputs(), _mlflow()]
 
 
 def _lme() -> Line:
@@ -136,10 +128,6 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
-
-
-def _cores() -> Line:
-    return Line("cores", f"{available_cores()} of {os.cpu_count()}, with a worker process on each")
 
 
 def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
@@ -197,12 +185,14 @@ def _is_writable(folder: Path) -> bool:
 
 def needed() -> list[Requirement]:
     """Return the requirements of every installation; none if lme is not installed."""
-    return [each for each in map(Requirement, declared()) if each.marker is None]
+    return [requirement for requirement in map(Requirement, declared()) if requirement.marker is None]
 
 
 def optional() -> dict[str, list[Requirement]]:
     """Return the packages of each extra by its name, without the extras for developers."""
-    marked = [(each, str(each.marker)) for each in map(Requirement, declared()) if each.marker is not None]
-    named = [(found[1], each) for each, marker in marked if (found := _EXTRA.search(marker))]
-    extras = dict.fromkeys(extra for extra, _ in named if extra not in _FOR_DEVELOPERS)
-    return {extra: [each for name, each in named if name == extra] for extra in extras}
+    extras: dict[str, list[Requirement]] = {}
+    for requirement in map(Requirement, declared()):
+        extra = _EXTRA.search(str(requirement.marker))
+        if extra and extra[1] not in _FOR_DEVELOPERS:
+            extras.setdefault(extra[1], []).append(requirement)
+    return extras

@@ -41,7 +41,6 @@ _RUN_COLUMNS = (
 Write = Callable[
     [Iterable["pa.Table"], Any], int
 ]  # takes tables and an open file, returns the number of rows
-BINARY = ("parquet",)
 
 
 def main(argv: list[str]) -> int:
@@ -158,10 +157,8 @@ def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
 
     try:
         with output_file(path) as draft:
-            if style in BINARY:
-                with draft.open("wb") as binary:
-                    return FORMATS[style](rows, binary)
-            with draft.open("w", encoding="utf-8", newline="") as file:
+            is_binary = style == "parquet"
+            with draft.open("wb") if is_binary else draft.open("w", encoding="utf-8", newline="") as file:
                 return FORMATS[style](rows, file)
     except BrokenPipeError:  # its reader has seen enough
         raise

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from runners.config.quoting import key_of
+
 EXAMPLES = (
     "lme figure trajectories -m system=dwa_tuned,lme_dwa_tuned,lme world=250",
     "lme figure features world=250 step=40",
@@ -33,14 +35,13 @@ def _to_overrides(argv: list[str]) -> list[str]:
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"figure={words[0]}"
-    return [_expand_key(word) for word in words]
-
-
-def _expand_key(word: str) -> str:
-    key, value = _key(word), word.partition("=")[2]
-    if key == "formats" and value.isalpha():
-        return f"formats=[{value}]"
-    return f"{_SHORT[key]}={value}" if key in _SHORT else word
+    for number, word in enumerate(words):
+        key, value = key_of(word), word.partition("=")[2]
+        if key == "formats" and value.isalpha():
+            words[number] = f"formats=[{value}]"
+        elif key in _SHORT:
+            words[number] = f"{_SHORT[key]}={value}"
+    return words
 
 
 def _check_driving(words: list[str]) -> None:
@@ -48,7 +49,7 @@ def _check_driving(words: list[str]) -> None:
     from lme.errors import InputError
     from runners.config import catalogue
 
-    words_by_key = {_key(word): word for word in words if "=" in word}
+    words_by_key = {key_of(word): word for word in words if "=" in word}
     kind = words_by_key.get("figure", "").partition("=")[2]
     if kind in _DRIVES_NOTHING:
         reason = f"figure={kind} drives nothing; {_DRIVES_NOTHING[kind]}"
@@ -73,14 +74,10 @@ def _check_swept(words: list[str]) -> None:
     if not {"-m", "--multirun"} & set(words):
         return
     for word in words:
-        key, value = _key(word), word.partition("=")[2]
+        key, value = key_of(word), word.partition("=")[2]
         is_single = key.partition(".")[0] in ("run", "world", "formats", "figure")
         if is_single and "," in value and not value.startswith(("[", "'", '"')):
             raise InputError(
                 f"{word}: one figure is drawn of all jobs, so this cannot be swept; several worlds are a list, "
                 "world=[3,4], and -m sweeps what is driven: systems, maps, ablations"
             )
-
-
-def _key(word: str) -> str:
-    return word.partition("=")[0].lstrip("+")

@@ -156,6 +156,7 @@ def _configs(arguments: argparse.Namespace) -> Catalogue:
 
 def _show(arguments: argparse.Namespace) -> None:
     from runners.config.map_sets import choose
+    from runners.reports.analysis.tables import aligned
 
     # Build the chosen tasks, print their measures, and draw those that were named.
     choice = choose([arguments.map, *arguments.what], configs=_configs(arguments))
@@ -165,24 +166,14 @@ def _show(arguments: argparse.Namespace) -> None:
         )
     tasks = [choice.maps.task(number) for number in choice.maps.numbers]
     path = _saved(choice, tasks, arguments.output)
-    print("\n".join(_table(tasks)))
+    measures = list(tasks[0].measures)
+    rows = [["world", "optimal_time_s", *measures, "time_limit_s"]]
+    for task in tasks:
+        values = (f"{task.measures[name]:.4g}" for name in measures)
+        rows.append([str(task.number), f"{task.optimal_time:.3f}", *values, f"{task.time_limit:.4g}"])
+    print("\n".join(aligned(rows, right=range(len(rows[0])))))
     if path is not None:
         print(path, file=sys.stderr)
-
-
-def _table(tasks: Sequence[Task]) -> list[str]:
-    from runners.reports.analysis.tables import aligned
-
-    rows = [_measures(task) for task in tasks]
-    return aligned(
-        [list(rows[0]), *([row[name] for name in rows[0]] for row in rows)], right=range(len(rows[0]))
-    )
-
-
-def _measures(task: Task) -> dict[str, str]:
-    measures = {name: f"{value:.4g}" for name, value in task.measures.items()}
-    optimal, limit = f"{task.optimal_time:.3f}", f"{task.time_limit:.4g}"
-    return {"world": str(task.number), "optimal_time_s": optimal, **measures, "time_limit_s": limit}
 
 
 def _saved(choice: MapSetChoice, tasks: Sequence[Task], output: Path | None) -> Path | None:
@@ -308,6 +299,7 @@ def _build(arguments: argparse.Namespace) -> None:
     from runners.config.quoting import element, lme_command
     from runners.recordings.map_build import BuildConfig, build_map, check_target, describe, write_map
     from runners.recordings.posed_scans import log_config
+    from runners.records.run_directories import ROOT
 
     logs, settings = _split_words(arguments.what)
     config = BuildConfig(
@@ -319,7 +311,9 @@ def _build(arguments: argparse.Namespace) -> None:
         log=log_config(settings, arguments.robot),
     )
     # Check the target before the logs are read, which may take minutes.
-    target = expanded(arguments.output) if arguments.output else _default_map_file(logs[0])
+    log_name = logs[0].resolve().name.removesuffix(".gz")
+    default_target = ROOT / "maps" / f"{log_name.rpartition('.')[0] or log_name}.yaml"
+    target = expanded(arguments.output) if arguments.output else default_target
     check_target(target, arguments.overwrite)
     built = build_map(logs, config)
     write_map(built, target)
@@ -346,13 +340,6 @@ def _split_words(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error
     return logs, parsed_settings
-
-
-def _default_map_file(log: Path) -> Path:
-    from runners.records.run_directories import ROOT
-
-    name = log.resolve().name.removesuffix(".gz")
-    return ROOT / "maps" / f"{name.rpartition('.')[0] or name}.yaml"
 
 
 def _buildings(arguments: argparse.Namespace) -> None:

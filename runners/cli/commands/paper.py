@@ -60,7 +60,11 @@ def _described(files: list[Path]) -> list[str]:
     return [
         "main.tex        all of it in one document: latexmk -pdf main (or pdflatex, bibtex and pdflatex twice)",
         "methods.tex     what was driven, in words; methods.md: the same",
-        *(f"{f'{folder}/':<15} {', '.join(found)}" for folder, found in names.items() if found),
+        *(
+            f"{f'{folder}/':<15} {', '.join(files_of_folder)}"
+            for folder, files_of_folder in names.items()
+            if files_of_folder
+        ),
         "references.bib  lme and its paper",
         "reproduce.sh    the commands that make it again",
     ]

@@ -111,7 +111,6 @@ def _serve(command: list[str], environment: dict[str, str], address: str) -> int
 
 def _announce(server: subprocess.Popen[bytes], address: str) -> None:
     """Print where the runs are as soon as the server answers; print nothing if it ends before."""
-
     while not is_up(address):
         if server.poll() is not None:
             return

@@ -6,7 +6,7 @@ rules in `NOTES` decide from our paired differences whether we agree.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from runners.config.systems import SEVERAL
@@ -116,11 +116,23 @@ def _judge(
         return "no", "on the contrary, a gain beyond the noise"
     if tier is None:
         return "yes", "a loss beyond the noise"
+    # Of two losses, one is larger if their intervals are disjoint.
+    rivals = {rival: differences[rival] for rival in claims if rival in differences and rival != name}
     if tier == MOST:
-        return _judge_largest_loss(name, change, differences, claims)
-    larger_losses = list(_exceeded_variants(name, change, differences, claims))
-    if larger_losses:
-        return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(larger_losses)}"
+        larger = [
+            variant_label(rival) for rival, difference in rivals.items() if difference.high < change.low
+        ]
+        if larger:
+            return "in part", f"a loss beyond the noise, but smaller than that of {' and '.join(larger)}"
+        is_largest = all(difference.mean > change.mean for difference in rivals.values())
+        return "yes", "the largest loss of all" if is_largest else "a loss beyond the noise"
+    smaller = [
+        variant_label(rival)
+        for rival, difference in rivals.items()
+        if (claims[rival].tier or 0) > tier and change.high < difference.low
+    ]
+    if smaller:
+        return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(smaller)}"
     return "yes", "a loss beyond the noise"
 
 
@@ -128,29 +140,3 @@ def _is_open(change: Difference, tier: int | None) -> bool:
     """Return whether there are too few worlds, or too wide an interval, to show a difference."""
     largest_loss = max(-change.low, change.high) if tier == 0 else -change.low
     return not change.beyond_noise and (change.worlds < FEWEST or largest_loss > MARGIN)
-
-
-def _judge_largest_loss(
-    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
-) -> tuple[str, str]:
-    rivals = {rival: differences[rival] for rival in claims if rival in differences and rival != name}
-    larger = [variant_label(rival) for rival, difference in rivals.items() if difference.high < change.low]
-    if larger:
-        return "in part", f"a loss beyond the noise, but smaller than that of {' and '.join(larger)}"
-    largest = all(difference.mean > change.mean for difference in rivals.values())
-    return "yes", "the largest loss of all" if largest else "a loss beyond the noise"
-
-
-def _exceeded_variants(
-    name: str, change: Difference, differences: Mapping[str, Difference], claims: Mapping[str, Claim]
-) -> Iterator[str]:
-    """Yield the variants with a larger loss in the paper that lose less here, with disjoint intervals."""
-    tier = claims[name].tier or 0
-    for rival, claim in claims.items():
-        if (
-            claim.tier is not None
-            and claim.tier > tier
-            and rival in differences
-            and change.high < differences[rival].low
-        ):
-            yield variant_label(rival)

@@ -8,7 +8,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -69,17 +69,14 @@ def compare_figure(study: RunComparison, page: PrintSpace | None = None) -> Note
     """Draw a comparison. page: what it must fit, without heading and note; None for a picture that has both."""
     drawn = _pair(study, study.compared[0], page) if len(study.compared) == 1 else _heat_map(study, page)
     if page is None:
-        _entitle(drawn.figure, study, drawn.note)
+        # What all runs have in common is above; the note, and the changed keys that they share, are below.
+        keys = changed_columns(study.run.frame)
+        parts = study.place.split(" · ")
+        changes = [part for part in parts if part.partition(" ")[0] in keys]
+        title = " · ".join(part for part in parts if part not in changes)
+        changed = [f"Changed: {', '.join(changes)}."] if changes else []
+        entitle(drawn.figure, title, "\n".join([drawn.note, *changed]))
     return drawn
-
-
-def _entitle(figure: Figure, study: RunComparison, note: str) -> None:
-    """Write what all runs have in common above, and the note and the changed keys that they share below."""
-    keys = changed_columns(study.run.frame)
-    parts = study.place.split(" · ")
-    changes = [part for part in parts if part.partition(" ")[0] in keys]
-    changed = [f"Changed: {', '.join(changes)}."] if changes else []
-    entitle(figure, " · ".join(part for part in parts if part not in changes), "\n".join([note, *changed]))
 
 
 def _pair(study: RunComparison, compared: Compared, page: PrintSpace | None) -> Noted:
@@ -239,7 +236,9 @@ def _picture_note(study: RunComparison, runs: int, differing: int, same: int, mo
         f"{header}, mean of the runs in each world, from the world that is worst on average to the best."
     ]
     if runs < len(study.compared):
-        sentences.append(f"The {runs // 2} worst and {runs - runs // 2} best of {len(study.compared):,} runs.")
+        sentences.append(
+            f"The {runs // 2} worst and {runs - runs // 2} best of {len(study.compared):,} runs."
+        )
     if differing > most:
         sentences.append(f"The {most} worst of {differing:,} worlds.")
     if same:
@@ -247,13 +246,13 @@ def _picture_note(study: RunComparison, runs: int, differing: int, same: int, mo
     return " ".join([*sentences, "White: not driven."])
 
 
-def _wrapped(text: str, letters: int = LABEL) -> str:
-    return plot_text("\n".join(textwrap.wrap(text, letters)) or text)
+def _wrapped(text: str) -> str:
+    return plot_text("\n".join(textwrap.wrap(text, LABEL)) or text)
 
 
-def _style_axes(axes: Axes, grid: str) -> None:
+def _style_axes(axes: Axes, grid: Literal["both", "y"]) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[:].set_color(FRAME)
     axes.tick_params(labelsize=8, colors=INK, length=0)
-    axes.grid(axis="y" if grid == "y" else "both", color=GRID, linewidth=0.5)
+    axes.grid(axis=grid, color=GRID, linewidth=0.5)
     axes.set_axisbelow(True)

@@ -156,17 +156,15 @@ def _table(study: RunComparison) -> TextTable:
 
 def _keys(study: RunComparison) -> str:
     lines = [["Key", *map(markdown_text, study.names)], ["---"] * (1 + len(study.names))]
-    lines += [[_code(key), *map(_key_text, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
+    for key, values in list(study.keys.items())[:_MAX_KEYS]:
+        cells = [DASH if value is None else markdown_text(str(value)) for value in values]
+        lines.append([_code(key), *cells])
     omitted = len(study.keys) - _MAX_KEYS
     return (
         "What differs between the configs:\n\n"
         + markdown_table(lines)
         + (f"\n\nAnd {omitted} more keys." if omitted > 0 else "")
     )
-
-
-def _key_text(value: object) -> str:
-    return DASH if value is None else markdown_text(str(value))
 
 
 def _code(text: str) -> str:

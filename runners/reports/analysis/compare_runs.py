@@ -114,7 +114,10 @@ def compare_runs(frames: Iterable[pd.DataFrame]) -> list[RunComparison]:
     frames: from `read_runs`; the columns `NOT_COMPARED` may be missing. Raises InputError if there are fewer than two
     runs, or no two share an episode.
     """
-    runs = [ComparedRun(Path(str(frame["run_dir"].iloc[0])), _with_values(frame)) for frame in frames]
+    runs = [
+        ComparedRun(Path(str(frame["run_dir"].iloc[0])), frame.dropna(axis="columns", how="all"))
+        for frame in frames
+    ]
     if len(runs) < 2:
         raise InputError(f"{runs[0].run_dir}: is a single run; give two or more runs, or a sweep")
     # Group the runs by the worlds that they share; a run without a partner is only mentioned.
@@ -132,13 +135,8 @@ def compare_runs(frames: Iterable[pd.DataFrame]) -> list[RunComparison]:
     return [_comparison(group, single_runs) for group in together]
 
 
-def _with_values(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the columns that hold a value."""
-    return frame.drop(columns=[name for name in frame if not frame[name].notna().any()])
-
-
 def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
-    runs = [group.reference, *(run for run, _ in group.others)]
+    runs = group.runs
     reference, *names = run_names(runs)
     has_metric = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
     measure = METRIC if has_metric else SUCCESS
@@ -179,20 +177,14 @@ def _changes(baseline: pd.DataFrame, frames: Mapping[str, pd.DataFrame]) -> dict
     for measure, metric in MEASURES.items():
         reference, variants = baseline, dict(frames)
         if metric.of_successes:
-            reference, variants = (
-                _successes(reference),
-                {name: _successes(variant) for name, variant in variants.items()},
-            )
+            reference = reference[reference["outcome"] == SUCCESS]
+            variants = {name: frame[frame["outcome"] == SUCCESS] for name, frame in frames.items()}
         reference_values = paired.values(reference, measure)
         for name, difference in paired.compare(Block({}, reference, variants), measure).items():
             worlds = _by_world(reference_values, paired.values(variants[name], measure)).mean()
             change = Change(float(worlds["reference"]), float(worlds["other"]), difference)
             changes.setdefault(name, {})[measure] = change
     return changes
-
-
-def _successes(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame[frame["outcome"] == SUCCESS]
 
 
 def _by_world(baseline: pd.Series, other: pd.Series) -> pd.DataFrame:
@@ -205,7 +197,7 @@ def _by_world(baseline: pd.Series, other: pd.Series) -> pd.DataFrame:
 def _notes(
     group: Group, names: Sequence[str], keys: Mapping[str, Sequence[object]], launches: Sequence[Launch]
 ) -> list[str]:
-    runs = [group.reference, *(run for run, _ in group.others)]
+    runs = group.runs
     lines = [
         _describe_unshared(group.reference, run, worlds, name)
         for (run, worlds), name in zip(group.others, names[1:], strict=True)
@@ -253,8 +245,8 @@ def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozens
 
 def _describe_power(compared: Sequence[Compared]) -> list[str]:
     """Return a note on how many worlds it takes to find a difference of `EFFECT` in success, if that is known."""
-    differences = [one.changes[SUCCESS].difference for one in compared]
-    worlds = sorted(number for value in differences if (number := value.worlds_for(EFFECT)))
+    differences = [run.changes[SUCCESS].difference for run in compared]
+    worlds = sorted(number for change in differences if (number := change.worlds_for(EFFECT)))
     if not worlds:
         return []
     fewest, most = f"{worlds[0]:,}", counted(worlds[-1], "world")

@@ -100,9 +100,12 @@ class Comparison(SweepStudy):
         by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
         frames = {reference: block.baseline, **block.variants}
         frame = pd.concat(frames.values())
+        setting = shared_setting(frame)
+        if block.heading:
+            setting = setting._replace(place=(block.heading, *setting.place))
         return cls(
             reference,
-            _headed(block.heading, shared_setting(frame)),
+            setting,
             {name: paired.row(frame) for name, frame in frames.items()},
             {
                 name: {measure: changes[name] for measure, changes in by_measure.items() if name in changes}
@@ -149,10 +152,6 @@ def _trained_by_seed(frame: pd.DataFrame, of_reference: pd.Series) -> bool:
         return False
     trainings = frame[["system", SEED, WEIGHTS]].drop_duplicates()
     return not bool(trainings.duplicated(["system", SEED]).any())
-
-
-def _headed(heading: str, setting: TableSetting) -> TableSetting:
-    return setting._replace(place=(heading, *setting.place)) if heading else setting
 
 
 def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:

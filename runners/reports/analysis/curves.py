@@ -90,12 +90,12 @@ class CurveStudy(SweepStudy):
     def _of(cls, frame: pd.DataFrame, key: str) -> Self:
         keys = ["system", *(name for name in row_keys(frame.drop(columns=AT)) if frame[name].nunique() > 1)]
         texts = frame.assign(**{name: as_text(frame[name]) for name in keys})
-        groups = texts.groupby(keys, sort=False)
-        return cls(
-            key,
-            shared_setting(frame),
-            tuple(curve for names, group in groups for curve in _curve(names, group)),
-        )
+        curves = []
+        for names, group in texts.groupby(keys, sort=False):
+            points = tuple((float(str(value)), paired.row(rows)) for value, rows in group.groupby(AT))
+            if len(points) >= LEAST:
+                curves.append(Curve(", ".join(str(name) for name in names if name), points))
+        return cls(key, shared_setting(frame), tuple(curves))
 
     @property
     def values(self) -> list[float]:
@@ -178,12 +178,6 @@ def _runs_of_key(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataF
     # The same episode may have been driven in several runs: keep the first.
     settings = [name for name in ("system", *row_keys(subset), *EPISODE) if name != key]
     return subset.drop(columns=key)[~subset.duplicated([AT, *settings])]
-
-
-def _curve(names: tuple[object, ...], group: pd.DataFrame) -> Iterator[Curve]:
-    points = tuple((float(str(value)), paired.row(rows)) for value, rows in group.groupby(AT))
-    if len(points) >= LEAST:
-        yield Curve(", ".join(str(name) for name in names if name), points)
 
 
 def _numbers(column: pd.Series) -> pd.Series:

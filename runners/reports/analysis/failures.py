@@ -19,6 +19,7 @@ from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories
 from runners.reports.analysis.summary import DASH, as_text, row_keys
+from runners.reports.analysis.text_table import TextTable
 from runners.reports.analysis.what_happened import ORDER, UP_TO_M, what_happened
 
 if TYPE_CHECKING:
@@ -76,11 +77,12 @@ def failed_section(frame: pd.DataFrame, directory: Path) -> str:
         return ""
     # A row for each failure, with the job in a sweep.
     jobs = _job_names(frame)
-    lines = [
-        [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, directory)]
-        for run_dir, episode in episode_rows(frame[is_failure(frame)])
-        for job in [[jobs[run_dir]] if len(jobs) > 1 else []]
-    ]
+    lines = []
+    for run_dir, episode in episode_rows(frame[is_failure(frame)]):
+        job = [jobs[run_dir]] if len(jobs) > 1 else []
+        page = page_path(run_dir, EpisodeKey.of(episode))
+        link = _link(page, directory) if page.is_file() else DASH
+        lines.append([*job, *map(markdown_text, cells(episode)), link])
     header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
     table = markdown_table([header, rule, *lines]) if lines else "None."
@@ -135,11 +137,6 @@ def _closest_m(episode: Mapping[str, Any], trajectory: Floats) -> float:
     return float(np.hypot(x - episode["goal_x_m"], y - episode["goal_y_m"]).min())
 
 
-def _page_link(episode: Mapping[str, Any], run_dir: Path, directory: Path) -> str:
-    path = page_path(run_dir, EpisodeKey.of(episode))
-    return _link(path, directory) if path.is_file() else DASH
-
-
 def _link(path: Path, directory: Path) -> str:
     """Return a Markdown link to a file, relative to `directory`."""
     relative = Path(os.path.relpath(path, directory)).as_posix()
@@ -192,7 +189,7 @@ def timeouts_section(frame: pd.DataFrame) -> str:
         for values, group in counts
     ]
     header = [*(key.capitalize() if key.isidentifier() else key for key in keys), "Time-outs", *CLASSES]
-    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
     standing, paces = UP_TO_M
     note = f"By the last minute: the robot stayed within {standing:g} m, within {paces:g} m, or went farther."
-    return f"\n## Time-outs\n\n{markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])}\n\n{note}\n"
+    table = TextTable(header, rows, left=range(len(keys))).to_markdown()
+    return f"\n## Time-outs\n\n{table}\n\n{note}\n"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from runners.config.systems import System
 from runners.records.records import PLANNED_WORLDS, planned
@@ -74,14 +75,23 @@ class Figures(NamedTuple):
 
 def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
     """Return the published figures by the name of the system in `conf/system/` and by setting."""
-    return {
-        (name, PublishedSetting(map_name, robot)): Figures(
-            system.name, system.global_planner, _stats(entry), _source(entry)
-        )
-        for name, system in systems.items()
-        for map_name, entry in system.published.items()
-        for robot in entry["robots"]
-    }
+    figures_by_setting = {}
+    for name, system in systems.items():
+        for map_name, entry in system.published.items():
+            # A metric is [mean, std], or [mean] if no deviation was published.
+            stats = {
+                key: (float(values[0]), float(values[1]) if len(values) > 1 else math.nan)
+                for key, values in entry.items()
+                if key not in TEXTS
+            }
+            source = str(entry.get("source", ""))
+            if source and "formula" in entry:
+                source += f"; BARN metric: {entry['formula']}"
+            for robot in entry["robots"]:
+                figures_by_setting[name, PublishedSetting(map_name, robot)] = Figures(
+                    system.name, system.global_planner, stats, source
+                )
+    return figures_by_setting
 
 
 def setting_of(group: pd.DataFrame) -> DrivenSetting | None:
@@ -144,21 +154,3 @@ def _common_value(group: pd.DataFrame, column: str, otherwise: str) -> str:
         return otherwise
     values = group[column].fillna(otherwise).unique()
     return str(values[0]) if len(values) == 1 else ""
-
-
-def _stats(entry: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Return (mean, std) by metric, from [mean, std], or from [mean] if no deviation was published."""
-    return {
-        key: (float(values[0]), float(values[1]) if len(values) > 1 else float("nan"))
-        for key, values in entry.items()
-        if key not in TEXTS
-    }
-
-
-def _source(entry: Mapping[str, Any]) -> str:
-    """Return the note's text about the figures: their log, and the formula of its metric."""
-    if "source" not in entry:
-        return ""
-    return (
-        f"{entry['source']}; BARN metric: {entry['formula']}" if "formula" in entry else str(entry["source"])
-    )

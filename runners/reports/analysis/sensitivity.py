@@ -113,7 +113,9 @@ class SensitivityStudy(SweepStudy):
 
         Runs with several multiplied parameters are ignored.
         """
-        studies = [cls._of(block) for block in paired.blocks(_single_changes(frame), COLUMN, UNCHANGED)]
+        if COLUMN in frame:
+            frame = frame[[len(scale_from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
+        studies = [cls._of(block) for block in paired.blocks(frame, COLUMN, UNCHANGED)]
         return [study for study in studies if study.curves]
 
     @classmethod
@@ -217,13 +219,6 @@ def factors(curves: Sequence[ParameterCurve]) -> list[float]:
     return sorted({point.factor for curve in curves for point in curve.points})
 
 
-def _single_changes(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the records of runs with at most one multiplied parameter."""
-    if COLUMN not in frame:
-        return frame
-    return frame[[len(scale_from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
-
-
 def _value(block: Block, parameter: str) -> str:
     """Return the unchanged value of the parameter; empty if unknown."""
     launch = read_launch(Path(block.baseline["run_dir"].iloc[0])) if "run_dir" in block.baseline else None
@@ -234,18 +229,16 @@ def _value(block: Block, parameter: str) -> str:
 def _sentence(curve: ParameterCurve) -> str:
     rates = [point.success for point in curve.points]
     value = f" ({curve.value})" if curve.value else ""
-    changes = [text for measure in (SUCCESS, METRIC) if (text := _changes_text(curve, measure))]
+    # Name the points beyond the noise, such as "success 0.020 at × 0".
+    changes = []
+    for measure in (SUCCESS, METRIC):
+        points = curve.beyond(measure)
+        texts = (f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
+        changes += [f"{NAMES[measure]} {', '.join(texts)}"] if points else []
     verdict = f"beyond the noise: {'; '.join(changes)}" if changes else "nothing beyond the noise"
     return (
         f"{curve.parameter}{value}: {min(rates):.3f} to {max(rates):.3f}, range {curve.range:.3f}; {verdict}."
     )
-
-
-def _changes_text(curve: ParameterCurve, measure: str) -> str:
-    """Return text such as "success 0.020 at × 0"; empty if no point is beyond the noise."""
-    points = curve.beyond(measure)
-    rates = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
-    return f"{NAMES[measure]} {rates}" if rates else ""
 
 
 def _table(study: SensitivityStudy, measure: str) -> str:

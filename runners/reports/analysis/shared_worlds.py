@@ -73,6 +73,11 @@ class Group:
     reference: ComparedRun
     others: tuple[tuple[ComparedRun, frozenset[int]], ...]
 
+    @property
+    def runs(self) -> list[ComparedRun]:
+        """All runs, the reference first."""
+        return [self.reference, *(run for run, _ in self.others)]
+
 
 def groups(runs: Sequence[ComparedRun]) -> list[Group]:
     """Return the runs grouped by shared worlds, in their order. A run that shares none is a group without others.
@@ -138,10 +143,12 @@ def run_names(runs: Sequence[ComparedRun]) -> list[str]:
     texts = [", ".join(_shorten([_column_text(run, column) for column in differing])) for run in runs]
     times = Counter(texts)
     folder_counts = Counter(run.run_dir.name for run in runs)
-    return [
-        name if times[name] == 1 and name else _with_folder(name, run, folder_counts[run.run_dir.name] == 1)
-        for name, run in zip(texts, runs, strict=True)
-    ]
+    names = []
+    for name, run in zip(texts, runs, strict=True):
+        folder = run.run_dir.name if folder_counts[run.run_dir.name] == 1 else str(run.run_dir)
+        is_enough = name and times[name] == 1
+        names.append(name if is_enough else f"{name} ({folder})" if name else folder)
+    return names
 
 
 def heading(runs: Sequence[ComparedRun]) -> str:
@@ -222,11 +229,6 @@ def _shorten(texts: Sequence[str]) -> list[str]:
     nonempty = [text for text in texts if text]
     omitted = len(nonempty) - _MOST
     return nonempty if omitted <= 0 else [*nonempty[:_MOST], f"{omitted} more"]
-
-
-def _with_folder(name: str, run: ComparedRun, is_enough: bool) -> str:
-    folder = run.run_dir.name if is_enough else str(run.run_dir)
-    return f"{name} ({folder})" if name else folder
 
 
 def _listed(values: Sequence[str]) -> str:

@@ -168,8 +168,8 @@ def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
         for metric in METRICS
         if all(metric.key in values for values in by_map.values())
     }
-    each = {f"{name}/{key}": value for name, values in by_map.items() for key, value in values.items()}
-    return {"episodes": float(len(frame)), **means, **each}
+    of_maps = {f"{name}/{key}": value for name, values in by_map.items() for key, value in values.items()}
+    return {"episodes": float(len(frame)), **means, **of_maps}
 
 
 def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
@@ -184,11 +184,12 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
             is_counted = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
             mean, std = mean_std_over_runs(column, group["run"], is_counted)
             stats[metric.key] = mean, std if runs > 1 else math.nan
+    global_map = str(group["global_map"].iloc[0]) if "global_map" in group else ""
     return Row(
         label=system,
         keys=keys,
         stats=stats,
-        global_planner=_global_planner(group),
+        global_planner=GLOBAL_PLANNER.get(global_map, "no"),
         episodes=len(group),
         worlds=worlds,
         runs=runs,
@@ -344,11 +345,6 @@ def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
         return f"{worlds} of {all_worlds} worlds"
     all_episodes = max(worlds * runs, planned(group, PLANNED_EPISODES))
     return f"{len(group)} of {all_episodes} episodes" if len(group) < all_episodes else ""
-
-
-def _global_planner(group: pd.DataFrame) -> str:
-    """Return the kind of global map that the guide planned on; "no" without one, or without this column."""
-    return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
 def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TextIO
 
 from lme.metrics import interval_over_worlds
-from runners.config.escaping import csv_value, html_text, markdown_table, markdown_text, visible
+from runners.config.escaping import csv_value, html_text, markdown_text, visible
 from runners.config.schema import PUBLISHED_MARK
 from runners.records.atomic_write import write_atomically
 from runners.records.launch_record import read_launch
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import rich.table
 
-MISSING = DASH
 _INTERVALS = "Intervals of success are Wilson's, over worlds."  # in a caption
 GAP = 2  # between columns on the terminal
 Column = tuple[str, ...]  # its header, then a cell for each row
@@ -254,20 +253,16 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
     lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]
     for row in rows:
         success, *further_values = [_stat(row, metric, plus_minus) for metric in metrics]
-        interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
-        episodes = MISSING if row.episodes is None else str(row.episodes)
-        values = [visible(value) or MISSING for value in row.keys.values()]
+        interval = DASH if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
+        episodes = DASH if row.episodes is None else str(row.episodes)
+        values = [visible(value) or DASH for value in row.keys.values()]
         lines.append([visible(row.name), *values, success, interval, *further_values, episodes])
-    if _compares_planners(rows):
+    # A column on global planners, if there are several systems, or if one used such a planner.
+    names = {row.label.removesuffix(PUBLISHED_MARK) for row in rows}
+    if len(names) > 1 or any(row.global_planner != "no" for row in rows):
         for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
             line.append(cell)
     return lines
-
-
-def _compares_planners(rows: Sequence[Row]) -> bool:
-    """Return whether to show the column on global planners: with several systems, or if one used such a planner."""
-    names = {row.label.removesuffix(PUBLISHED_MARK) for row in rows}
-    return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
 def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Column]]:
@@ -315,14 +310,14 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
 
 def _is_constant(column: Column) -> bool:
     """Return whether several rows have a value, all of them the same one."""
-    values = [cell for cell in column[1:] if cell != MISSING]
+    values = [cell for cell in column[1:] if cell != DASH]
     return len(values) > 1 and len(set(values)) == 1
 
 
 def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
     """Return lines that name the omitted columns and say where to find them."""
     constant = [
-        f"{header} {next(cell for cell in cells if cell != MISSING)}"
+        f"{header} {next(cell for cell in cells if cell != DASH)}"
         for header, *cells in left_out
         if _is_constant((header, *cells))
     ]
@@ -351,7 +346,7 @@ def _wrap(column: Column) -> Column:
 def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
     mean, std = row.stats.get(metric.key, (math.nan, math.nan))
     if math.isnan(mean):
-        return MISSING
+        return DASH
     spread = metric.spread and not math.isnan(std)
     return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")
 
@@ -369,14 +364,13 @@ def families_section(frame: pd.DataFrame) -> str:
     rows = [[*map(str, values), *_figures(group)] for values, group in texts.groupby(keys, sort=False)]
     names = [key.capitalize() if key.isidentifier() else key for key in keys[:-1]]
     header = [*names, "Family", "Success", "95 % CI", "Collision", "Timeout", "n"]
-    rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
     stands_in = (episodes[FAMILY] == STAND_IN).any()
     note = (
         f"\n{STAND_IN} are generated: no maps of real buildings were given (map.paths).\n"
         if stands_in
         else ""
     )
-    table = markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])
+    table = TextTable(header, rows, left=range(len(keys))).to_markdown()
     return f"\n## Families of worlds\n\n{table}\n{note}"
 
 

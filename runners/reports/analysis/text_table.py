@@ -1,16 +1,56 @@
-"""A table of text cells, for Markdown and LaTeX."""
+"""A table of text cells, for Markdown and LaTeX, and LaTeX from templates.
+
+In LaTeX, every text is escaped unless it is marked as LaTeX.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from runners.config.escaping import latex_text, markdown_table, markdown_text
-from runners.reports.analysis.latex import Latex, float_table
+
+# Longer notes than the table is wide wrap below it; a table that is too wide for the page shrinks with them.
+_FLOAT = r"""% needs \usepackage{adjustbox,booktabs,threeparttable}
+\begin{table*}
+\centering
+\caption{<< caption >>}
+\label{<< label >>}
+\smallskip
+\footnotesize
+\setlength{\tabcolsep}{4pt}
+\begin{adjustbox}{max width=\linewidth}
+\begin{threeparttable}
+\begin{tabular}{@{}<< columns >>@{}}
+\toprule
+<% for line in lines %>
+<% for cell in line %><% if not loop.first %> & <% endif %><< cell >><% endfor %> \\
+<% if loop.first %>
+\midrule
+<% endif %>
+<% endfor %>
+\bottomrule
+\end{tabular}
+<% if notes %>
+\begin{tablenotes}[flushleft]
+<% for note in notes %>
+\item << note >>
+<% endfor %>
+\end{tablenotes}
+<% endif %>
+\end{threeparttable}
+\end{adjustbox}
+\end{table*}
+"""
 
 
 class Strong(str):
     """A cell that stands out, in bold."""
+
+
+class Latex(str):
+    """Text that is LaTeX already, so that it is not escaped again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +65,8 @@ class TextTable:
         """Return the table without the columns that have these headers."""
         kept = [number for number, header in enumerate(self.header) if header not in headers]
         lines = [[line[number] for number in kept] for line in (self.header, *self.lines)]
-        return TextTable(
-            lines[0], lines[1:], [place for place, number in enumerate(kept) if number in self.left]
-        )
+        left = [column for column, number in enumerate(kept) if number in self.left]
+        return TextTable(lines[0], lines[1:], left)
 
     def to_markdown(self) -> str:
         """Return the table in GitHub's Markdown."""
@@ -35,9 +74,13 @@ class TextTable:
         return markdown_table([self.header, rule, *(map(_in_markdown, line) for line in self.lines)])
 
     def to_latex(self, label: str, caption: str, notes: Sequence[str] = ()) -> Latex:
-        """Return the table as a float with a caption and notes; see `float_table`."""
+        r"""Return the table as a float for `\input`, with booktabs rules, its notes below it, and a caption.
+
+        label: for `\ref`.
+        """
         columns = "".join("l" if number in self.left else "r" for number in range(len(self.header)))
-        return float_table([self.header, *self._grouped()], columns, label, caption, notes)
+        lines = [self.header, *self._grouped()]
+        return render(_FLOAT, lines=lines, columns=columns, label=Latex(label), caption=caption, notes=notes)
 
     def _grouped(self) -> Iterator[list[Latex]]:
         """Yield the lines; where several begin with one name, it is written once, and groups are set apart."""
@@ -60,3 +103,22 @@ def _in_markdown(cell: str) -> str:
 def _in_latex(cell: str) -> Latex:
     text = latex_text(cell)
     return Latex(rf"\textbf{{{text}}}" if isinstance(cell, Strong) else text)
+
+
+def render(template: str, **values: Any) -> Latex:
+    """Return a template with its values in << >> and statements in <% %>. A text is escaped unless it is `Latex`."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        block_start_string="<%",
+        block_end_string="%>",
+        variable_start_string="<<",
+        variable_end_string=">>",
+        comment_start_string="<#",
+        comment_end_string="#>",
+        finalize=lambda value: latex_text(value) if type(value) is str else value,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return Latex(environment.from_string(template).render(values))

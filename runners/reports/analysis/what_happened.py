@@ -176,11 +176,10 @@ def _pacing(drive: _Drive, steps: Bools) -> str:
 
 def _cause(record: Mapping[str, Any], drive: _Drive, steps: Bools, duration: float) -> str:
     """Name the first of: a subgoal that jumps, no free way, little space; else say where the subgoal was."""
-    bearings, distances = _subgoals(drive)
-    # Bearings of the subgoal before and after each jump, both from the pose at the jump.
-    former = np.roll(drive.subgoal, 1, axis=0) - drive.position
-    former_bearings = _wrapped(np.arctan2(former[:, 1], former[:, 0]) - drive.yaw)
-    far = (distances >= JUMP_M) & (np.hypot(*former.T) >= JUMP_M)
+    # The subgoal before and after each jump, both from the pose at the jump.
+    bearings, distances = _from_robot(drive, drive.subgoal)
+    former_bearings, former_distances = _from_robot(drive, np.roll(drive.subgoal, 1, axis=0))
+    far = (distances >= JUMP_M) & (former_distances >= JUMP_M)
     jumps = steps & far & (np.abs(_wrapped(bearings - former_bearings)) >= JUMP_RAD)
     jumps[:1] = False
     count = int(jumps.sum())
@@ -203,9 +202,9 @@ def _cause(record: Mapping[str, Any], drive: _Drive, steps: Bools, duration: flo
     return f", with the subgoal {np.median(distances[known]):.1f} m away{direction}"
 
 
-def _subgoals(drive: _Drive) -> tuple[Floats, Floats]:
-    """Bearings (T,) [rad] and distances (T,) [m] of the subgoal from the robot; NaN where there is none."""
-    offset = drive.subgoal - drive.position
+def _from_robot(drive: _Drive, points: Floats) -> tuple[Floats, Floats]:
+    """Return the bearing [rad] and the distance [m], (T,) each, of a point (T, 2) at each step; NaN if it is NaN."""
+    offset = points - drive.position
     return _wrapped(np.arctan2(offset[:, 1], offset[:, 0]) - drive.yaw), np.hypot(*offset.T)
 
 

@@ -67,12 +67,14 @@ def make_requested_pages(requested: Explain, run_dir: Path, executor: Any) -> No
         index(run_dir)
     elif not pages:
         print(f"explain={requested}: no episode failed, so there is no page")
-    failed_pages = [page for page in pages if page.problem]
-    if failed_pages:
-        warnings.warn(
-            f"{len(failed_pages)} of {len(pages)} pages were not made: {failed_pages[0].problem}",
-            stacklevel=2,
-        )
+    warn_of_problems(pages)
+
+
+def warn_of_problems(pages: Sequence[Page]) -> None:
+    """Warn once if some of the pages could not be made."""
+    problems = [page.problem for page in pages if page.problem]
+    if problems:
+        warnings.warn(f"{len(problems)} of {len(pages)} pages were not made: {problems[0]}", stacklevel=3)
 
 
 def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:

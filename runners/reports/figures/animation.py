@@ -72,9 +72,9 @@ class FilmPace(NamedTuple):
         return np.append(self.times, np.full(math.ceil(LAST_S * self.fps), self.times[-1]))
 
 
-def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
-    """Drive one episode of a config as `lme eval` does, save it as GIF, and return its outcome."""
-    trace = rerun(config, world, run)
+def animate(config: DriveConfig, world: int, path: Path) -> Outcome:
+    """Drive the first episode of a world as `lme eval` does, save it as GIF, and return its outcome."""
+    trace = rerun(config, world, 0)
     all_times = np.array([frame.time for frame in trace.frames])
     stride = math.ceil(len(all_times) / MOST_FRAMES)
     pace = FilmPace(np.append(all_times[:-1:stride], all_times[-1]), trace.robot.control_rate / stride)

@@ -139,11 +139,6 @@ class DecisionFigure:
         """Draw the page of one decision."""
         raise NotImplementedError
 
-    def _entitled(self, shot: DecisionView) -> Figure:
-        figure, (title, subtitle) = self.figure(shot), heading(shot)
-        entitle(figure, title, subtitle=subtitle)
-        return figure
-
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
@@ -152,11 +147,12 @@ class DecisionFigure:
         decisions = shots(runs, worlds, self._config.step, self.name, self.guided)
         numbered_stems = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(decisions) + 1)]
         stems = numbered_stems if len(decisions) > 1 else [stem]
-        return [
-            path
-            for decision, path_stem in zip(decisions, stems, strict=True)
-            for path in save(self._entitled(decision), path_stem, formats)
-        ]
+        paths = []
+        for decision, path_stem in zip(decisions, stems, strict=True):
+            figure, (title, subtitle) = self.figure(decision), heading(decision)
+            entitle(figure, title, subtitle=subtitle)
+            paths += save(figure, path_stem, formats)
+        return paths
 
 
 def _shot(driven_run: DrivenRun, worlds: Sequence[int], step: int | None, guided_by: Guided) -> DecisionView:

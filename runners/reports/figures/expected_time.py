@@ -121,6 +121,10 @@ def _detour(sight: Perception) -> float:
 
 def _draw_field(axes: Axes, sight: Perception) -> Any:
     """Draw T in colours with lines of equal time, and the fastest way; return what the colour bar shows."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+    from matplotlib.ticker import MaxNLocator
+
     times, grid = sight.field.times[1:-1, 1:-1], sight.field.grid
     edges = grid.cell * np.arange(grid.size + 1)
     corners, centres = (_on_page(sight, edges + shift) for shift in (0.0, grid.cell / 2))
@@ -130,10 +134,9 @@ def _draw_field(axes: Axes, sight: Perception) -> Any:
     x, y = centres[:-1, :-1].transpose(2, 0, 1)
     visible_times = finite[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
     span: dict[str, Any] = {"vmin": visible_times.min(), "vmax": visible_times.max()}
-    mesh = axes.pcolormesh(
-        *corners.transpose(2, 0, 1), finite, cmap=_pale_colormap(), rasterized=True, zorder=0, **span
-    )
-    levels = _levels(**span)
+    pale = ListedColormap(colormaps[FIELD](np.linspace(PALEST, DARKEST, 256)))
+    mesh = axes.pcolormesh(*corners.transpose(2, 0, 1), finite, cmap=pale, rasterized=True, zorder=0, **span)
+    levels = np.asarray(MaxNLocator(LINES, steps=[1, 2.5, 5, 10]).tick_values(span["vmin"], span["vmax"]))
     lines = axes.contour(x, y, finite, levels=levels, colors=INK, linewidths=0.4, zorder=1)
     # Label one line in NAMED.
     is_labelled = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
@@ -148,19 +151,6 @@ def _on_page(sight: Perception, offset: Any) -> Floats:
     grid = sight.field.grid
     positions = np.stack(np.meshgrid(grid.x + offset, grid.y + offset, indexing="ij"), axis=-1)
     return view.upwards(to_robot(positions.reshape(-1, 2), sight.pose)).reshape(*positions.shape)
-
-
-def _pale_colormap() -> Any:
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(colormaps[FIELD](np.linspace(PALEST, DARKEST, 256)))
-
-
-def _levels(vmin: float, vmax: float) -> Floats:
-    from matplotlib.ticker import MaxNLocator
-
-    return np.asarray(MaxNLocator(LINES, steps=[1, 2.5, 5, 10]).tick_values(vmin, vmax))
 
 
 def _draw_candidates(axes: Axes, explanation: Explanation) -> Any:

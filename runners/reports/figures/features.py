@@ -249,7 +249,8 @@ class FeaturePage:
         self._width = min(inner / self._columns, WIDEST_IN)
         self._tall = self._width * (self._box.y1 - self._box.y0) / (self._box.x1 - self._box.x0)
         self._rows = math.ceil(panels / self._columns)
-        self._foot = NOTE_IN + (0 if self._has_place else self._key_rows * KEY_LINE_IN + 0.05)
+        key_rows = math.ceil(len(self._key) / KEY_COLUMNS)
+        self._foot = NOTE_IN + (0 if self._has_place else key_rows * KEY_LINE_IN + 0.05)
         self._row = TITLE_IN + self._tall + BELOW_IN
         self._height = self._rows * self._row + self._foot
         self.figure = new_figure(PAGE_IN, self._height, layout=None)
@@ -257,10 +258,6 @@ class FeaturePage:
     @property
     def _has_place(self) -> bool:
         return self._rows * self._columns > self._panels
-
-    @property
-    def _key_rows(self) -> int:
-        return math.ceil(len(self._key) / KEY_COLUMNS)
 
     def panel(self, index: int, title: str) -> Axes:
         """Return the axes of a panel."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,11 +94,14 @@ class Maps:
         Raises InputError for a map set, a world or a setting that does not exist.
         """
         self.config, self._robot, self._configs = config, robot, configs or shipped()
-        self._entries = (
-            list(self._every_set()) if config.maps is None else [entry.split() for entry in config.maps]
-        )
+        self._entries = [entry.split() for entry in config.maps or ()]
         for entry in self._entries:
             self._choose(entry)
+        # By default, every map set that works without a setting.
+        for name in self._configs.titles("map") if config.maps is None else ():
+            with suppress(InputError):
+                choose([name], self._robot, self._configs)
+                self._entries.append([name])
 
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
@@ -115,13 +118,6 @@ class Maps:
         figure = sheet(panels, self.config.columns)
         entitle(figure)
         return save(figure, stem, formats)
-
-    def _every_set(self) -> Iterator[list[str]]:
-        """Yield the words of every map set that works without a setting."""
-        for name in self._configs.titles("map"):
-            with suppress(InputError):
-                choose([name], self._robot, self._configs)
-                yield [name]
 
     def _choose(self, entry: Sequence[str]) -> MapSetChoice:
         try:
@@ -195,14 +191,17 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     keys = _keys(panels)
     per_line = max(1, int(cell * columns / KEY_IN))
     foot = math.ceil(len(keys) / per_line) * KEY_LINE_IN + GAP_IN
-    figure = new_figure(cell * columns, sum(heights) + foot, layout=None)
+    page, height = cell * columns, sum(heights) + foot
+    figure = new_figure(page, height, layout=None)
     # Draw row by row from the top, each panel below its heading.
     for row, indices in enumerate(rows):
         for column, index in enumerate(indices):
-            top_middle = ((column + 0.5) * cell + label_width / 2, foot + sum(heights[row:]))
-            axes = _add_axes(figure, top_middle, sizes[index])
+            x, top = (column + 0.5) * cell + label_width / 2, foot + sum(heights[row:])
+            panel_width, panel_height = sizes[index]
+            left, bottom = x - panel_width / 2, top - HEADING_IN - panel_height
+            axes = figure.add_axes((left / page, bottom / height, panel_width / page, panel_height / height))
             _draw(axes, panels[index], boxes[index], is_single)
-            _head(figure, panels[index], top_middle)
+            _head(figure, panels[index], (x, top))
     style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": 7.5, "labelcolor": INK}
     figure.legend(handles=keys, ncols=per_line, **style)
     return figure
@@ -234,13 +233,6 @@ def _step(longest_m: float) -> float:
     min_step = longest_m / SQUARES
     power = 10.0 ** math.floor(math.log10(min_step))
     return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= min_step)
-
-
-def _add_axes(figure: Figure, top_middle: tuple[float, float], size: tuple[float, float]) -> Axes:
-    """Add axes of a size [in] below a heading whose top is at `top_middle` [in]."""
-    page, height = figure.get_size_inches()
-    left, bottom = top_middle[0] - size[0] / 2, top_middle[1] - HEADING_IN - size[1]
-    return figure.add_axes((left / page, bottom / height, size[0] / page, size[1] / height))
 
 
 def _draw(axes: Axes, panel: MapPanel, box: Box, is_single: bool) -> None:

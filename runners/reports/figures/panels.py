@@ -83,10 +83,18 @@ def draw_panel(axes: Axes, panel: Panel, look: TrajectoryStyle, box: Box) -> Non
 
 
 def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: TrajectoryStyle) -> None:
-    """Write the outcomes at the lower right of the panel, one line per system."""
+    """Write the outcomes at the lower right of the panel, one line per system.
+
+    Of one episode, the outcome and the time; of several, the number of successes. The time counts from the start, as
+    in the key and in a film. The time in a record may start later, with the clock of the task.
+    """
     for line, run in enumerate(runs):
         style = look.systems.get(run.label)
-        text = _outcome_text(episodes_of(run, place), steps_of(run, place))
+        outcomes = episodes_of(run, place)["outcome"]
+        if len(outcomes) > 1:
+            text = f"{(outcomes == 'success').sum()}/{len(outcomes)}"
+        else:
+            text = f"{outcomes.iloc[0]}, {steps_of(run, place)['time_s'].max():.1f} s"
         axes.annotate(
             text if style is None else plot_text(f"{run.label}: {text}"),
             (1.0, 0.0),
@@ -196,14 +204,3 @@ def _keep_apart(points: Floats, distance: float) -> Floats:
         if all(math.dist(point, neighbour) >= distance for neighbour in spaced):
             spaced.append(point)
     return np.array(spaced).reshape(-1, 2)
-
-
-def _outcome_text(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:
-    """Return outcome and time of one episode, or the number of successes among several.
-
-    The time counts from the start, as in the key and in a film. The time in a record may start later, with the clock
-    of the task.
-    """
-    if len(episodes) > 1:
-        return f"{(episodes['outcome'] == 'success').sum()}/{len(episodes)}"
-    return f"{episodes.iloc[0]['outcome']}, {steps['time_s'].max():.1f} s"

@@ -231,7 +231,8 @@ def write(axes: Axes, letter: Letter, away_pt: float) -> None:
         "zorder": 11,
         "path_effects": halo(),
     }
-    axes.text(x, y, letter.text, ha=_side(letter.away[0]), **style)
+    away = letter.away[0]
+    axes.text(x, y, letter.text, ha="left" if away > 0.35 else "right" if away < -0.35 else "center", **style)
 
 
 def halo() -> list[Any]:
@@ -259,14 +260,14 @@ def _share_inside(x: float, y: float, box: Box) -> float:
     return min(share_x, share_y, 1.0)
 
 
-def _side(x: float) -> str:
-    return "left" if x > 0.35 else "right" if x < -0.35 else "center"
-
-
 def key(explanation: Explanation, reach_m: float, box: Box) -> list[Any]:
     """Return the entries of the key, for the marks that the view has."""
     rival, blockage = rival_subgoal(explanation), blockage_seen(explanation, box)
     outline_style = {"marker": "*" if explanation.decision.choice.switched else "o", "markeredgecolor": GREEN}
+    scan_marks = tuple(
+        mark("scan, by sector", color=colour, marker="o", markersize=3, markeredgewidth=0)
+        for colour, _ in SECTORS
+    )
     entries = [
         mark("chosen subgoal", color=GREEN, **STAR),
         rival and mark(rival[0], markerfacecolor="none", markersize=7, **outline_style),
@@ -274,7 +275,7 @@ def key(explanation: Explanation, reach_m: float, box: Box) -> list[Any]:
         line("target direction", color=INK, linewidth=0.9),
         is_inside(explanation.view.target, box)
         and mark("target", marker="x", color=INK, markersize=6, markeredgewidth=1.8),
-        len(explanation.view.points) and _sectors_mark("scan, by sector", "ooo"),
+        len(explanation.view.points) and scan_marks,
         blockage and line("blocking sector", color=BLUE, linewidth=1.2),
         blockage
         and mark("its ends $E_1$, $E_2$", color="white", marker="o", markeredgecolor=BLUE, markersize=4),
@@ -284,15 +285,6 @@ def key(explanation: Explanation, reach_m: float, box: Box) -> list[Any]:
         line(f"range of candidates, {reach_m:g} m", color=INK, linestyle=":", linewidth=0.9),
     ]
     return [entry for entry in entries if entry]
-
-
-def _sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
-    """Return one entry of a key with a mark in each sector colour."""
-    colours = [colour for colour, _ in SECTORS]
-    return tuple(
-        mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
-        for colour, marker in zip(colours, markers, strict=True)
-    )
 
 
 def draw_key(

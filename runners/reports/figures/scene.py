@@ -187,7 +187,10 @@ def scale_bar(axes: Axes, box: Box, max_share: float, drop_pt: float) -> None:
     """Draw a scale bar `drop_pt` below the panel's lower left corner. max_share: share of the panel's width."""
     from matplotlib.transforms import ScaledTranslation
 
-    length = _round_length((box.x1 - box.x0) * max_share)
+    # The longest of 1, 2 and 5 times a power of ten [m] that fits.
+    longest = (box.x1 - box.x0) * max_share
+    power = 10.0 ** math.floor(math.log10(longest))
+    length = max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= longest * (1 + 1e-9))
     offset = ScaledTranslation(0.0, -drop_pt / 72, axes.figure.dpi_scale_trans)
     x, y = [box.x0, box.x0, box.x0 + length, box.x0 + length], [0.0, 0.0, 0.0, 0.0]
     # Metres along the panel, points below it.
@@ -225,12 +228,6 @@ def write(axes: Axes, text: str, point: Sequence[float], offset_pt: tuple[float,
         path_effects=[withStroke(linewidth=1.8, foreground="white")],
         clip_on=True,
     )
-
-
-def _round_length(max_length: float) -> float:
-    """Return the longest of 1, 2 and 5 times a power of ten up to `max_length` [m]."""
-    power = 10.0 ** math.floor(math.log10(max_length))
-    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= max_length * (1 + 1e-9))
 
 
 def _flag(in_key: bool = False) -> dict[str, Any]:
@@ -299,16 +296,15 @@ def lay_out(
     figure.set_size_inches(page, height)
     # Place the panels from the top down, all relative to the page.
     left, top = (page - grid) / 2 + around.left, height - around.header
-    panels = []
+    panels: list[list[Axes]] = []
     for row, row_in in zip(rows, row_heights, strict=True):
         bottom = top - around.title - row_in
-        corners = [(left + column * (width_in + around.gap), bottom) for column in range(len(row))]
-        panels.append(
-            [
-                _panel(figure, box, (x / page, y / height, width_in / page, row_in / height))
-                for box, (x, y) in zip(row, corners, strict=True)
-            ]
-        )
+        panels.append([])
+        for column, box in enumerate(row):
+            x = left + column * (width_in + around.gap)
+            axes = figure.add_axes((x / page, bottom / height, width_in / page, row_in / height))
+            frame_panel(axes, box)
+            panels[-1].append(axes)
         top -= row_in + around.per_row
     return panels
 
@@ -316,9 +312,3 @@ def lay_out(
 def aspect_of(box: Box) -> float:
     """Return height over width."""
     return (box.y1 - box.y0) / (box.x1 - box.x0)
-
-
-def _panel(figure: Figure, box: Box, rectangle: tuple[float, float, float, float]) -> Axes:
-    axes = figure.add_axes(rectangle)
-    frame_panel(axes, box)
-    return axes

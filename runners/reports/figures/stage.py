@@ -57,7 +57,16 @@ class Stage:
         self._outline = outline(trace.robot.footprint)
         self._beams = LineCollection([], zorder=1.5, **BEAM) if beams else None
         (self._scan,) = axes.plot([], [], ".", zorder=4, **SCAN)
-        self._candidates = _candidates(axes) if candidates else None
+        self._candidates: Any = None
+        if candidates:
+            style: dict[str, Any] = {
+                "cmap": "viridis",
+                "vmin": 0.0,
+                "vmax": 1.0,
+                "linewidths": 0,
+                "zorder": 3.5,
+            }
+            self._candidates = axes.scatter([], [], s=7, c=[], **style)
         (self._subgoal,) = axes.plot([], [], "*", zorder=6, **SUBGOAL)
         (self._robot,) = axes.fill([], [], facecolor=colour, edgecolor="white", linewidth=0.5, zorder=6)
         (self._nose,) = axes.fill([], [], facecolor="white", linewidth=0, zorder=6.5)
@@ -114,7 +123,6 @@ class Stage:
     def _show_candidates(self, frame: TracedStep | TraceEnd) -> None:
         """Show the candidates coloured by score, clipped at the `CLIPPED` percentiles."""
         explanation = frame.explanation if isinstance(frame, TracedStep) else None
-        assert self._candidates is not None
         if explanation is None:
             self._candidates.set_offsets(np.empty((0, 2)))
             return
@@ -145,7 +153,7 @@ def draw_mover_trails(axes: Axes, trace: Trace, last_frame: int) -> None:
 
 
 def stage_keys(time_text: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
-    """Return the entries of the key for a still `Stage`. moment: such as "at 12.5 s". colour: of the robot."""
+    """Return the entries of the key for a still `Stage`. time_text: such as "at 12.5 s". colour: of the robot."""
     from matplotlib.lines import Line2D
 
     keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {time_text}")]
@@ -160,11 +168,6 @@ def stage_keys(time_text: str, colour: str, *, scan: bool, movers: bool) -> list
 def seen(frame: TracedStep | TraceEnd, robot: Robot) -> Floats:
     """Return (M, 2) points that the beams hit, in the world frame [m]."""
     return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
-
-
-def _candidates(axes: Axes) -> Any:
-    """Return an empty scatter for candidates."""
-    return axes.scatter([], [], s=7, c=[], cmap="viridis", vmin=0.0, vmax=1.0, linewidths=0, zorder=3.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,7 +189,11 @@ def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[Driven
     Without `worlds`: one place for a map whose worlds have the same obstacles, a sample of worlds for any other.
     Raises InputError for a world without an episode.
     """
-    _check_driven(runs, worlds)
+    driven_worlds = sorted({int(number) for run in runs for number in run.frame["world"]})
+    for world in worlds:
+        if world not in driven_worlds:
+            listing = ", ".join(map(str, driven_worlds[:12])) + (", …" if len(driven_worlds) > 12 else "")
+            raise InputError(f"world is {world}: no episode was driven there, only in {listing}")
     return [
         scene
         for key in dict.fromkeys(run.place for run in runs)
@@ -195,13 +202,15 @@ def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[Driven
 
 
 def _places_of(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenPlace]:
-    """Return the places of runs in one map."""
-    name, maps = _map_name(runs[0]), runs[0].maps
+    """Return the places of runs in one map, which is named with its kind if it has one."""
+    maps, kind = runs[0].maps, runs[0].worlds_config.map.get("kind")
+    name = str(runs[0].frame["map"].iloc[0]) + (f": {kind}" if kind else "")
     numbers = sorted({int(number) for run in runs for number in run.frame["world"]})
     # Worlds that differ only in start and goal are drawn as one.
     if not worlds and len(numbers) > 1:
         task, second_task = (maps.task(number) for number in numbers[:2])
-        if _same_obstacles(task, second_task):
+        first, second = task.world, second_task.world
+        if np.array_equal(first.circles, second.circles) and np.array_equal(first.edges, second.edges):
             return [DrivenPlace(name, tuple(runs), task, tuple(numbers))]
     selected = [number for number in worlds if number in numbers]
     if not worlds:
@@ -210,23 +219,3 @@ def _places_of(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenP
         DrivenPlace(f"{name}, world {number}", tuple(runs), maps.task(number), (number,))
         for number in selected
     ]
-
-
-def _check_driven(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
-    driven_worlds = sorted({int(number) for run in runs for number in run.frame["world"]})
-    for world in worlds:
-        if world not in driven_worlds:
-            listing = ", ".join(map(str, driven_worlds[:12])) + (", …" if len(driven_worlds) > 12 else "")
-            raise InputError(f"world is {world}: no episode was driven there, only in {listing}")
-
-
-def _map_name(run: DrivenRun) -> str:
-    """Return the name of the map set, with its kind if it has one."""
-    name, kind = str(run.frame["map"].iloc[0]), run.worlds_config.map.get("kind")
-    return f"{name}: {kind}" if kind else name
-
-
-def _same_obstacles(task: Task, other_task: Task) -> bool:
-    return np.array_equal(task.world.circles, other_task.world.circles) and np.array_equal(
-        task.world.edges, other_task.world.edges
-    )

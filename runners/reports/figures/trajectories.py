@@ -219,7 +219,9 @@ def _draw_page(rows: Sequence[Sequence[Panel]], look: TrajectoryStyle, width_in:
         scale_bar(row_axes[0], boxes[row[0].place], SCALE, scale_drop_pt(panels, look, page.panel))
         if label := next(labels):
             height = row_axes[0].get_position().height * figure.get_figheight()
-            row_axes[0].set_ylabel(_cut(label, int(height / LETTER_IN)), fontsize=8, color=INK, labelpad=4)
+            letters = int(height / LETTER_IN)
+            text = plot_text(label if len(label) <= letters else f"{label[: letters - 1]}…")
+            row_axes[0].set_ylabel(text, fontsize=8, color=INK, labelpad=4)
         for panel, axes in zip(row, row_axes, strict=True):
             draw_panel(axes, panel, look, boxes[panel.place])
             if row is rows[0] or not _is_repeated(rows):
@@ -240,11 +242,6 @@ def _names(rows: Sequence[Sequence[Panel]]) -> tuple[str, list[str]]:
     if len(set(names)) == 1:
         return names[0], [""] * len(rows)
     return maps.pop(), [name.partition(", ")[2] for name in names]
-
-
-def _cut(text: str, letters: int) -> str:
-    """Return the text with at most this many letters."""
-    return plot_text(text if len(text) <= letters else f"{text[: letters - 1]}…")
 
 
 class _Page(NamedTuple):
@@ -318,34 +315,24 @@ def _keys(panels: Sequence[Panel], look: TrajectoryStyle) -> list[Line2D]:
     keys = [*systems, *legend_keys(outcomes, by_system=bool(look.systems))]
     if look.subgoals == "none" and look.moment is None:
         return keys
-    keys.append(_subgoal_key(look))
+    # Subgoals: overlaid systems colour those along the path; that of a moment is yellow.
+    star = {**SUBGOAL, "color": "white"} if look.systems and look.subgoals != "none" else SUBGOAL
+    label = ORDERS.get(look.subgoals, "subgoal then")
+    keys.append(Line2D([], [], marker="*", linestyle="", label=label, **star))
+    # The robot, its scan and movers at a moment.
     if look.moment is not None:
         colour = INK if look.systems or len(outcomes) > 1 else STYLES[outcomes[0]].colour
-        keys += _moment_keys(panels, look, look.moment, colour)
+        is_time = isinstance(look.moment, float)
+        time_text = f"at {look.moment:g} s" if is_time else f"at step {look.moment}"
+        qualifier = " or its end" if ends_before(panels, look.moment) else ""
+        movers = any(panel.place.task.world.movers for panel in panels)
+        keys += stage_keys(f"{time_text}{qualifier}", colour, scan=not look.systems, movers=movers)
     if any(len(episodes_of(run, scene)) > 1 for run, scene in runs_and_scenes):
         meaning = (
             "subgoals" if look.moment is None else "robot" if look.subgoals == "none" else "robot, subgoals"
         )
         keys.append(Line2D([], [], linestyle="", label=f"{meaning}: 1st episode"))
     return keys
-
-
-def _subgoal_key(look: TrajectoryStyle) -> Line2D:
-    """Return the entry for subgoals. Overlaid systems colour those along the path; that of a moment is yellow."""
-    from matplotlib.lines import Line2D
-
-    if look.subgoals == "none":
-        return Line2D([], [], marker="*", linestyle="", label="subgoal then", **SUBGOAL)
-    star = {**SUBGOAL, "color": "white"} if look.systems else SUBGOAL
-    return Line2D([], [], marker="*", linestyle="", label=ORDERS[look.subgoals], **star)
-
-
-def _moment_keys(panels: Sequence[Panel], look: TrajectoryStyle, moment: float, colour: str) -> list[Line2D]:
-    """Return the entries for the robot, its scan and movers."""
-    time_text = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
-    qualifier = " or its end" if ends_before(panels, moment) else ""
-    movers = any(panel.place.task.world.movers for panel in panels)
-    return stage_keys(f"{time_text}{qualifier}", colour, scan=not look.systems, movers=movers)
 
 
 def _box(scene: DrivenPlace) -> Box:

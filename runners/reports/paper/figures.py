@@ -74,13 +74,13 @@ def _charts(
     for label, comparison in zip(labels("worlds", len(comparisons)), comparisons, strict=True):
         figure, note = compare_figure(comparison, PrintSpace(PAGE_IN, TALL_IN))
         yield label.removeprefix("tab:"), f"World by world: {comparison.place}. {note}", True, figure
-    for found in studies:
-        picture = found[0].figure(found)
-        legend = " ".join(found[0].legend.split())
+    for studies_of_kind in studies:
+        picture = studies_of_kind[0].figure(studies_of_kind)
+        legend = " ".join(studies_of_kind[0].legend.split())
         if picture is not None:
             yield (
-                found[0].name,
-                f"{found[0].name.capitalize()}: {setting}, {versions}. {legend}",
+                studies_of_kind[0].name,
+                f"{studies_of_kind[0].name.capitalize()}: {setting}, {versions}. {legend}",
                 True,
                 picture,
             )

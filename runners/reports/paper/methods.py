@@ -1,4 +1,7 @@
-"""What was driven, in words: systems, robot, simulator, worlds, statistics and versions, from records alone."""
+"""What was driven, in words: systems, robot, simulator, worlds, statistics and versions, from records alone.
+
+And the citation of lme and of the paper that it implements: `CITATION.cff` as BibTeX.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,22 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from lme.errors import InputError
+from lme.inputs.guarded_file import read_yaml
+from lme.inputs.resources import citation_file
 from lme.robots import Cap, Robot
 from runners.config.catalogue import Catalogue
 from runners.config.changes import describe_changes
-from runners.config.escaping import counted
+from runners.config.escaping import counted, latex_text
 from runners.config.instantiate import fill_dataclass
 from runners.records.launch_record import Launch, versions
 from runners.reports.analysis import paired
 from runners.reports.analysis.summary import DASH, as_text
-from runners.reports.paper.citation import PAPER, SOFTWARE
 
 if TYPE_CHECKING:
     import pandas as pd
 
+SOFTWARE, PAPER = "lme-software", "lme-paper"  # what \cite calls them
 LIBRARIES = ("numpy", "numba", "scipy", "pandas", "pyarrow", "matplotlib", "hydra-core")
 _MOST_SPANS = 12  # of numbers of worlds
 _MOST_SYSTEMS = 12
@@ -87,7 +93,9 @@ def _shared_changes(launches: Sequence[Launch]) -> dict[str, Any]:
     if len(changes) < 2:
         return {}
     return {
-        key: value for key, value in changes[0].items() if all((key, value) in one.items() for one in changes)
+        key: value
+        for key, value in changes[0].items()
+        if all((key, value) in changes_of_run.items() for changes_of_run in changes)
     }
 
 
@@ -277,3 +285,32 @@ def _listed(texts: Iterable[str], last: str = "and") -> str:
     """Return "a", "a and b", or "a, b and c"."""
     *first, final = texts
     return f"{', '.join(first)} {last} {final}" if first else final
+
+
+def bibtex() -> str:
+    """Return the entries of the software and of the paper. Raises InputError if CITATION.cff cannot be read."""
+    citation = read_yaml(citation_file())
+    if not isinstance(citation, dict) or not citation.get("references"):
+        raise InputError(f"{citation_file()}: is damaged: lme must be installed again")
+    return "\n".join([_bibtex_entry(SOFTWARE, citation), _bibtex_entry(PAPER, citation["references"][0])])
+
+
+def _bibtex_entry(key: str, work: Mapping[str, Any]) -> str:
+    """Return a `@misc`, the one kind of entry that needs neither a journal nor a year."""
+    released = str(work.get("date-released", ""))
+    fields = {
+        "author": " and ".join(map(_author, work["authors"])),
+        "title": f"{{{latex_text(str(work['title']))}}}",
+        "year": str(work.get("year") or released[:4]),
+        "note": f"Version {work['version']}" if "version" in work else "",
+        "howpublished": "Software" if work.get("type") == "software" else "",
+    }
+    lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
+    return "\n".join([f"@misc{{{key},", *lines, "}", ""])
+
+
+def _author(author: Mapping[str, str]) -> str:
+    """Return a person as "Family, Given", and a group in braces, which keep it whole."""
+    if "family-names" in author:
+        return latex_text(f"{author['family-names']}, {author['given-names']}")
+    return f"{{{latex_text(author['name'])}}}"

@@ -8,31 +8,34 @@ import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from lme.errors import InputError
-from runners.config.escaping import latex_text
+from runners.config.escaping import latex_text, visible
+from runners.config.quoting import lme_command, override
+from runners.config.schema import COMMANDS
 from runners.records.atomic_write import write_atomically
-from runners.records.launch_record import read_launch
+from runners.records.launch_record import Launch, read_launch
 from runners.records.records import find_runs, read_episodes
 from runners.reports.analysis import compare_report, study, tables
 from runners.reports.analysis.ablation import AblationStudy
 from runners.reports.analysis.compare_runs import RunComparison, compare_runs
 from runners.reports.analysis.curves import CurveStudy
-from runners.reports.analysis.latex import Latex, render
 from runners.reports.analysis.sensitivity import SensitivityStudy
 from runners.reports.analysis.summary import Row, rows_of_runs
+from runners.reports.analysis.text_table import Latex, render
 from runners.reports.figures.style import COLUMN_IN, PAGE_IN
-from runners.reports.paper import citation, commands, figures, methods
+from runners.reports.paper import figures, methods
 from runners.reports.paper.figures import PaperFigure
 
 if TYPE_CHECKING:
     import pandas as pd
 
 KINDS: tuple[type[study.SweepStudy], ...] = (AblationStudy, SensitivityStudy, CurveStudy)
-_CITED = re.compile(rf" \[@({citation.SOFTWARE}|{citation.PAPER})\]")
+_CITED = re.compile(rf" \[@({methods.SOFTWARE}|{methods.PAPER})\]")
+REPRODUCED = Path("outputs/reproduced")  # where the runs are driven again
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +70,12 @@ def write_paper(recorded: Recorded, folder: Path) -> list[Path]:
             (draft / name).mkdir()
         comparisons = _comparisons(recorded)
         # Tables in three formats; the text of each .tex is one or several floats.
-        studies = [found for kind in KINDS if (found := kind.studies(recorded.frame))]
+        studies = [studies_of_kind for kind in KINDS if (studies_of_kind := kind.studies(recorded.frame))]
         written = _write_results(recorded, draft / "tables")
         if comparisons:
             written += compare_report.write(comparisons, (), draft / "tables")
-        for found in studies:
-            written += study.write_tables(found, draft / "tables")
+        for studies_of_kind in studies:
+            written += study.write_tables(studies_of_kind, draft / "tables")
         # Figures, methods, citation and commands; then a document that has them all.
         drawn = figures.draw(
             recorded.frame, recorded.rows, recorded.run_dirs, comparisons, studies, draft / "figures"
@@ -82,8 +85,8 @@ def write_paper(recorded: Recorded, folder: Path) -> list[Path]:
         texts = {
             "methods.md": "\n\n".join(paragraphs) + "\n",
             "methods.tex": "\n\n".join(map(_in_latex, paragraphs)) + "\n",
-            "references.bib": citation.bibtex(),
-            "reproduce.sh": commands.script(recorded.paths, recorded.run_dirs),
+            "references.bib": methods.bibtex(),
+            "reproduce.sh": script(recorded.paths, recorded.run_dirs),
         }
         for name, text in texts.items():
             write_atomically(draft / name, text)
@@ -140,6 +143,40 @@ def _document(recorded: Recorded, draft: Path, floats: Sequence[Path], drawn: Se
     letters = sorted({letter for text in (*texts, render(template, letters=[], **values)) for letter in text})
     unknown = [(Latex(letter), f"{ord(letter):04X}") for letter in letters if ord(letter) > 0x7F]
     return render(template, letters=unknown, **values)
+
+
+def script(paths: Sequence[Path], run_dirs: Sequence[Path]) -> str:
+    """Return the commands that make the runs and the paper again, from their launch records, as a shell script.
+
+    paths: runs and sweeps, as they were given. run_dirs: the runs below them.
+    """
+    lines = ["#!/bin/sh", "# Drives the runs of this paper again, then makes its folder again.", "set -e"]
+    made: list[Path] = []
+    for path in paths:
+        # A sweep is one command, unless only its runs are recorded.
+        is_recorded = read_launch(path) is not None
+        for directory in [path] if is_recorded else [run for run in run_dirs if path in (run, run.parent)]:
+            launch = read_launch(directory)
+            if launch is None or launch.command not in COMMANDS:
+                lines += ["", f"# {visible(str(directory))}: how it was started is not recorded"]
+                continue
+            made.append(REPRODUCED / str(len(made) + 1))
+            lines += ["", *_commands(launch, made[-1])]
+    again = ["", lme_command("paper", *made, "--into", Path("paper_again"))] if made else []
+    return "\n".join([*lines, *again]) + "\n"
+
+
+def _commands(launch: Launch, into: Path) -> list[str]:
+    """Return the lines for one run or sweep. Its record may come from anyone, so a comment stays one line."""
+    folder = "hydra.sweep.dir" if launch.multirun else "hydra.run.dir"
+    again = replace(launch, overrides=[*launch.overrides, override(folder, into)])
+    needed = [
+        f"# needs {visible(file.source)}, SHA-256 {visible(file.sha256)}"
+        for entry in launch.inputs
+        for file in entry.files.values()
+    ]
+    code = f"# driven by {visible(launch.code or 'a version that is not recorded')}"
+    return [code, *needed, again.command_line]
 
 
 @contextmanager

@@ -31,13 +31,13 @@ def test_every_decision_and_the_end_are_shown(run_dir):
 
 
 def test_a_moving_picture_is_of_the_recorded_episode(run_dir, tmp_path):
-    outcome = animate(read_launch(run_dir).config, 3, 0, tmp_path / "again.gif")
+    outcome = animate(read_launch(run_dir).config, 3, tmp_path / "again.gif")
     assert read_episodes([run_dir])["outcome"].tolist() == [str(outcome)]
 
 
 def test_a_long_episode_leaves_decisions_out_and_keeps_its_pace(run_dir, tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "MOST_FRAMES", 13)  # of 21
-    animate(read_launch(run_dir).config, 3, 0, tmp_path / "short.gif")
+    animate(read_launch(run_dir).config, 3, tmp_path / "short.gif")
     with Image.open(tmp_path / "short.gif") as film:
         assert film.info["duration"] == 400  # ms: every second at 5 Hz
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from lme.errors import InputError
-from runners.reports.paper import citation
+from runners.reports.paper import methods
 from runners.reports.paper.write import Recorded, write_paper
 from tests.made_runs import write_run
 from tests.runners.reports.paper.conftest import HOSTILE
@@ -74,7 +74,7 @@ def test_a_single_run_is_not_compared(runs, tmp_path, undrawn):
 
 
 def test_nothing_is_left_of_a_paper_that_fails(runs, tmp_path, undrawn, monkeypatch):
-    monkeypatch.setattr(citation, "citation_file", lambda: tmp_path / "CITATION.cff")
+    monkeypatch.setattr(methods, "citation_file", lambda: tmp_path / "CITATION.cff")
     with pytest.raises(InputError, match="CITATION"):
         write_paper(Recorded.read([runs / "0"]), tmp_path / "papers" / "mine")
     assert list((tmp_path / "papers").iterdir()) == []

@@ -3,7 +3,7 @@
 import re
 
 import lme
-from runners.reports.paper.citation import bibtex
+from runners.reports.paper.methods import bibtex
 
 
 def test_the_software_and_the_paper_are_cited():

@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from runners.records.launch_record import launch_of, read_launch
-from runners.reports.paper.commands import script
+from runners.reports.paper.write import script
 from tests.composing import jobs_of
 from tests.made_runs import write_run
 
