@@ -5,14 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from lme.config.presets import load_settings
 from lme.guides.lme import criteria
 from lme.guides.lme.criteria import View
-from lme.guides.lme.guide import LocalMinimumEscaper
 from lme.guides.lme.maintenance import Choice, choose, update_position
 from lme.guides.lme.surmount import cluster, find_blockage
 from lme.types import Twist
-from tests.builders import PUBLISHED, explained, observation, stage
+from tests.builders import escaper, explained, observation, stage
 from tests.tolerances import KERNEL
 
 R = 0.2
@@ -121,8 +119,7 @@ def test_9_update_position_while_driving_and_turning():
 
 
 def test_10_an_empty_scan_leaves_every_c_favourable():
-    escaper = LocalMinimumEscaper(stage(), PUBLISHED, load_settings("guide/lme"))
-    seen = explained(escaper, observation(target=(8.0, 0.0)))
+    seen = explained(escaper(), observation(target=(8.0, 0.0)))
     rows = dict(zip(seen.names, seen.features, strict=True))
     assert seen.view.points.shape == (0, 2)
     assert seen.sectors.shape == (0, 2)
@@ -137,8 +134,7 @@ def test_10_an_empty_scan_leaves_every_c_favourable():
 
 def test_11_everything_blocked_still_answers_and_says_so():
     # A ring of points 0.15 m around a robot of r = 0.2: nothing is reachable, and no end to go around.
-    escaper = LocalMinimumEscaper(stage(), PUBLISHED, load_settings("guide/lme"))
-    seen = explained(escaper, observation(ranges=np.full(540, 0.15, dtype=np.float32)))
+    seen = explained(escaper(), observation(ranges=np.full(540, 0.15, dtype=np.float32)))
     assert seen.closed
     assert seen.decision.blocked
     assert seen.view.blockage is None
@@ -149,27 +145,20 @@ def test_11_everything_blocked_still_answers_and_says_so():
 def test_12_a_target_behind_is_a_candidate_only_where_the_lidar_sees():
     # T 3 m behind. All round: 301 candidates, T the last; 270°: T lies in the blind arc, 300.
     behind = (-3.0, 0.0)
-    around = explained(
-        LocalMinimumEscaper(stage(), PUBLISHED, load_settings("guide/lme")), observation(target=behind)
-    )
+    around = explained(escaper(), observation(target=behind))
     assert around.candidates.shape == (301, 2)
     assert around.candidates[-1].tolist() == list(behind)
     # Its score: w1·0 − w2·π + w3 + w4 + 0 + w6 = −4.9009 + 999.8 + 205.84 + 134.9 = 1335.639.
     assert around.scores[-1] == pytest.approx(1335.639, abs=1e-3)
     narrow = stage(fov=1.5 * math.pi)
-    seen = explained(
-        LocalMinimumEscaper(narrow, PUBLISHED, load_settings("guide/lme")),
-        observation(target=behind, robot=narrow),
-    )
+    seen = explained(escaper(robot=narrow), observation(target=behind, robot=narrow))
     assert seen.candidates.shape == (300, 2)
     assert np.abs(np.arctan2(seen.candidates[:, 1], seen.candidates[:, 0])).max() <= 0.75 * math.pi
 
 
 def test_13_a_target_at_0_3_m_is_the_subgoal():
     # Straight ahead: a_close = a_dev = 0, the maximum of both; all c favourable. Nothing scores higher.
-    seen = explained(
-        LocalMinimumEscaper(stage(), PUBLISHED, load_settings("guide/lme")), observation(target=(0.3, 0.0))
-    )
+    seen = explained(escaper(), observation(target=(0.3, 0.0)))
     assert seen.decision.subgoal.tolist() == [0.3, 0.0]
 
 
@@ -191,8 +180,8 @@ def test_15_no_maintenance_is_an_infinite_d1():
 
 def test_history_within_r_is_left_out():
     # One period of standing still leaves the last position at the origin: it must not forbid every way.
-    escaper = LocalMinimumEscaper(stage(), PUBLISHED, load_settings("guide/lme"))
+    made = escaper()
     for _ in range(3):
-        escaper.decide(observation())
-    seen = explained(escaper, observation())
+        made.decide(observation())
+    seen = explained(made, observation())
     assert seen.view.history.shape == (0, 2)

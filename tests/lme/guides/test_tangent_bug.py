@@ -162,13 +162,6 @@ def test_every_robot_gets_round_a_wall_and_out_of_a_u(name):
         assert drive(world, start, robot=robot)[0].outcome is Outcome.SUCCESS
 
 
-@pytest.mark.parametrize("half", [0.35, 0.5])
-def test_a_sealed_box_ends_in_timeout(half):
-    episode, _ = drive(room(2 * half), goal=(6.0, 0.5), seconds=40.0)
-    assert episode.outcome is Outcome.TIMEOUT
-    assert episode.min_clearance > 0.05
-
-
 def test_a_robot_that_is_closed_in_says_so_and_stands():
     guide, seen = look(room(0.9))
     guidance = guide.guide(seen)

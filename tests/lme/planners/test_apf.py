@@ -60,24 +60,6 @@ def test_one_point_repels_with_the_force_of_firas():
     assert force_of([[0.71, 0.0]]) == pytest.approx([0.0, 0.0], abs=KERNEL)  # beyond 0.2 + 0.5 m
 
 
-def arc(bearing, width, distance, count):
-    angles = bearing + width * (np.arange(count) + 0.5) / count - width / 2
-    return distance * np.column_stack([np.cos(angles), np.sin(angles)])
-
-
-@pytest.mark.parametrize(("width", "distance"), [(0.02, 0.4), (0.3, 0.4), (2.0, 0.5)])
-def test_more_beams_push_no_harder(width, distance):
-    coarse, fine = force_of(arc(0.3, width, distance, 90)), force_of(arc(0.3, width, distance, 900))
-    assert fine == pytest.approx(coarse, rel=0.05, abs=0.05)
-
-
-def test_a_thin_post_counts_as_one_and_hides_the_wall_behind_it():
-    lone = force_of([[0.45, 0.0]])
-    assert force_of(arc(0.0, 0.01, 0.45, 5)) == pytest.approx(lone, rel=0.02, abs=0.02)
-    wall = arc(0.0, 0.3, 0.69, 30)
-    assert force_of(np.vstack([arc(0.0, 0.01, 0.45, 5), wall])) == pytest.approx(lone, rel=0.05, abs=0.5)
-
-
 def planner(robot=None, **settings):
     made = Apf(load_settings("planner/apf", **settings), robot or stage())
     made.reset(np.random.default_rng(0))

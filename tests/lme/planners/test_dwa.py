@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from lme.config.presets import load_settings
 from lme.guides.target import Target, TargetConfig
@@ -17,14 +15,11 @@ from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.barn.map_set import Barn
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage, task
-from tests.tolerances import KERNEL
 
-STILL = Twist(0.0, 0.0)
-SIGNED = st.floats(-1.0, 1.0)
 EAGER = {"clearance": 1.0, "velocity": 1.0}  # gains that make it drive where the textbook's stand still
 
 
-def plan(target=(4.0, 0.0), ranges=None, twist=STILL, robot=None, **config):
+def plan(target=(4.0, 0.0), ranges=None, twist=Twist(0.0, 0.0), robot=None, **config):  # noqa: B008
     robot = robot or stage()
     view = observation(target, ranges, twist, robot)
     return Dwa(load_settings("planner/dwa", **config), robot).plan(view, Guidance(view.target))
@@ -32,69 +27,14 @@ def plan(target=(4.0, 0.0), ranges=None, twist=STILL, robot=None, **config):
 
 def drive(world, robot=None, goal=(4.0, 0.0), time_limit=20.0, start=Pose(0.0, 0.0, 0.0), **config):  # noqa: B008
     robot = robot or stage()
+    return run(task(world, goal=goal, time_limit=time_limit, start=start), robot, **config)
+
+
+def run(job, robot, **config):
     navigator = Navigator(Target(TargetConfig(), robot), Dwa(load_settings("planner/dwa", **config), robot))
-    job = task(world, goal=goal, time_limit=time_limit, start=start)
     return run_episode(
         job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
     )
-
-
-def cluttered(seed, robot):
-    """Ranges of a room that nobody built: a few blobs at random distances."""
-    rng = np.random.default_rng(seed)
-    beams = robot.lidar.num_beams
-    ranges = np.full(beams, robot.lidar.range_max)
-    for _ in range(6):
-        first = rng.integers(0, beams)
-        ranges[first : first + rng.integers(5, 60)] = rng.uniform(0.3, 3.0)
-    return (ranges + rng.uniform(0.0, 0.01, beams)).astype(np.float32)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_mirrored_view_mirrored_command(name):
-    robot = shipped(name)
-    for seed in range(20):
-        rng = np.random.default_rng(seed + 100)
-        ranges, (x, y), (v, omega) = cluttered(seed, robot), rng.uniform(-4, 4, 2), rng.uniform([0, -1], 1)
-        twist = Twist(v * robot.v_max, omega * robot.omega_max)
-        mirrored = ranges[::-1]
-        if robot.lidar.full_circle:  # its first beam, straight behind, is its own mirror image
-            mirrored = np.roll(mirrored, 1)
-        one = plan((x, y), ranges, twist, robot, **EAGER)
-        other = plan((x, -y), mirrored, Twist(twist.v, -twist.omega), robot, **EAGER)
-        assert other == pytest.approx((one.v, -one.omega), abs=KERNEL), seed
-
-
-@given(st.integers(0, 50), SIGNED, SIGNED, st.floats(-6, 6), st.floats(-6, 6))
-def test_commands_keep_to_the_limits(seed, v, omega, x, y):
-    robot = stage()
-    twist = Twist(v * robot.v_max, omega * robot.omega_max)
-    command = plan((x, y), cluttered(seed, robot), twist, robot)
-    assert abs(command.v) <= robot.v_max + KERNEL
-    assert abs(command.omega) <= robot.omega_max + KERNEL
-    assert abs(command.v - twist.v) <= robot.alpha_v * robot.dt + KERNEL
-    assert abs(command.omega - twist.omega) <= robot.alpha_omega * robot.dt + KERNEL
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("config", [{}, EAGER])
-def test_an_empty_world_is_crossed_straight_and_the_goal_is_where_it_rests(name, config):
-    robot = shipped(name)
-    simulator, planner = (
-        FastSimulator(load_settings("sim/fast"), robot),
-        Dwa(load_settings("planner/dwa", **config), robot),
-    )
-    job = task(goal=(10.0, 0.0), goal_tolerance=0.0, start=Pose(0.0, 0.0, 1.0))
-    view = simulator.reset(job, np.random.default_rng(0))
-    ends = []
-    for _ in range(round((10.0 / robot.v_max + 8.0) / robot.dt)):
-        view = simulator.step(planner.plan(view, Guidance(view.target)))
-        ends.append((*simulator.state.pose, view.twist.v))
-    ends = np.array(ends)
-    resting = ends[-round(2.0 / robot.dt) :]
-    assert np.abs(ends[:, 1]).max() < 0.5
-    assert np.hypot(resting[:, 0] - 10.0, resting[:, 1]).max() < 0.05
-    assert np.abs(resting[:, 3]).max() < 0.05
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -107,7 +47,7 @@ def test_dwa_brakes_before_a_wall_at_full_speed(name):
     assert episode.min_clearance < 0.5
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_a_disc_that_sees_all_round_touches_nothing(seed):
     rng = np.random.default_rng(seed)
     at = rng.uniform(-4, 4, (25, 2))
@@ -117,7 +57,7 @@ def test_a_disc_that_sees_all_round_touches_nothing(seed):
     assert episode.outcome is not Outcome.COLLISION
 
 
-@pytest.mark.parametrize("gap", [0.45, 0.5, 0.6])
+@pytest.mark.parametrize("gap", [0.45, 0.6])
 @pytest.mark.parametrize(("config", "aside"), [({}, 0.1), (EAGER, 0.3)])
 def test_jackal_passes_a_gap_little_wider_than_itself(gap, config, aside):
     posts = np.array([[2.0, side * (gap / 2 + 0.075), 0.075] for side in (-1, 1)])
@@ -141,13 +81,13 @@ def test_a_faster_robot_keeps_further_from_walls():
     assert inside[:, 4].max() < 2.0 == pytest.approx(bold.trajectory[:, 4].max())
 
 
-@pytest.mark.parametrize("config", [{}, EAGER])
-def test_a_dead_end_holds_it(config):
+@pytest.mark.parametrize(
+    ("robot", "config"), [(stage(), {}), (shipped("jackal"), EAGER)], ids=["stage", "jackal"]
+)
+def test_a_dead_end_holds_it(robot, config):
     # 2 × 2 m, open to the start, the target behind its bottom: a local minimum of the objective.
     dead_end = World(segments=np.array([[1, -1, 3, -1], [3, -1, 3, 1], [3, 1, 1, 1]], dtype=float))
-    for robot in (stage(), shipped("jackal")):
-        episode = drive(dead_end, robot, goal=(6.0, 0.0), time_limit=40.0, **config)
-        assert episode.outcome is Outcome.TIMEOUT
+    assert drive(dead_end, robot, goal=(6.0, 0.0), time_limit=40.0, **config).outcome is Outcome.TIMEOUT
 
 
 def test_dwa_turns_away_from_the_nearest_obstacle_where_no_arc_is_free():
@@ -193,11 +133,7 @@ def test_heading_looks_as_far_ahead_as_configured():
 def test_dwa_drives_through_a_barn_world(number):
     robot = shipped("jackal")
     job = Barn(load_settings("map/barn", subset="fresh", count=10)).task(number)
-    navigator = Navigator(Target(TargetConfig(), robot), Dwa(load_settings("planner/dwa", **EAGER), robot))
-    episode = run_episode(
-        job, navigator, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(0)
-    )
-    assert episode.outcome is Outcome.SUCCESS
+    assert run(job, robot, **EAGER).outcome is Outcome.SUCCESS
 
 
 def test_a_robot_that_settles_late_slows_down_earlier():

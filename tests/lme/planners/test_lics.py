@@ -72,20 +72,14 @@ def test_the_entry_drives_to_the_goal():
         config = job().config
         task = build.map_set(config).task(1000)
         navigator, simulator = build.navigator(config), build.simulator(config)
-        episodes = [run_episode(task, navigator, simulator, np.random.default_rng(0)) for _ in range(2)]
-    assert episodes[0].outcome is Outcome.SUCCESS
-    assert episodes[0].trajectory[:, 4].max() <= 1.5 + KERNEL
-    np.testing.assert_array_equal(*(episode.trajectory for episode in episodes))
+        episode = run_episode(task, navigator, simulator, np.random.default_rng(0))
+    assert episode.outcome is Outcome.SUCCESS
+    assert episode.trajectory[:, 4].max() <= 1.5 + KERNEL
 
 
 def test_a_jackal_s_scan_is_the_sweep_itself_clipped():
     np.testing.assert_array_equal(sweep(SCAN, 0.0, 5.0), RANGES)
     assert sweep(SCAN, 0.0, 2.0).max() == 2.0
-
-
-def test_a_clockwise_scan_gives_the_same():
-    turned = SCAN._replace(ranges=RANGES[::-1].copy(), angle_min=FOV / 2, angle_increment=-FOV / 719)
-    np.testing.assert_array_equal(sweep(turned, 0.0, 5.0), RANGES)
 
 
 def test_beams_without_return_and_directions_without_beam_are_free():

@@ -66,19 +66,6 @@ def drive(robot, job, steps, guide=None, **config):
     return np.array(poses), np.array(twists), simulator
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_motion_tubes_drive_straight_in_the_open_and_rest_at_the_goal(name):
-    robot = shipped(name)
-    poses, twists, _ = drive(robot, task(goal=(10.0, 0.0), goal_tolerance=1e-9), round(45 / robot.dt))
-    assert np.abs(poses[:, 1]).max() < 1e-6
-    assert poses[:, 0].max() < 10.02
-    assert math.dist(poses[-1, :2], (10.0, 0.0)) < 0.06
-    assert np.abs(twists[-1]).max() < 0.03
-    assert np.abs(twists[:, 0]).max() <= robot.v_max + KERNEL
-    # As fast as the source is, where the robot can.
-    assert twists[:, 0].max() == pytest.approx(min(1.75, robot.v_max), abs=1e-6)
-
-
 @pytest.mark.parametrize("goal", [(2.0, 1.0), (0.1, 0.8), (-3.0, 0.5)])
 @pytest.mark.parametrize("name", SHIPPED)
 def test_motion_tubes_reach_goals_on_all_sides_without_circling_them(name, goal):

@@ -5,7 +5,6 @@ import pytest
 
 from lme.config.presets import load_settings
 from lme.grids.obstacle_grid import TOUCHING
-from lme.planners.mppi import planner as module
 from lme.planners.mppi.planner import Mppi
 from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
@@ -44,7 +43,7 @@ def test_a_seed_decides_a_drive_to_the_last_bit():
     def commands(seed):
         made, simulator = planner(seed=seed), FastSimulator(load_settings("sim/fast"), JACKAL)
         view, given = simulator.reset(task(POST), np.random.default_rng(0)), []
-        for _ in range(40):
+        for _ in range(15):
             given.append(plan(made, view))
             view = simulator.step(given[-1])
         return given
@@ -60,28 +59,6 @@ def test_it_follows_a_path_that_begins_behind():
     for _ in range(10):
         command = made.plan(observation(target=(-4.0, 0.0), robot=JACKAL), Guidance(path[-1], path))
     assert abs(command.omega) > 0.3  # it turns round
-
-
-def test_mirrored_noise_gives_the_mirrored_command(monkeypatch):
-    def commands(side):
-        made = planner()
-        monkeypatch.setattr(
-            module,
-            "draw",
-            lambda rng, *shape: rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32([1, side]),
-        )
-        view = FastSimulator(load_settings("sim/fast"), JACKAL).reset(
-            task(World(circles=np.array([[1.5, side * 0.4, 0.2]]))), np.random.default_rng(0)
-        )
-        view.scan.ranges[:] = np.round(view.scan.ranges, 2)
-        return np.array([plan(made, view._replace(target=np.array([4.0, side * 0.7]))) for _ in range(5)])
-
-    robot_noise = JACKAL.lidar.noise_std
-    JACKAL.lidar.noise_std = 0.0
-    try:
-        assert commands(-1.0) * [1, -1] == pytest.approx(commands(1.0), abs=1e-3)
-    finally:
-        JACKAL.lidar.noise_std = robot_noise
 
 
 def test_slow_control_holds_the_mean_of_several_steps_of_the_model():

@@ -8,12 +8,10 @@ import pytest
 from lme.config.presets import load_settings
 from lme.grids.obstacle_grid import TOUCHING
 from lme.planners.ros_eband.planner import RosEBand
-from lme.types import Guidance, Outcome, Pose, Twist
+from lme.types import Guidance, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import challenge_jackal
-from tests.lme.planners.drives import drive
 from tests.lme.planners.test_ros_dwa import LOST, seen
-from tests.tolerances import KERNEL
 
 JACKAL = challenge_jackal()
 FREE = 2.0 * 0.7 * math.log(252.0) / 10.0  # [m/s] 0.774: all bubbles of a free map have a radius of 0.553 m
@@ -87,13 +85,3 @@ def test_a_robot_in_a_forbidden_cell_stops_and_turns_only_where_its_footprint_is
     beside = World(segments=np.array([[-2.0, -0.2, 2.0, -0.2]]))
     for _ in range(round(20.0 * JACKAL.control_rate)):
         assert made.plan(view(beside, twist=Twist(0.0, 0.0)), LOST) == (0.0, 0.0)
-
-
-def test_an_empty_world_is_crossed_and_the_robot_stops_at_the_goal():
-    made = planner()
-    episode = drive(made, JACKAL, goal=(6.0, 0.0), goal_tolerance=0.0, time_limit=15.0)
-    assert episode.outcome is Outcome.TIMEOUT
-    track = episode.trajectory
-    assert math.hypot(track[-1, 1] - 6.0, track[-1, 2]) <= 0.1
-    assert abs(track[-1, 4]) < 1e-3
-    assert track[:, 4].max() <= FREE + KERNEL

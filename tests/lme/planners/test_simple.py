@@ -102,13 +102,6 @@ def test_simple_brakes_as_hard_as_the_robot_can_outside_the_cone():
     assert plan(at_bearing(9.1), Twist(0.5, 0.0), alpha_v=0.5).v == pytest.approx(0.1, abs=KERNEL)
 
 
-@given(st.floats(0, 0.5), st.floats(-1.5, 1.5), st.floats(-6, 6), st.floats(-6, 6))
-def test_mirrored_subgoal_mirrored_command(v, omega, x, y):
-    assume(abs(y) > 1e-6)
-    left, right = plan((x, y), Twist(v, omega)), plan((x, -y), Twist(v, -omega))
-    assert right == pytest.approx((left.v, -left.omega), abs=KERNEL)
-
-
 def travelled(rate, command, alpha, dt):
     """Way in one period in which the rate goes to the command at alpha and then holds."""
     ramp = abs(command - rate) / alpha

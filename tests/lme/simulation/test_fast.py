@@ -205,12 +205,6 @@ def test_contact_ends_the_period_where_it_happens():
     assert state.travel[-1].tolist() == list(state.pose)
 
 
-def test_a_start_in_contact_is_seen_at_once():
-    simulator, _ = started(World(circles=np.array([[0.3, 0.0, 0.2]])))
-    assert simulator.state.contact
-    assert simulator.state.clearance == 0.0
-
-
 @given(
     st.floats(-0.2745, 0.2745), st.floats(0, 0.4), st.floats(-math.pi, math.pi), st.sampled_from([5.0, 10.0])
 )
@@ -298,4 +292,5 @@ def test_touching_on_arrival_is_contact():
     # Arrived at the start already, and in contact there.
     simulator, _ = started(World(circles=np.array([[0.3, 0.0, 0.2]])), goal=(0.1, 0.0))
     assert simulator.state.contact
+    assert simulator.state.clearance == 0.0
     assert not simulator.state.arrived

@@ -162,8 +162,3 @@ def test_the_simulated_robot_meets_the_cylinders():
 def test_a_mistake_is_one_line(keys, says):
     with says.raises(InputError):
         load_settings("map/dynabarn", **keys)
-
-
-def test_a_number_that_was_not_chosen_is_refused(says):
-    with says.raises(InputError):
-        Dynabarn(load_settings("map/dynabarn")).task(60)

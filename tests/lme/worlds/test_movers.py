@@ -50,16 +50,6 @@ def test_a_mover_walks_at_its_speed_and_stops_at_the_end():
     assert after(walker(), 9.0) == pytest.approx([2.0, 0.0, 0.0], abs=KERNEL)
 
 
-def test_a_mover_goes_back_and_forth_and_round():
-    there_and_back = walker(repeat="back_and_forth")
-    assert after(there_and_back, 5.0)[0] == pytest.approx(1.5, abs=KERNEL)
-    assert after(there_and_back, 9.0)[0] == pytest.approx(0.5, abs=KERNEL)
-    # A triangle 3-4-5 at 0.5 m/s: 24 s round.
-    around = walker(((0.0, 0.0), (3.0, 0.0), (3.0, 4.0)), repeat="cycle")
-    assert after(around, 14.0 + 5.0)[:2] == pytest.approx([1.5, 2.0], abs=KERNEL)
-    assert after(around, 24.0 + 3.0)[:2] == pytest.approx([1.5, 0.0], abs=KERNEL)
-
-
 def test_a_door_turns_about_its_hinge_at_its_rate():
     door = Mover(np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 3.0]]), outline=LEAF, turn_rate=0.5)
     crowd = Crowd([door])
@@ -68,16 +58,6 @@ def test_a_door_turns_about_its_hinge_at_its_rate():
     assert crowd.poses[0] == pytest.approx([1.0, 2.0, math.pi / 2], abs=KERNEL)
     turned = np.array([[1.0, 2.0], [1.0, 2.9], [0.95, 2.9], [0.95, 2.0]])
     np.testing.assert_allclose(crowd.edges, np.hstack([turned, np.roll(turned, -1, axis=0)]), atol=1e-12)
-
-
-def test_the_slower_of_walk_and_turn_sets_the_pace():
-    both = walker([[0.0, 0.0, 0.0], [1.0, 0.0, 4.0]], speed=1.0, turn_rate=1.0)
-    assert after(both, 2.0) == pytest.approx([0.5, 0.0, 2.0], abs=KERNEL)
-
-
-def test_a_mover_with_one_waypoint_stands():
-    for repeat in REPEATS:
-        assert after(walker([(1.0, 2.0)], repeat=repeat), 3.0) == pytest.approx([1.0, 2.0, 0.0], abs=0.0)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(REPEATS), st.floats(0.0, 30.0))

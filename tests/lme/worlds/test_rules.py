@@ -29,6 +29,14 @@ def test_a_start_within_the_goal_tolerance_is_refused_in_one_line(name, named, n
         maps.task(number)
 
 
+@pytest.mark.parametrize("name", sorted(set(SETS) - {"empty"}))
+def test_a_number_that_was_not_chosen_is_refused(name):
+    maps, (named, *_) = load_map_set(name, {"worlds": [3]}, load_robot("stage")), SETS[name]
+    said = f"^[a-z]+ 4 is not among the chosen ones of map {named.removesuffix('_medium')}$"
+    with pytest.raises(InputError, match=said):
+        maps.task(4)
+
+
 def test_recorded_people_are_no_exception(tmp_path):
     (tmp_path / "walk.txt").write_text("0 1 0 0\n50 1 6 4\n")
     keys = {"path": str(tmp_path / "walk.txt"), "start": [-3.0, 2.0], "goal": [9.0, 2.0]}

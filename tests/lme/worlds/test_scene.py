@@ -262,23 +262,12 @@ def test_a_mistake_in_a_key_is_one_line(keys, says):
         Scene(load_settings("map/_scene", **keys))
 
 
-def test_a_number_that_was_not_chosen_is_refused(says):
-    with says.raises(InputError):
-        scene("real3").task(20)
-
-
 def test_a_robot_that_is_too_wide_for_the_only_way_is_refused(says):
     with says.raises(InputError):
         Scene(load_settings("map/_scene", name="real1", radius=0.45)).task(0)
 
 
-@pytest.mark.parametrize(
-    "start",
-    [
-        "[9, 3]",
-        "[4, 3.6]",
-    ],
-)
+@pytest.mark.parametrize("start", ["[9, 3]", "[4, 3.6]"])
 def test_a_start_that_is_not_free_says_so(tmp_path, start, says):
     path = tmp_path / "blocked.yaml"
     path.write_text(

@@ -140,8 +140,3 @@ def test_tangent_bug_escapes_from_every_trap(kind):
 def test_a_mistake_is_one_line(keys, says):
     with says.raises(InputError):
         traps(**keys)
-
-
-def test_a_number_that_was_not_chosen_is_refused(says):
-    with says.raises(InputError):
-        traps().task(20)

@@ -103,22 +103,6 @@ def test_a_star_looks_at_fewer_cells():
     assert looked_at[1] < looked_at[0] / 5
 
 
-def test_no_way_between_two_walls_that_touch_at_a_corner():
-    costs = np.zeros((2, 2), np.uint8)
-    costs[0, 1] = costs[1, 0] = WALL
-    g = search(costs, EVEN, (0, 0), (1, 1), 1.0)
-    assert np.isinf(g[1, 1])
-    assert trace(g, costs, EVEN, (0, 0), (1, 1)).shape == (0, 2)
-
-
-def test_a_dear_cell_is_gone_round():
-    costs = np.zeros((5, 3), np.uint8)
-    costs[2, 1] = 1
-    table = np.where(np.arange(256) == 1, 10.0, 1.0)
-    g = search(costs, table, (0, 1), (4, 1), 1.0)
-    assert (2, 1) not in map(tuple, trace(g, costs, table, (0, 1), (4, 1)).tolist())
-
-
 def test_from_a_cell_to_itself():
     costs = np.zeros((3, 3), np.uint8)
     assert found(costs, EVEN, (1, 1), (1, 1)).tolist() == [[1, 1]]

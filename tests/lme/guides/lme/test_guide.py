@@ -12,7 +12,6 @@ from lme.guides.lme.surmount import find_blockage
 from lme.navigation.episode import run_episode
 from lme.robots import Lidar
 from lme.simulation.fast import FastSimulator
-from lme.types import Twist
 from lme.worlds.world import World
 from tests.builders import (
     PUBLISHED,
@@ -106,23 +105,6 @@ def test_the_old_subgoal_stands_unless_reached_or_clearly_beaten(monkeypatch, ol
     decision = made.decide(observation(target=(8.0, 0.0)))
     assert decision.choice is choice
     assert decision.subgoal.tolist() == list(old if choice is Choice.KEPT else new)
-
-
-def test_the_old_subgoal_moves_once_a_period_before_it_is_judged(monkeypatch):
-    # 0.4 then 0.6 m/s, ω 0 then 0.5 rad/s, Δt 0.2: (2, 0) → (1.9, 0), turned by −0.05 rad.
-    inject(monkeypatch, [(2.0, 0.0)], [(0.1, 0.0)])
-    made = escaper(only(a_close=1.0))
-    made.decide(observation((8.0, 0.0), twist=Twist(0.4, 0.0)))
-    decision = made.decide(observation((7.9, 0.0), twist=Twist(0.6, 0.5)))
-    assert decision.choice is Choice.KEPT
-    assert decision.subgoal == pytest.approx([1.897625, -0.094960], abs=1e-6)
-
-
-def test_an_infinite_d1_always_takes_the_new_one(monkeypatch):
-    inject(monkeypatch, [(2.0, 0.0)], [(1.0, 0.0)])
-    made = escaper(only(a_close=1.0, d1=math.inf))
-    made.decide(observation((8.0, 0.0)))
-    assert made.decide(observation((8.0, 0.0))).subgoal.tolist() == [1.0, 0.0]
 
 
 def test_the_guide_passes_on_switches_and_blocked_ways():

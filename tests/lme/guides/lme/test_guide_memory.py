@@ -7,24 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.config.presets import load_settings
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.lme.maintenance import Choice
-from lme.navigation.episode import run_episode
 from lme.navigation.navigator import Navigator
-from lme.simulation.fast import FastSimulator
 from lme.types import Guidance, Pose, Twist
 from tests.builders import (
-    CLUTTER,
     assert_same,
     escape,
     escaper,
     explained,
-    navigator,
     observation,
     only,
     stage,
-    task,
     wander,
 )
 from tests.tolerances import KERNEL
@@ -72,21 +66,6 @@ def test_history_lies_where_the_robot_was(seed):
             assert math.dist(point, true) <= sum(slack[now - age + 1 :]) + KERNEL
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_history_stays_near_the_truth_at_full_acceleration(seed):
-    # α first and then held: another αΔt²/8 = 1 cm and as many rad a period. Over k = 8 periods of 0.1 m and
-    # up to 0.31 rad each: 8 · (0.031 + 0.01) + 0.8 · 8 · 0.01 = 0.39 m at worst.
-    seen, poses = wander(seed=seed, even=False)
-    made = escaper(history_min_distance=0.0)
-    for now, view in enumerate(seen):
-        history = explained(made, view).view.history
-        true = to_robot(
-            np.array([pose[:2] for pose in poses[max(now - 8, 0) : now]]).reshape(-1, 2), poses[now]
-        )
-        assert np.hypot(*(history - true).T).max(initial=0.0) < 0.39
-    assert np.hypot(*(history - true).T).mean() < 0.1
-
-
 @settings(max_examples=20)
 @given(SEEDS)
 def test_a_kept_subgoal_stays_where_it_is_in_the_world(seed):
@@ -112,20 +91,6 @@ def test_reset_forgets_everything(seed):
         made.reset(np.random.default_rng(seed))
     for view in after:
         assert_same(explained(used, view), explained(fresh, view))
-
-
-def test_the_first_decision_after_a_reset_is_a_first():
-    made = escaper()
-    views = wander(steps=5)[0]
-    choices = [made.decide(view).choice for view in views]
-    assert choices[0] is Choice.FIRST
-    made.reset(np.random.default_rng(0))
-    seen = explained(made, views[-1])
-    assert seen.decision.choice is Choice.FIRST
-    assert seen.old is None
-    assert seen.old_features is None
-    assert seen.old_score is None
-    assert len(seen.view.history) == 0
 
 
 class Recorder:
@@ -167,21 +132,6 @@ def test_what_a_guide_draws_does_not_change_what_a_planner_draws():
         planners.append(Recorder())
         Navigator(Recorder(draws), planners[-1]).reset(np.random.default_rng(0))
     assert planners[0].drawn == planners[1].drawn
-
-
-def test_a_navigator_that_drove_before_drives_as_a_new_one():
-    robot = stage()
-    used = navigator(robot)
-    run_episode(
-        task(CLUTTER), used, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(1)
-    )
-    one, two = (
-        run_episode(
-            task(CLUTTER), made, FastSimulator(load_settings("sim/fast"), robot), np.random.default_rng(2)
-        )
-        for made in (used, navigator(robot))
-    )
-    np.testing.assert_array_equal(one.trajectory, two.trajectory)
 
 
 def test_odometry_is_never_read():

@@ -20,7 +20,7 @@ TWO = [(3, 9, 28, 9), (30, 9, 57, 9), (57, 9, 57, 12), (57, 12, 3, 12), (3, 12, 
 @pytest.mark.parametrize(
     ("walls", "start", "goal"), [(CORRIDOR, (5.0, 10.5), (50.0, 10.5)), (TWO, (20.0, 10.5), (30.0, 25.0))]
 )
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_lme_plus_leaves_dead_ends_that_are_longer_than_its_memory_reaches(walls, start, goal, seed):
     outcome, _ = driven("turtlebot2", ROOM + walls, Pose(*start, 0.0), goal, seed, time_limit=900.0)
     assert outcome is Outcome.SUCCESS
@@ -56,8 +56,8 @@ def driven(name, walls, start, goal, seed=0, time_limit=60.0):
 def test_lme_plus_drives_through_a_door_that_leaves_less_than_its_margin(name):
     walls = wall_with_door(shipped(name).footprint.inscribed_radius + 0.07)
     there = Pose(2.0, 4.0, 0.0), (10.0, 6.0)
-    outcomes = [driven(name, walls, *there, seed, time_limit=120.0)[0] for seed in range(3)]
-    assert outcomes == [Outcome.SUCCESS] * 3
+    outcomes = [driven(name, walls, *there, seed, time_limit=120.0)[0] for seed in range(2)]
+    assert outcomes == [Outcome.SUCCESS] * 2
 
 
 @pytest.mark.parametrize("turn", [0.2, 0.5])
@@ -85,7 +85,7 @@ def test_lme_plus_goes_round_where_it_cannot_pass_a_door(more):
 LANE = [(6, 5.4, 11, 5.4), (11, 5.4, 11, 4.6), (11, 4.6, 6, 4.6)]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_lme_plus_leaves_a_dead_end_in_which_a_long_robot_cannot_turn(seed):
     there = Pose(10.4, 5.0, 0.0), (2.0, 6.0)
     outcome, _ = driven("go2", HALL + LANE, *there, seed, time_limit=90.0)

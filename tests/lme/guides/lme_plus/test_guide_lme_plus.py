@@ -85,10 +85,8 @@ def test_a_far_target_is_approached_on_a_straight_line():
     assert subgoal[0] > 1.0
 
 
-@pytest.mark.parametrize("world", [DEAD_END, ZIGZAG], ids=["dead end", "zigzag"])
-def test_lme_plus_leaves_traps(world):
-    episode, _ = drive(world)
-    assert episode.outcome is Outcome.SUCCESS
+def test_lme_plus_leaves_a_dead_end():
+    assert drive(DEAD_END)[0].outcome is Outcome.SUCCESS
 
 
 def test_lme_plus_finds_reachable_places_when_enclosed():
@@ -164,8 +162,9 @@ def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
         ]
 
 
-def test_every_decision_has_its_names_and_its_reason():
-    _, steps = drive(ZIGZAG, time_limit=6.0)
+def test_a_zigzag_is_driven_through_and_every_decision_has_its_names_and_its_reason():
+    episode, steps = drive(ZIGZAG)
+    assert episode.outcome is Outcome.SUCCESS
     before = None
     for now in steps:
         assert now.names == tuple(CRITERIA)

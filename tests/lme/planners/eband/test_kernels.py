@@ -153,19 +153,6 @@ def test_there_are_no_more_bubbles_than_there_is_room_for():
     assert chain < len(centres)
 
 
-def test_tension_straightens_and_obstacles_push_aside():
-    bent = np.array([[0.0, 0.0], [0.5, 0.4], [1.0, 0.0]])
-    relax(bent, np.ones(3), np.empty(0), np.empty(0), SHAPE, FORCES, (20, 4))
-    assert abs(bent[1, 1]) < 0.1
-    straight = np.array([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]])
-    near = np.array([0.5]), np.array([-0.25])
-    radii = bubble_radii(straight, *near, *SHAPE[:2])
-    relax(straight, radii, *near, SHAPE, FORCES, (3, 4))
-    assert straight[1, 1] > 0.05
-    assert straight[1, 0] == pytest.approx(0.5, abs=0.02)  # across the band, not along it
-    assert straight[[0, 2]].tolist() == [[0.0, 0.0], [1.0, 0.0]]
-
-
 def test_covered_needs_every_point_in_a_bubble():
     centres, radii = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.5, -0.1])
     assert covered(np.array([[0.3, 0.3], [1.0, 0.04]]), centres, radii, 0.05)

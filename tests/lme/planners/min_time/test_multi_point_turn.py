@@ -17,7 +17,7 @@ LIMITS = Limits(v_max=0.66, omega_max=1.0, alpha_v=1.0, alpha_omega=2.0)
 DT, MARGIN = 0.125, 0.05
 ROOM = LONG.circumscribed_radius + 2.0 * MARGIN
 BACK = np.column_stack((-0.45 * np.arange(1, 12), np.zeros(11)))  # a way back along −x
-DOWN = BACK[:, ::-1]  # along −y
+DOWN = np.ascontiguousarray(BACK[:, ::-1])  # along −y
 STILL, NO_WAY = Twist(0.0, 0.0), np.empty((0, 2))
 
 

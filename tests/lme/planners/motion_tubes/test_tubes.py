@@ -11,12 +11,10 @@ from lme.planners.motion_tubes.kernels import (
     free_tubes,
     whisker_free,
 )
-from lme.planners.motion_tubes.tubes import forward_tubes, lidar_view
+from lme.planners.motion_tubes.tubes import forward_tubes
 from lme.robots import Lidar
-from lme.types import LaserScan, Pose
 from tests.builders import SHIPPED, shipped, stage
 from tests.lme.planners.motion_tubes.scenes import JACKAL, NO_EDGES, scattered, spec_of, view_of
-from tests.tolerances import KERNEL
 
 
 def tubes_free(robot, circles, spec):
@@ -82,12 +80,3 @@ def test_a_whisker_is_closed_where_the_tube_is_not():
         assert free[0]
         assert whisker_free(seen, tubes.whisker_beams[0, 0], tubes.whisker_ranges[0, 0]) != outer
         assert whisker_free(seen, tubes.whisker_beams[1, 0], tubes.whisker_ranges[1, 0])
-
-
-def test_a_clockwise_scan_is_the_same_scan():
-    ranges = np.linspace(1.0, 2.0, 91, dtype=np.float32)
-    mount = Pose(0.1, 0.0, 0.2)
-    view, seen = lidar_view(LaserScan(ranges, -1.0, 0.02, 0.1, 10.0), mount)
-    turned, reversed_ = lidar_view(LaserScan(ranges[::-1], 0.8, -0.02, 0.1, 10.0), mount)
-    assert turned == pytest.approx(view, abs=KERNEL)
-    np.testing.assert_array_equal(seen, reversed_)

@@ -8,6 +8,7 @@ from scipy.signal import savgol_filter
 
 from lme.planners.mppi.kernels import average, charge_controls, constrain, rollout, smooth
 from lme.planners.mppi.planner import draw
+from lme.types import Pose, Twist
 from tests import oracles
 from tests.tolerances import FLOAT32_LAYER, KERNEL
 
@@ -22,8 +23,8 @@ def drawn(seed, samples=40, steps=30):
     """A generator, a sequence, noise, a twist and a pose."""
     rng = np.random.default_rng(seed)
     sequence = rng.uniform((-0.3, -1.0), (0.5, 1.0), (steps, 2))
-    twist = (float(rng.uniform(-0.3, 0.5)), float(rng.uniform(-1.0, 1.0)))
-    pose = (float(rng.uniform(-9.0, 9.0)), float(rng.uniform(-9.0, 9.0)), float(rng.uniform(-3.0, 3.0)))
+    twist = Twist(rng.uniform(-0.3, 0.5), rng.uniform(-1.0, 1.0))
+    pose = Pose(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.0, 3.0))
     return rng, sequence, draw(rng, samples, steps), twist, pose
 
 

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.planners.ros_dwa.kernels import HITS, LOST, distances, score, way_cells
+from lme.types import Pose, Twist
 from tests import oracles
 from tests.builders import shipped
 from tests.tolerances import KERNEL
@@ -62,7 +63,8 @@ def scene(seed):
         if np.hypot(i - 40, j - 40) > 9:
             costs[max(i - 5, 0) : i + 6, max(j - 5, 0) : j + 6] = 253
             costs[i, j] = 254
-    pose, twist = (*rng.uniform(-0.05, 0.05, 2), rng.uniform(-4, 4)), tuple(rng.uniform(-0.5, 0.5, 2))
+    pose = Pose(*rng.uniform(-0.05, 0.05, 2).tolist(), rng.uniform(-4, 4))
+    twist = Twist(*rng.uniform(-0.5, 0.5, 2).tolist())
     nothing = np.zeros(SHAPE, np.bool_)
     to_path, to_goal = (distances(costs, nothing, rng.integers(20, 61, (1, 2)), EVERYWHERE) for _ in range(2))
     wanted = np.column_stack([rng.choice([-0.5, 0.0, 0.1, 0.3, 0.5], 25), rng.uniform(-1.57, 1.57, 25)])

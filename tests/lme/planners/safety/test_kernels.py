@@ -39,21 +39,6 @@ def test_the_braking_distance_by_hand():
     assert found([[-0.3, 0.0]], moving, moving, robot) == pytest.approx(0.1 + 0.1625 / 8, abs=0.02)
 
 
-def test_commands_under_way_act_first():
-    """From rest at 2 m/s²: 0.5 m/s after 0.25 s and 0.0625 m; then brakes for as long."""
-    fast, still, robot = (0.5, 0.0), (0.0, 0.0), stage()
-    assert found([[1.0, 0.0]], still, still, robot, [fast]) == pytest.approx(0.8 - 2 * 0.5 * 2.0 * 0.2**2)
-    way = 0.0625 + 0.15 * 0.5 + 0.0625  # 0.4 s of it
-    assert found([[1.0, 0.0]], still, still, robot, [fast, fast]) == pytest.approx(0.8 - way)
-    assert found([[1.0, 0.0]], still, still, robot, [fast, fast], late=0.1) == pytest.approx(0.8 - way + 0.05)
-
-
-def test_a_lag_lengthens_the_way():
-    """Of 0.2 m/s, e^(−t/τ) is left, without an end: τ · 0.2 m."""
-    now, robot = Twist(0.2, 0.0), stage()
-    assert found([[1.0, 0.0]], now, (0.0, 0.0), robot, lag=0.5) == pytest.approx(0.8 - 0.5 * 0.2, abs=3e-3)
-
-
 def test_the_search_ends_at_the_first_command_that_keeps_enough():
     clearances = found(
         [[0.45, 0.0]], (0.4, 0.0), [(0.5, 0.0), (0.2, 0.0), (0.0, 0.0), (0.3, 0.0)], stage(), enough=0.2

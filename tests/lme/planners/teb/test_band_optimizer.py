@@ -6,13 +6,14 @@ from scipy.optimize import least_squares
 
 from lme.planners.teb.band import optimize
 from lme.planners.teb.kernels import normal_equations
+from lme.types import Twist
 from tests import oracles
 
 BOX = (0.21, 0.155, 0.0)
 BOUNDS = (0.0, 0.8, 1.57, 8.0, 20.0, 0.13, 0.1)
 WEIGHTS = (10.0, 3.0, 1.0, 2.0, 2.0, 100.0, 700.0, 15.0, 3.0, 50.0)
 NEAR = np.array([[2, 0.5, 0.25], [3, 0.9, 0.3]], dtype=float)
-OTHERS = ((0.5, 0.0), NEAR, np.empty((0, 3)), 0.0, BOX, BOUNDS, WEIGHTS)
+OTHERS = (Twist(0.5, 0.0), NEAR, np.empty((0, 3)), 0.0, BOX, BOUNDS, WEIGHTS)
 
 
 def band():

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.planners.teb.kernels import BANDS, normal_equations
+from lme.types import Twist
 from tests import oracles
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -25,7 +26,7 @@ def drawn(seed):
     times = rng.uniform(0.1, 0.6, count - 1)
     index = rng.integers(1, count - 1, (2, 6))
     near, via = (np.column_stack([each, poses[each, :2] + rng.uniform(-0.5, 0.5, (6, 2))]) for each in index)
-    return poses, times, (0.3, -0.2), near, via, float(rng.integers(-1, 2)), BOX, BOUNDS, WEIGHTS
+    return poses, times, Twist(0.3, -0.2), near, via, float(rng.integers(-1, 2)), BOX, BOUNDS, WEIGHTS
 
 
 def differences(poses, times, *others):

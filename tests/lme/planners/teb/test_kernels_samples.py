@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from lme.geometry.collision import sweep
 from lme.planners.teb.kernels import along, clearance, near_obstacles, resized
+from lme.types import Pose
 from tests import oracles
 from tests.tolerances import KERNEL
 
@@ -35,30 +36,17 @@ def test_samples_are_added_and_removed_as_by_the_slow_twin(seed):
     assert np.cos(turned) == pytest.approx(1.0, abs=KERNEL)
 
 
-def test_a_long_motion_is_halved_and_a_short_one_joins_the_next():
-    line = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
-    poses, times = resized(line, np.array([0.3, 0.7, 0.1, 0.25]), 0.3, 0.1, 1, 10)
-    assert times == pytest.approx([0.3, 0.35, 0.35, 0.35])
-    assert poses[:, 0] == pytest.approx([0.0, 1.0, 1.5, 2.0, 4.0])
-
-
-def test_the_number_of_samples_keeps_its_limits():
-    line = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
-    assert len(resized(line, np.full(4, 0.01), 0.3, 0.1, 3, 10)[1]) == 3
-    assert len(resized(line, np.full(4, 9.0), 0.3, 0.1, 3, 10)[1]) == 10
-
-
 def test_a_new_band_follows_the_path_as_fast_as_the_limits_allow():
     path = np.array([[1.0, 0.0], [1.0, 1.0]])
-    poses, times = along(path, (0.0, 0.0, 0.0), 0.5, 0.5, 1.0)
+    poses, times = along(path, Pose(0.0, 0.0, 0.0), 0.5, 0.5, 1.0)
     np.testing.assert_allclose(poses, [[0, 0, 0], [1, 0, math.pi / 2], [1, 1, 0.5]])
     assert times == pytest.approx([2.0, 2.0])
-    poses, times = along(path, (0.0, 0.0, 0.0), 0.5, 4.0, 1.0)
+    poses, times = along(path, Pose(0.0, 0.0, 0.0), 0.5, 4.0, 1.0)
     assert times == pytest.approx([math.pi / 2, math.pi / 2 - 0.5])
 
 
 def test_a_path_of_one_point_gives_three_poses():
-    poses, times = along(np.array([[1.0, 2.0]]), (0.0, 0.0, 0.3), 0.5, 1.0, 1.0)
+    poses, times = along(np.array([[1.0, 2.0]]), Pose(0.0, 0.0, 0.3), 0.5, 1.0, 1.0)
     assert poses[:, :2] == pytest.approx(np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 2.0]]))
     assert poses[0, 2] == 0.3
     assert (times > 0.0).all()

@@ -85,11 +85,6 @@ def test_task_has_the_protocol_of_the_benchmark():
     ]
 
 
-def test_a_world_that_was_not_chosen_is_an_error(says):
-    with says.raises(InputError):
-        barn().task(0)
-
-
 def test_worlds_get_harder_with_their_number():
     """Correlation of the authors' order with three of the measures: −.52, −.57, −.54."""
     every = barn(subset="all")

@@ -100,8 +100,3 @@ def test_a_mistake_is_one_line(keys, says):
 def test_distances_that_no_building_has_are_refused(keys, says):
     with says.raises(InputError):
         indoor(**keys).task(0)
-
-
-def test_a_number_that_was_not_chosen_is_refused(says):
-    with says.raises(InputError):
-        indoor().task(100)

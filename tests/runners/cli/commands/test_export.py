@@ -115,15 +115,8 @@ def test_a_run_that_lacks_a_column_has_it_empty(tmp_path, capsys):
     write_run(tmp_path / "a", world_measures={"fill": 0.5})
     write_run(tmp_path / "b")
     for style, path in (("csv", None), ("parquet", tmp_path / "all.parquet")):
-        export.main(
-            [
-                str(tmp_path / "a"),
-                str(tmp_path / "b"),
-                "--format",
-                style,
-                *(["-o", str(path)] if path else []),
-            ]
-        )
+        into = ["-o", str(path)] if path else []
+        export.main([str(tmp_path / "a"), str(tmp_path / "b"), "--format", style, *into])
         shown = capsys.readouterr().out
         rows = pd.read_parquet(path) if path else read(shown)
         assert rows["world_fill"].isna().tolist() == [False, False, True, True]

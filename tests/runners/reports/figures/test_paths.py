@@ -175,11 +175,11 @@ def test_the_picture_is_printable_and_in_the_colours_of_the_outcomes(tmp_path):
         assert (image == colour).all(axis=1).sum() > 100
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, None])
-def test_a_damaged_position_does_not_keep_the_rest_from_being_drawn(tmp_path, value):
+def test_damaged_positions_do_not_keep_the_rest_from_being_drawn(tmp_path):
     frame, trajectories = run_of(OUTCOMES)
     trajectories = trajectories.astype({"x_m": object})
-    trajectories.loc[0, "x_m"] = value
+    for step, value in enumerate((np.nan, np.inf, None)):
+        trajectories.loc[step, "x_m"] = value
     path = tmp_path / "paths.png"
     figures.trajectories_figure(frame, trajectories, {n: task(n) for n in range(3)}, path)
     assert path.is_file()
