@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.inputs import plausibility
 from lme.live.config import ScanConfig
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND
@@ -53,6 +54,7 @@ def validate(job: Job[ReplayConfig]) -> None:
         require("end", config.end, above=config.start)
     for key in ("stale", "ahead", "horizon"):
         require(key, getattr(config, key), above=0.0)
+    plausibility.check("stale", config.stale)
     configured(config.tracking, "tracking")
     if config.rerun:
         figures.check_rerun()
