@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import math
+import warnings
 import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
@@ -43,6 +44,7 @@ _URG_BEAMS = (681, 682, 683, 769)  # of a Hokuyo URG-04LX, over 240° or its who
 _URG_INCREMENT = 360.0 / 1024.0  # [deg]
 _FINEST = 0.25  # [deg] increments over half a turn are multiples of this
 _RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
+_JITTER = SECOND // 10  # [ns] by which a time may lie before that of the line above
 _SAME_M, _SAME_RAD = 0.02, 0.02  # tolerance for the laser's pose on the robot
 
 
@@ -62,7 +64,17 @@ class CarmenLog(Bag):
     def __init__(self, path: Path) -> None:
         """Read `path`. Raises InputError if it cannot be read, is damaged, or holds no scans."""
         self.path = path
-        self._scans = _stamped(_scans(path))
+        scans = _scans(path)
+        self._scans = _stamped(scans)
+        late = sum(
+            stamped.stamp - scan.stamp > _JITTER for stamped, scan in zip(self._scans, scans, strict=True)
+        )
+        if late:
+            warnings.warn(
+                f"log {path}: the time goes backwards: {late} of its {len(scans)} scans count as taken with the one "
+                "before; the times must rise",
+                stacklevel=2,
+            )
         self._mount = _mount(self._scans)
 
     def __exit__(self, *error: object) -> None:
