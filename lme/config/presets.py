@@ -21,7 +21,7 @@ from lme.guides.lme.weight_files import (
     set_names,
     shipped_weights,
 )
-from lme.inputs.guarded_file import read_yaml
+from lme.inputs.guarded_file import expanded, read_yaml
 from lme.inputs.resources import overlaid, resource_dir
 from lme.inputs.yaml_entry import Entry
 from lme.robots import Robot
@@ -99,6 +99,10 @@ def load_settings(option: str, /, **changes: Any) -> Any:
 @cache
 def _shipped_settings(option_name: str) -> Any:
     group, _, name = option_name.rpartition("/")
+    if not group:
+        raise InputError(
+            f"option is {option_name!r}: must be GROUP/NAME of a file in conf/, such as planner/dwa"
+        )
     values, place = option(group, name, config={"weights": PUBLISHED, "ablation": {}, "seed": 0})
     return configured(values, place, group)[1]
 
@@ -167,8 +171,9 @@ def find_option(group: str, given: str | Path) -> Path:
     shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
     if given in shipped:
         return shipped[str(given)]
-    if Path(given).is_file():
-        return Path(given)
+    own = expanded(given)
+    if own.is_file():
+        return own
     known = [name for name in shipped if not name.startswith("_")]
     what, names = group.replace("_", " "), ", ".join(known)
     hint = nearest(str(given), known)

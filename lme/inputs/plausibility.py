@@ -45,6 +45,7 @@ USUAL: Mapping[str, UsualRange] = {  # by the last part of the key
     "omega_max": UsualRange("rad/s", 0.05, 12.0, 1e-3, 1e3, _DEGREES),
     "alpha_v": UsualRange("m/s²", 0.05, 50.0, 1e-4, 1e6),
     "alpha_omega": UsualRange("rad/s²", 0.05, 100.0, 1e-4, 1e6, _DEGREES),
+    "settling_time": UsualRange("s", 0.0, 5.0, most=60.0, hint=_MS),
     "control_rate": UsualRange("Hz", 1.0, 200.0, 0.1, 1000.0, "is it a period in seconds?"),
     "radius": UsualRange("m", 0.02, 6.0, 1e-3, 100.0, _MM),
     "length": UsualRange("m", 0.02, 12.0, 1e-3, 100.0, _MM),
@@ -54,6 +55,7 @@ USUAL: Mapping[str, UsualRange] = {  # by the last part of the key
     "fov": UsualRange("rad", 0.2, _TURN + 1e-6, 0.01),
     "range_min": UsualRange("m", 0.0, 1.0, hint=_MM),
     "range_max": UsualRange("m", 0.5, 300.0, 0.01, hint=_MM),
+    "angle_increment": UsualRange("rad", 1e-4, 0.1, hint=_DEGREES),
     "noise_std": UsualRange("m", 0.0, 0.3, most=100.0, hint=_MM),
     "yaw": _ANGLE,
     "roll": _ANGLE,
@@ -104,6 +106,9 @@ USUAL: Mapping[str, UsualRange] = {  # by the last part of the key
     "max_step": UsualRange("m", 1e-4, 0.2, 1e-6, hint=_MM),
     "substep": UsualRange("s", 1e-4, 0.1, 1e-5, hint=_MS),
     "check_time": UsualRange("s", 1e-4, 0.1, 1e-5, hint=_MS),
+    # drivers of robots
+    "stale": UsualRange("s", 0.02, 5.0, most=60.0, hint=_MS),
+    "time_jump": UsualRange("s", 0.02, 60.0, hint=_MS),
     # maps and people
     "resolution": UsualRange("m per cell", 1e-3, 1.0, 1e-5, 1e3, _MM),
     "goal_tolerance": UsualRange("m", 1e-3, 10.0, hint=_MM),
@@ -119,7 +124,7 @@ def check(name: str, value: float) -> None:
 
     name: for messages; its last part, or word, is a key of `USUAL`.
     """
-    usual = USUAL[re.split(r"[. ]", name)[-1]]
+    usual = USUAL[re.split(r"[. -]", name)[-1]]
     if usual.low <= value <= usual.high:
         return
     hint = f"; {usual.hint}" if usual.hint else ""

@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from lme.errors import InputError
-from lme.types import Floats, Guidance, LaserScan, Observation, Pose, Twist
+from lme.types import Floats, Guidance, LaserScan, Limits, Observation, Pose, Twist
 
 _NO_NUMBER = (str, bytes, bool, np.bool_)
 _PLACES = "rows of (x, y) in the robot's frame [m]"
@@ -101,13 +101,22 @@ def given_observation(observation: object) -> Observation:
     try:
         given = _observation(observation)
         people = _people(given)
+        _check_limits(given.limits)
+        last_command = given.last_command
+        if last_command is not None:
+            checked_array(last_command, (2,), "a last_command", "(v [m/s], omega [rad/s])")
+            last_command = Twist(*last_command)
     except ReturnedError as error:
         raise ReturnedError(f"the observation has {error}") from None
     scan, ranges = given.scan, np.asarray(given.scan.ranges)
     if ranges.dtype.kind != "f" or ranges is not scan.ranges:
         scan = scan._replace(ranges=ranges.astype(np.float32))
     return given._replace(
-        scan=scan, twist=Twist(*given.twist), odometry=Pose(*given.odometry), pedestrians=people
+        scan=scan,
+        twist=Twist(*given.twist),
+        odometry=Pose(*given.odometry),
+        pedestrians=people,
+        last_command=last_command,
     )
 
 
@@ -176,6 +185,18 @@ def _observation(observation: object) -> Observation:
     checked_array(observation.twist, (2,), "a twist", "(v [m/s], omega [rad/s])")
     checked_array(observation.odometry, (3,), "an odometry", "(x [m], y [m], yaw [rad])")
     return observation if target is observation.target else observation._replace(target=target)
+
+
+def _check_limits(limits: object) -> None:
+    if (
+        not isinstance(limits, Limits)
+        or not all(0.0 <= value < math.inf for value in limits.bounds)
+        or not limits.v_min <= 0.0
+    ):
+        raise ReturnedError(
+            f"limits {_shown(limits)}: must be an lme.Limits, whose v_max [m/s], omega_max [rad/s], alpha_v [m/s²] and "
+            "alpha_omega [rad/s²] are finite and at least 0, and whose v_min [m/s] is at most 0"
+        )
 
 
 def _people(observation: Observation) -> Floats:

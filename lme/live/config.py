@@ -29,6 +29,7 @@ class LiveConfig:
     def __post_init__(self) -> None:
         for key in ("stale", "time_jump", "goal_tolerance"):
             require(key, getattr(self, key), above=0.0)
+            plausibility.check(config_key(key), getattr(self, key))
         require("seed", self.seed, at_least=0)
         if self.clock not in CLOCKS:
             raise argument_error(f"clock is {self.clock!r}: must be one of {', '.join(CLOCKS)}")
@@ -69,8 +70,10 @@ class ScanConfig:
                 plausibility.check(config_key(f"mount.{key}"), angle)
         if self.range_min is not None:
             require("range_min", self.range_min, at_least=0.0)
+            plausibility.check(config_key("range_min"), self.range_min)
         if self.range_max is not None:
             require("range_max", self.range_max, above=self.range_min or 0.0)
+            plausibility.check(config_key("range_max"), self.range_max)
         cloud = self.cloud
         if cloud.min_height is not None:
             require("min_height", cloud.min_height)
@@ -78,6 +81,7 @@ class ScanConfig:
             require("max_height", cloud.max_height, above=cloud.min_height)
         if cloud.angle_increment is not None:
             require("angle_increment", cloud.angle_increment, above=0.0, at_most=0.5)
+            plausibility.check(config_key("cloud.angle_increment"), cloud.angle_increment)
         if cloud.range_max is not None:
             require("range_max", cloud.range_max, above=0.0)
 
@@ -88,6 +92,8 @@ def mount_of(config: ScanConfig, by_tf: Floats | None, robot: Robot, height: flo
     height: height of the lidar if neither scan.mount nor tf gives it [m].
     """
     if config.mount is not None:
+        x, y = config.mount[:2]
+        plausibility.check_mount("scan.mount", x, y, robot.footprint.circumscribed_radius)
         return "scan.mount", _matrix(config.mount)
     if by_tf is not None:
         return "tf", by_tf

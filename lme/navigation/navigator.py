@@ -11,6 +11,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.guides.lme.explanation import Decision, Explanation
+from lme.inputs import plausibility
 from lme.inputs.returned import ReturnedError, checked_command, checked_guidance, checked_people
 from lme.navigation.observation_check import ObservationCheck
 from lme.perception.dead_reckoning import DeadReckoning, Move
@@ -81,6 +82,8 @@ class Navigator:
         lidar: Lidar | None = None,
     ) -> None:
         require("goal_tolerance", goal_tolerance, at_least=0.0)
+        if goal_tolerance > 0.0:
+            plausibility.check("goal_tolerance", goal_tolerance)
         self._feedback = CommandFeedback(feedback, dt)
         self.guide = guide
         self.planner = planner

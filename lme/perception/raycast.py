@@ -27,12 +27,19 @@ def cast(lidar: Lidar, pose: Pose, circles: ArrayLike = (), segments: ArrayLike 
     """Return the scan, without noise, of a planar lidar on a robot at `pose`.
 
     pose: of the robot in the world. circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls
-    [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises InputError for other shapes.
+    [x0, y0, x1, y1] [m], in the world. Inside a disc all ranges are 0. Raises InputError for other shapes, numbers that
+    are not finite, and a radius below 0.
     """
+    if not all(map(math.isfinite, pose)):
+        raise InputError(f"pose is {tuple(pose)}: must be x [m], y [m] and yaw [rad], all finite")
     angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
     lidar_pose = compose(pose, lidar.mount)
-    shapes = _rows("circles", circles, 3), _rows("segments", segments, 4)
-    ranges = cast_shapes(lidar_pose, angles, lidar.range_max, *shapes)
+    discs, walls = _rows("circles", circles, 3), _rows("segments", segments, 4)
+    if (discs[:, 2] < 0.0).any():
+        raise InputError(
+            f"circles holds {discs[discs[:, 2].argmin()].tolist()}: must have a radius of at least 0 m"
+        )
+    ranges = cast_shapes(lidar_pose, angles, lidar.range_max, discs, walls)
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
 
@@ -40,7 +47,11 @@ def _rows(name: str, values: ArrayLike, columns: int) -> Floats:
     rows = np.ascontiguousarray(values, dtype=np.float64)
     if rows.size and (rows.ndim != 2 or rows.shape[1] != columns):
         raise InputError(f"{name} has shape {rows.shape}: must be rows of {columns} numbers")
-    return rows.reshape(-1, columns)
+    rows = rows.reshape(-1, columns)
+    is_finite = np.isfinite(rows).all(axis=1)
+    if not is_finite.all():
+        raise InputError(f"{name} holds {rows[is_finite.argmin()].tolist()}: must be finite numbers [m]")
+    return rows
 
 
 def cast_shapes(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lme.errors import InputError
+from lme.errors import InputError, config_key
 from lme.inputs import plausibility
 from lme.inputs.guarded_file import expanded, open_bytes, read_yaml
 from lme.inputs.yaml_entry import Entry
@@ -25,6 +25,9 @@ MAX_CORNERS = 1_000_000  # of obstacles, which take some 20 s
 DARK = 0.5  # of white; darker pixels of a plain bitmap are obstacles. JPEG artefacts stay far from it
 
 _PICTURE_BYTES = 2**30
+_SQUARE = 1.1  # the sides of a pixel usually differ by less than this factor
+_SAVED_UNKNOWN = 205 / 255  # of white: the grey with which map_saver writes unknown cells
+_MOST_STRAY = 0.01  # share of the pixels that may have this grey by chance
 _OPAQUE = 128  # alpha from which a pixel of a ROS map has its colour; one below is unknown
 _EIGHT_BIT = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "YCbCr")
 # Errors that Pillow raises for a damaged picture.
@@ -39,7 +42,14 @@ def read_bitmap(path: Path, size: tuple[float, float]) -> FloorPlan:
     closed wall. Raises InputError for a file that is not a picture, is truncated, or is too large.
     """
     occupied = brightness(path) < DARK
-    pixel = np.array(size) / occupied.shape[::-1]
+    rows, columns = occupied.shape
+    pixel = np.array(size) / (columns, rows)
+    if max(pixel) > _SQUARE * min(pixel):
+        warnings.warn(
+            f"{config_key('size')} is {list(size)} m for {path} of {columns} by {rows} pixels: a pixel is "
+            f"{pixel[0]:.3g} by {pixel[1]:.3g} m; is it [width, height] of the whole picture?",
+            stacklevel=2,
+        )
     return _floor_plan(path, occupied, pixel, Pose(0.0, 0.0, 0.0))
 
 
@@ -77,6 +87,17 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
         raise entry.mistake("free_thresh", "from 0 to 1")
     if not free_below <= occupied_above <= 1.0:
         raise entry.mistake("occupied_thresh", f"from free_thresh, {free_below:g}, to 1")
+    saved_unknown = round(_SAVED_UNKNOWN * white)
+    if (
+        unknown_is_obstacle
+        and occupancy[saved_unknown] < free_below
+        and (levels == saved_unknown).mean() > _MOST_STRAY
+    ):
+        warnings.warn(
+            f"{path}: free_thresh is {free_below:g}, so the grey 205 of unknown cells counts as free: make it 0.196 to "
+            "keep unknown cells unknown",
+            stacklevel=2,
+        )
     occupied = (occupancy >= free_below if unknown_is_obstacle else occupancy > occupied_above)[levels]
     if transparent is not None:
         occupied[transparent] = unknown_is_obstacle

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import math
+import warnings
 import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
@@ -43,6 +44,7 @@ _URG_BEAMS = (681, 682, 683, 769)  # of a Hokuyo URG-04LX, over 240° or its who
 _URG_INCREMENT = 360.0 / 1024.0  # [deg]
 _FINEST = 0.25  # [deg] increments over half a turn are multiples of this
 _RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
+_JITTER = SECOND // 10  # [ns] by which a time may lie before that of the line above
 _SAME_M, _SAME_RAD = 0.02, 0.02  # tolerance for the laser's pose on the robot
 _STEP_M = 0.05  # between two scans, in which a robot drives
 _FEWEST_STEPS = 10  # that tell whether it drives where it points
@@ -62,13 +64,23 @@ class CarmenLog(Bag):
     """An open CARMEN log, plain or compressed by gzip. The whole log is read at once."""
 
     def __init__(self, path: Path) -> None:
-        """Read `path`. Raises InputError if it cannot be read, is damaged, or holds no scans, or yaw in degrees."""
+        """Read `path`. Raises InputError if it cannot be read, is damaged, holds no scans, or has yaw in degrees."""
         self.path = path
-        self._scans = _stamped(_scans(path))
-        if _turns_in_degrees(self._scans):
+        scans = _scans(path)
+        if _turns_in_degrees(scans):
             raise InputError(
                 f"log {path}: the yaw of the poses is in degrees, because only then does the robot drive where it "
                 "points; must be in radians"
+            )
+        self._scans = _stamped(scans)
+        late = sum(
+            stamped.stamp - scan.stamp > _JITTER for stamped, scan in zip(self._scans, scans, strict=True)
+        )
+        if late:
+            warnings.warn(
+                f"log {path}: the time goes backwards: {late} of its {len(scans)} scans count as taken with the one "
+                "before; the times must rise",
+                stacklevel=2,
             )
         self._mount = _mount(self._scans)
 

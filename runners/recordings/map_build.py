@@ -16,6 +16,7 @@ import yaml
 from PIL import Image
 
 from lme.errors import InputError, require
+from lme.inputs import plausibility
 from lme.inputs.guarded_file import LOG_BYTES, read_bytes
 from lme.mapping.occupancy import FREE, OCCUPIED, GridMap, OccupancyGrid
 from lme.perception.scan_check import ScanTally
@@ -89,6 +90,8 @@ class BuildConfig:
     def __post_init__(self) -> None:
         for key in ("resolution", "max_range", "radius", "reach"):
             require(f"--{key.replace('_', '-')}", getattr(self, key), above=0.0)
+        for key in ("resolution", "radius"):
+            plausibility.check(f"--{key}", getattr(self, key))
         if self.no_returns not in NO_RETURNS:
             raise InputError(f"--no-returns is {self.no_returns}: must be {' or '.join(NO_RETURNS)}")
 

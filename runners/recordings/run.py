@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.inputs import plausibility
 from lme.live.config import ScanConfig
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND
@@ -54,6 +55,7 @@ def validate(job: Job[ReplayConfig]) -> None:
         require("end", config.end, above=config.start)
     for key in ("stale", "ahead", "horizon"):
         require(key, getattr(config, key), above=0.0)
+    plausibility.check("stale", config.stale)
     configured(config.tracking, "tracking")
     if config.rerun:
         figures.check_rerun()
@@ -159,6 +161,12 @@ def _recording(
 
 def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
     """Return the robot, with its control rate reduced to the rate of the scans if they are less frequent."""
+    slowest = plausibility.USUAL["control_rate"].least
+    if 0.0 < recording.scan_rate < slowest:
+        raise InputError(
+            f"bag {recording.bag.path}: its scans come every {1.0 / recording.scan_rate:.4g} s by their stamps: must "
+            f"come at least every {1.0 / slowest:g} s; are the times in milliseconds?"
+        )
     if 0.0 < recording.scan_rate < _SLOWER * config.robot.control_rate:
         return replace(config.robot, control_rate=recording.scan_rate)
     return config.robot

@@ -140,9 +140,12 @@ def _local_cluster(workers: int) -> LocalCluster:
     import dask
     from distributed import LocalCluster
 
-    patience = {"distributed.scheduler.no-workers-timeout": f"{_NO_WORKER_S}s"}
+    settings = {
+        "distributed.scheduler.no-workers-timeout": f"{_NO_WORKER_S}s",
+        "distributed.worker.profile.enabled": False,  # it would look at each worker a hundred times a second
+    }
     try:
-        with sigint_ignored(), environment(SAFE_PATH), dask.config.set(patience):
+        with sigint_ignored(), environment(SAFE_PATH), dask.config.set(settings):
             return LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,

@@ -42,7 +42,7 @@ def find_weights(weights: str) -> Path:
     shipped = shipped_weights()
     if weights in shipped:
         return shipped[weights]
-    path = Path(weights)
+    path = expanded(weights)
     if path.is_file():
         return path
     if path.is_dir():

@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 from lme.config.presets import load_map_set, load_parameters, load_robot, load_settings, load_simulator
 from lme.errors import InputError
 from lme.guides.lme.score import CRITERIA
+from lme.guides.lme.weight_files import find_weights
 from lme.robots import Robot
 from runners.config.instantiate import build, configured, fill_dataclass
 from tests.places import ROOT
@@ -40,6 +41,19 @@ def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its
     )
     with says.warns():
         load_robot(own)
+
+
+def test_a_file_may_be_in_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "mine.yaml").write_text(STAGE)
+    (tmp_path / "weights.yaml").write_text(find_weights("published").read_text(encoding="utf-8"))
+    assert load_robot("~/mine.yaml") == load_robot("stage")
+    assert load_parameters("~/weights.yaml") == load_parameters("published")
+
+
+def test_settings_without_a_group_are_one_line(says):
+    with says.raises(InputError):
+        load_settings("dwa")
 
 
 def test_a_key_omitted_from_a_robots_file_is_the_default(tmp_path):

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from lme.config.presets import load_settings
+from lme.config.systems import load_system
 from lme.errors import InputError
 from lme.inputs.plausibility import USUAL, check
-from lme.live.config import ScanConfig
+from lme.live.config import CloudConfig, LiveConfig, ScanConfig, mount_of
 from lme.robots import Cloud, Footprint, Lidar
 from lme.types import Pose
 from lme.worlds.check import check_task
 from lme.worlds.cold_trial import drawn_robot
 from lme.worlds.movers import Mover
+from runners.recordings.map_build import BuildConfig
 from tests.builders import stage, task
 
 LIDAR = {"num_beams": 9, "fov": 2.0, "range_min": 0.1, "range_max": 5.0}
@@ -50,9 +52,18 @@ def test_the_value_its_unit_and_the_usual_range_are_named(says):
         lambda: load_settings("sim/physics", grip=5.0),
         lambda: load_settings("sim/skid", scan_noise=20.0),
         lambda: ScanConfig(mount=[0.1, 0.0, 0.3, 0.0, 0.0, 180.0]),
+        lambda: ScanConfig(range_max=8000.0),
+        lambda: ScanConfig(cloud=CloudConfig(angle_increment=0.5)),
+        lambda: mount_of(ScanConfig(mount=[3.0, 0.0, 0.3, 0.0, 0.0, 0.0]), None, stage(), 0.0),
+        lambda: LiveConfig(stale=30.0),
+        lambda: LiveConfig(time_jump=1000.0),
+        lambda: LiveConfig(goal_tolerance=200.0),
         lambda: Mover(np.zeros((2, 2)), radius=0.3, speed=130.0),
         lambda: check_task(task(start=Pose(0.0, 0.0, 90.0)), stage()),
         lambda: load_settings("map/traps", time_limit=1e12),
+        lambda: load_system("simple", "stage", goal_tolerance=200.0),
+        lambda: stage(settling_time=40.0),
+        lambda: BuildConfig(radius=18.0),
     ],
 )
 def test_an_unusual_value_gets_a_warning(make, says):
@@ -76,6 +87,9 @@ def test_no_robot_has_such_a_limit(key, value, says):
         lambda: load_settings("sim/physics", substep=1e-12),
         lambda: load_settings("sim/skid", check_time=1e-9),
         lambda: load_settings("sim/fast", latency=1e300),
+        lambda: LiveConfig(stale=500.0),
+        lambda: stage(settling_time=400.0),
+        lambda: mount_of(ScanConfig(mount=[55.0, 0.0, 300.0, 0.0, 0.0, 0.0]), None, stage(), 0.0),
         lambda: load_settings("sim/fast", slip=1e300),
     ],
 )

@@ -5,9 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.errors import InputError
 from lme.geometry.fan import BEARING_ERROR, bearing
-from lme.perception.raycast import cast_shapes
+from lme.perception.raycast import cast, cast_shapes
+from lme.types import Pose
 from tests import oracles
+from tests.builders import stage
 from tests.tolerances import RANGE
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -128,3 +131,17 @@ def test_the_polynomial_bearing_is_off_by_less_than_it_is_widened():
     angle = np.linspace(0, 2 * math.pi, 20_001)[1:-1]
     off = [bearing(math.cos(a), math.sin(a)) - a for a in angle]
     assert np.abs(off).max() < BEARING_ERROR
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"circles": [[1.5, math.nan, 0.3]]},
+        {"circles": [[2.0, 0.0, 0.3], [1.5, 0.2, -0.3]]},
+        {"segments": [[1.0, -1.0, 1.0, math.inf]]},
+        {"pose": Pose(0.0, 0.0, math.nan)},
+    ],
+)
+def test_an_obstacle_that_would_vanish_is_refused(wrong, says):
+    with says.raises(InputError):
+        cast(**{"lidar": stage().lidar, "pose": Pose(0.0, 0.0, 0.0), **wrong})

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +133,26 @@ def test_unknown_cells_are_obstacles_only_if_asked(tmp_path):
     path = ros_map(tmp_path, [[254, 205, 254, 0, 254]])
     assert cells(read_ros_map(path, unknown_is_obstacle=True)) == 2
     assert cells(read_ros_map(path, unknown_is_obstacle=False)) == 1
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB"])
+def test_unknown_cells_that_the_thresholds_make_free_are_said(tmp_path, says, mode):
+    """Nav2's map_saver writes unknown cells as 205, and free_thresh: 0.25."""
+    picture(tmp_path / "map.png", [[254, 205, 254, 0, 254]], mode)
+    path = ros_map(tmp_path, [[254]], image="map.png", free_thresh=0.25)
+    with says.warns():
+        assert cells(read_ros_map(path, unknown_is_obstacle=True)) == 1
+    with warnings.catch_warnings(action="error"):
+        read_ros_map(path, unknown_is_obstacle=False)
+        read_ros_map(ros_map(tmp_path, [[254, 205, 254, 0, 254]]), unknown_is_obstacle=True)
+
+
+def test_a_size_that_makes_pixels_oblong_is_said(tmp_path, says):
+    path = picture(tmp_path / "hall.png", [[255, 255, 0]] * 2)
+    with says.warns():
+        read_bitmap(path, (2.0, 3.0))
+    with warnings.catch_warnings(action="error"):
+        read_bitmap(path, (3.0, 2.1))
 
 
 @pytest.mark.parametrize("mode", ["RGBA", "LA", "PA", "P"])

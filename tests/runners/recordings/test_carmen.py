@@ -110,6 +110,14 @@ def test_if_only_the_pose_of_the_laser_is_corrected_it_alone_counts(tmp_path):
     assert_on_the_way(poses)
 
 
+def test_a_time_that_goes_backwards_is_said(tmp_path, says):
+    """The scans after it would be left out of a replay, since they all count as taken at once."""
+    lines = [line for line in flaser_lines() if line.startswith("FLASER")]
+    restarted = [" ".join([*line.split()[:-3], str(k % 40), "host", "0"]) for k, line in enumerate(lines)]
+    with says.warns():
+        CarmenLog(write(tmp_path / "a.log", restarted))
+
+
 @pytest.mark.parametrize("times", [lambda k: 1.0, lambda k: -k, lambda k: 4294970001.82 if k == 3 else k])
 def test_times_that_are_no_use_become_an_order(tmp_path, times):
     """Some logs have one time for all scans, or a wild one in between: the order of the lines is right."""
@@ -196,6 +204,15 @@ def test_a_packed_log_that_ends_with_a_terabyte_of_zeros_is_refused(tmp_path):
         file.truncate(2**40)
     with pytest.raises(InputError, match=r"drive\.log\.gz: has 1099511627776 bytes"), CarmenLog(path):
         pass
+
+
+def test_times_in_milliseconds_are_one_line(tmp_path, monkeypatch, says, capsys):
+    monkeypatch.chdir(tmp_path)
+    lines = [
+        " ".join([*line.split()[:-3], str(1000 * k), "host", "0"]) for k, line in enumerate(flaser_lines())
+    ]
+    assert main([f"bag={write(tmp_path / 'a.log', lines)}", "robot=turtlebot2", "tracking=none"]) == 2
+    says(capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("odd", ["millimetres", "one stamp"])
