@@ -52,6 +52,7 @@ def main(argv: list[str]) -> int:
     arguments = _parsed(argv)
     style = _format(arguments.format, arguments.output)
     runs = find_runs(arguments.runs)
+    _check_no_record(arguments.output, runs)
     tables = episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
     column_names = [name for name in (arguments.columns or "").split(",") if name]
     rows = select(tables, column_names)
@@ -120,6 +121,17 @@ def _format(format_name: str | None, output: Path | None) -> str:
     if style == "parquet" and (output is None or str(output) == "-"):
         raise InputError("--format parquet: is not text, so it needs --output FILE")
     return style
+
+
+def _check_no_record(output: Path | None, runs: Sequence[Path]) -> None:
+    """Raise InputError if the output would replace a file that the runs consist of."""
+    from runners.records.episode_record import APPEND_LOG
+    from runners.records.launch_record import LAUNCH
+    from runners.records.parquet import EPISODES, TRAJECTORIES
+
+    names = (EPISODES, TRAJECTORIES, APPEND_LOG, LAUNCH)
+    if output is not None and output.resolve() in {(run / name).resolve() for run in runs for name in names}:
+        raise InputError(f"--output {output}: is a file of the run itself: choose another one")
 
 
 def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:

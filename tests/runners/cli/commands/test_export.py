@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 import lme
+from lme.errors import InputError
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import export
@@ -176,6 +177,16 @@ def test_mistakes_are_one_line(run, capsys, words, says):
     shown = capsys.readouterr()
     says(shown.err)
     assert (shown.err.count("\n"), shown.out) == (1, "")
+
+
+@pytest.mark.parametrize(
+    "name", ["episodes.parquet", "trajectories.parquet", "launch.json", "parts/episodes.jsonl"]
+)
+def test_the_files_of_a_run_are_not_replaced(run, says, name):
+    style = ["--format", "csv"] if name == "launch.json" else []
+    with says.raises(InputError):
+        export.main([str(run), *style, "--output", str(run / name)])
+    assert len(pd.read_parquet(run / "episodes.parquet")) == len(AWKWARD)
 
 
 def test_exporting_failures_of_a_run_without_any_is_an_error(tmp_path, capsys, says):
