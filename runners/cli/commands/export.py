@@ -37,7 +37,7 @@ _RUN_COLUMNS = (
     "filter",
     "crowd",
     "scale",
-)  # tell runs apart, as do changed keys, which have a dot
+)  # tell runs apart, as do changed keys
 Write = Callable[
     [Iterable["pa.Table"], Any], int
 ]  # takes tables and an open file, returns the number of rows
@@ -183,6 +183,7 @@ def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
 
 def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
     """Yield the records of a run as its file holds them; for several runs, with the columns that tell them apart."""
+    from runners.config.changes import is_config_key
     from runners.records.records import episode_tables
 
     tables = episode_tables(run_dirs)
@@ -191,7 +192,7 @@ def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
         return
     names = dict.fromkeys(name for table, _ in tables for name in table.column_names)
     run_columns = dict.fromkeys(
-        key for _, columns in tables for key in columns if key in _RUN_COLUMNS or "." in key
+        key for _, columns in tables for key in columns if key in _RUN_COLUMNS or is_config_key(key)
     )
     for table, columns in tables:
         full_table = _with_columns(table, {name: None for name in names if name not in table.column_names})

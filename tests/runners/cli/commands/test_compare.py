@@ -223,6 +223,12 @@ def test_worlds_with_people_are_not_those_without(tmp_path, job, capsys):
         ),
         (["sim=physics"], {}, "Driven under different conditions: sim: fast | physics."),
         (["sim.latency=0.1"], {}, "Driven under different conditions: sim.latency: 0 | 0.1."),
+        (["cap.v_max=0.5"], {}, "Driven under different conditions: cap.v_max: null | 0.5."),
+        (
+            ["feedback=CLOSED_LOOP"],
+            {},
+            "Driven under different conditions: feedback: OPEN_LOOP | CLOSED_LOOP.",
+        ),
         (["map.time_limit=60"], {}, "Driven under different conditions: map.time_limit: 100 | 60."),
         (["filter=stopping"], {}, "Driven under different conditions: filter: none | stopping."),
         (["crowd=orca"], {}, "Driven under different conditions: crowd: none | orca."),

@@ -112,6 +112,14 @@ def test_several_runs_go_into_one_file_that_tells_them_apart(tmp_path, capsys):
     assert set(steps["world"]) == {201}
 
 
+def test_a_changed_key_without_a_dot_is_a_column_too(tmp_path, capsys):
+    with jobs_of() as job:
+        for name, words in (("a", []), ("b", ["feedback=CLOSED_LOOP"])):
+            write_run(tmp_path / name, job=job(*words), worlds=(200,))
+    export.main([str(tmp_path / "a"), str(tmp_path / "b")])
+    assert read(capsys.readouterr().out)["feedback"].tolist() == ["OPEN_LOOP", "CLOSED_LOOP"]
+
+
 def test_a_run_that_lacks_a_column_has_it_empty(tmp_path, capsys):
     write_run(tmp_path / "a", world_measures={"fill": 0.5})
     write_run(tmp_path / "b")
