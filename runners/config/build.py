@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
+import numpy as np
+
 from lme.errors import InputError, building, require
 from lme.guides.lme.weight_files import with_network
 from lme.navigation.navigator import Navigator
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 C = TypeVar("C", bound=DriveConfig)
 
+LARGEST_WORLD, LARGEST_SEED = 2**31 - 1, 2**63 - 1  # that records can hold
 FEW_EPISODES = 2  # driven in the command's own process before workers would have started
 _CHECKED_TASKS = (
     20  # before anything runs; the others when they are driven, since a task may be slow to build
@@ -135,13 +138,29 @@ def check_episodes(
     """Check everything but the navigator. Raises InputError."""
     require("runs", config.runs, at_least=1)
     require("seed", config.seed, at_least=0)
+    if config.seed > LARGEST_SEED:
+        raise InputError(f"seed is {config.seed}: must be at most {LARGEST_SEED}")
     configured(config.executor, "executor")
     maps = map_set(config) if maps is None else maps
+    _check_numbers(maps.numbers)
     settings = [setting(config, maps, number) for number in maps.numbers[:num_tasks]]
     for episode_setting in settings:
         check_task(episode_setting.task, episode_setting.config.robot)
     _warn_of_short_limits(settings, len(maps.numbers))
     simulator(config)
+
+
+def _check_numbers(numbers: Sequence[int]) -> None:
+    """Raise InputError unless records can hold the numbers of the worlds, which a user's own map set may choose."""
+    array = np.asarray(numbers)
+    is_whole = array.ndim == 1 and array.size > 0 and array.dtype.kind in "iu"
+    if not (
+        is_whole and 0 <= array.min() <= array.max() <= LARGEST_WORLD and np.unique(array).size == array.size
+    ):
+        raise InputError(
+            f"map: its worlds have the numbers {list(numbers)!r:.80}: must be different whole numbers from 0 to "
+            f"{LARGEST_WORLD}, at least one"
+        )
 
 
 def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> None:

@@ -33,6 +33,7 @@ GROUPS = (
     "crowd",
 )  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
+BARE_KEYS = ("feedback", "costmap_clocks")  # without a dot; the records have `people` anyway
 _WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
 TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its families, and their robots
@@ -96,6 +97,11 @@ def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str,
     command = next((name for name, kind in COMMANDS.items() if OmegaConf.get_type(config) is kind), None)
     families = catalogue.values(command).get("training", {}) if command else {}
     return cast(dict[str, Any], families.get(node.removeprefix(TRAINING)) or {})
+
+
+def is_config_key(column: str) -> bool:
+    """Return whether a column of records is for a key of the config that some run has changed."""
+    return "." in column or column in BARE_KEYS
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:

@@ -25,7 +25,7 @@ from lme.errors import InputError
 from runners.config.catalogue import Catalogue
 from runners.config.changes import describe_changes, flatten, map_like, robot_difference, robots_like
 from runners.config.job import scale_in_words
-from runners.config.quoting import value_text
+from runners.config.quoting import resume_command, value_text
 from runners.config.systems import ablation_labels, describe_ablation, system_settings
 from runners.records.atomic_write import what_is_full
 from runners.records.episode_record import (
@@ -196,8 +196,23 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
         run_dirs_here = [path] if has_records(path) else [child for child in children if has_records(child)]
         if not run_dirs_here:
             raise InputError(_why_no_runs(path, children))
+        if run_dirs_here != [path]:
+            _warn_of_missing_jobs(path, len(run_dirs_here))
         runs |= dict.fromkeys(run_dirs_here)
     return list(runs)
+
+
+def _warn_of_missing_jobs(sweep_dir: Path, num_runs: int) -> None:
+    """Warn if a sweep was stopped before all of its jobs had begun."""
+    with contextlib.suppress(InputError):  # the jobs have launch records of their own
+        launch = read_launch(sweep_dir)
+        if launch is not None and launch.num_jobs is not None and num_runs < launch.num_jobs:
+            command = resume_command(launch.command, sweep_dir)
+            warnings.warn(
+                f"{sweep_dir}: {num_runs} of its {launch.num_jobs} jobs have records; the others are missing here: "
+                f"{command}",
+                stacklevel=3,
+            )
 
 
 def _why_no_runs(path: Path, children: Sequence[Path]) -> str:

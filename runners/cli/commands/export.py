@@ -37,7 +37,7 @@ _RUN_COLUMNS = (
     "filter",
     "crowd",
     "scale",
-)  # tell runs apart, as do changed keys, which have a dot
+)  # tell runs apart, as do changed keys
 Write = Callable[
     [Iterable["pa.Table"], Any], int
 ]  # takes tables and an open file, returns the number of rows
@@ -51,6 +51,7 @@ def main(argv: list[str]) -> int:
     arguments = _parsed(argv)
     style = _format(arguments.format, arguments.output)
     runs = find_runs(arguments.runs)
+    _check_no_record(arguments.output, runs)
     tables = episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
     column_names = [name for name in (arguments.columns or "").split(",") if name]
     rows = select(tables, column_names)
@@ -121,6 +122,17 @@ def _format(format_name: str | None, output: Path | None) -> str:
     return style
 
 
+def _check_no_record(output: Path | None, runs: Sequence[Path]) -> None:
+    """Raise InputError if the output would replace a file that the runs consist of."""
+    from runners.records.episode_record import APPEND_LOG
+    from runners.records.launch_record import LAUNCH
+    from runners.records.parquet import EPISODES, TRAJECTORIES
+
+    names = (EPISODES, TRAJECTORIES, APPEND_LOG, LAUNCH)
+    if output is not None and output.resolve() in {(run / name).resolve() for run in runs for name in names}:
+        raise InputError(f"--output {output}: is a file of the run itself: choose another one")
+
+
 def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
     """Return the steps of the named episodes of each run. Raises InputError before anything is written."""
     from runners.records.records import read_episodes
@@ -168,6 +180,7 @@ def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
 
 def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
     """Yield the records of a run as its file holds them; for several runs, with the columns that tell them apart."""
+    from runners.config.changes import is_config_key
     from runners.records.records import episode_tables
 
     tables = episode_tables(run_dirs)
@@ -176,7 +189,7 @@ def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
         return
     names = dict.fromkeys(name for table, _ in tables for name in table.column_names)
     run_columns = dict.fromkeys(
-        key for _, columns in tables for key in columns if key in _RUN_COLUMNS or "." in key
+        key for _, columns in tables for key in columns if key in _RUN_COLUMNS or is_config_key(key)
     )
     for table, columns in tables:
         full_table = _with_columns(table, {name: None for name in names if name not in table.column_names})

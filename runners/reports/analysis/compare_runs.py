@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lme.errors import InputError
-from runners.config.escaping import counted
+from runners.config.escaping import counted, visible
 from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS
 from runners.records.launch_record import Launch, read_launch
 from runners.reports.analysis import paired
@@ -125,7 +126,10 @@ def compare_runs(frames: Iterable[pd.DataFrame]) -> list[RunComparison]:
     together = [group for group in run_groups if group.others]
     if not together:
         drove = "; ".join(f"{run.run_dir} drove {_describe_worlds(run)}" for run in runs[:3])
-        raise InputError(f"no two of these runs share an episode: {drove}")
+        reason = (
+            "; worlds with the same number have another start, goal or layout" if _share_numbers(runs) else ""
+        )
+        raise InputError(f"no two of these runs share an episode: {drove}{reason}")
     single_runs = [
         f"Left out: {group.reference.run_dir} shares no episode with another run; "
         f"it drove {_describe_worlds(group.reference)}."
@@ -224,7 +228,26 @@ def _notes(
     versions = list(dict.fromkeys(launch.code for launch in launches if launch.code))
     if len(versions) > 1:
         lines.append(f"Driven by different versions: {'; '.join(versions)}.")
+    lines += _describe_files(launches)
     return [line for line in lines if line]
+
+
+def _share_numbers(runs: Sequence[ComparedRun]) -> bool:
+    """Return whether two of the runs drove episodes of the same numbers, on maps of the same name."""
+    return any(
+        run.text("map") == other.text("map") and bool(np.isin(run.episodes, other.episodes).any())
+        for run, other in combinations(runs, 2)
+    )
+
+
+def _describe_files(launches: Sequence[Launch]) -> list[str]:
+    """Return a note on the user's own files that have changed from run to run under the same name; [] for none."""
+    contents: dict[tuple[str, str, str], set[str]] = {}
+    for entry in (entry for launch in launches for entry in launch.inputs):
+        for name, file in entry.files.items():
+            contents.setdefault((entry.key, entry.given, name), set()).add(file.sha256)
+    changed = sorted({visible(Path(key[-1]).name) for key, digests in contents.items() if len(digests) > 1})
+    return [f"Not the same in all of these runs: {', '.join(changed)}."] if changed else []
 
 
 def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:

@@ -1,7 +1,7 @@
 """The leaderboard: many runs as systems × settings. Runs under different conditions never share a cell silently.
 
 A setting is a map set, a robot, a simulator and a crowd with all their keys. A system is a guide, a planner and a
-filter with all theirs, whom it sees (`people`), and what changes it: ablation, weights, scale.
+filter with all theirs, whom it sees (`people`), and what changes it: ablation, weights, scale, a changed cap or ramp.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lme.errors import InputError
 from lme.worlds.barn.map_set import FRESH, OFFICIAL
-from runners.config.changes import describe_changes, flatten
+from runners.config.changes import BARE_KEYS, describe_changes, flatten
 from runners.records.episode_record import APPEND_LOG, CUSTOM_SUBSET
 from runners.records.launch_record import Launch, read_launch, sweep_launch
 from runners.records.parquet import EPISODES
@@ -31,6 +31,7 @@ PLACES = ("map", "robot", "sim", "crowd")  # parts of the config that make a set
 UNKNOWN = "unknown"  # the simulator of a run without a launch record
 SYSTEM = ("guide", "planner", "filter", "people", "ablation", "weights", "scale")  # parts that make a system
 _NAMED = ("ablation", "weights", "scale", "filter", "people")  # columns that are part of a system's name
+_OF_COMMANDS = ("cap.", *BARE_KEYS)  # keys outside of these parts, which belong to the system
 _MAX_KEYS = 4  # that a name shows to tell it from others
 _DIGITS = 9  # figures that agree to these digits count as equal
 
@@ -157,13 +158,16 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     sim = _text(frame, "sim") if launch else UNKNOWN
     # What a name has to show: changed keys, and unusual options.
     traits = _changed_settings(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
+    of_commands = {key: changes[key] for key in changes if key.startswith(_OF_COMMANDS)}
     crowd, options = _unusual_values(frame, ("crowd",)), _unusual_values(frame, _NAMED)
     return _ReadRun(
         run_dir,
         frame,
         launch,
         Setting(map_set, subset, robot, sim, (*crowd, *traits)),
-        BoardSystem(_text(frame, "system"), (*options, *_changed_settings(changes, system_keys))),
+        BoardSystem(
+            _text(frame, "system"), (*options, *_changed_settings(changes, system_keys | of_commands))
+        ),
         setting_keys,
         system_keys,
     )

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.types import Floats, Ints
+from runners.config.changes import is_config_key
 from runners.reports.analysis.summary import (
     BARN_METRIC,
     Row,
@@ -102,7 +103,9 @@ class Block:
     def heading(self) -> str:
         """The system and the other keys, without those that the title shows: map, subset, robot, changed keys."""
         common = {
-            key: value for key, value in self.keys.items() if value and key not in IN_TITLE and "." not in key
+            key: value
+            for key, value in self.keys.items()
+            if value and key not in IN_TITLE and not is_config_key(key)
         }
         return ", ".join(value if key == "system" else f"{key} {value}" for key, value in common.items())
 

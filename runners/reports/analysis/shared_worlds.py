@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lme.types import Bools, Ints
-from runners.config.changes import flatten
+from runners.config.changes import BARE_KEYS, flatten, is_config_key
 from runners.config.escaping import visible
+from runners.config.quoting import value_text
 from runners.records.launch_record import Launch
 from runners.reports.analysis.summary import ablated, changed_columns, usual
 
@@ -175,18 +176,20 @@ def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
 def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
     """Return the conditions, besides guides and planners, that differ between the runs.
 
-    Conditions are the robot, the simulator, the rules of the map, added people, the filter, and whom the system sees.
+    Conditions are the robot, the simulator, the rules of the map, added people, the filter, whom the system sees, the
+    cap of the commands, and from where they ramp.
     keys: those that differ, if they are known.
     """
     conditions = []
-    for group in ("robot", "sim", "map", "crowd", "filter", "people"):
+    for group in ("robot", "sim", "map", "crowd", "filter", "people", "cap", *BARE_KEYS):
         values = list(dict.fromkeys(_condition(run, group) for run in runs))
         if len(values) > 1:
             conditions.append(f"{group}: {_listed(values)}")
             continue
         keys_of_group = {key: value for key, value in keys.items() if key.startswith(f"{group}.")}
         conditions += [
-            f"{key}: {_listed(list(dict.fromkeys(map(str, value))))}" for key, value in keys_of_group.items()
+            f"{key}: {_listed(list(dict.fromkeys(map(value_text, value))))}"
+            for key, value in keys_of_group.items()
         ]
     return conditions
 
@@ -222,7 +225,7 @@ def _column_text(run: ComparedRun, column: str) -> str:
         return ablated(run.frame) or ("complete" if value in usual(column) else f"{column} {value}")
     if column in _BARE:
         return value
-    return f"{column} {value}" if value else "" if "." in column else f"no {column}"
+    return f"{column} {value}" if value else "" if is_config_key(column) else f"no {column}"
 
 
 def _shorten(texts: Sequence[str]) -> list[str]:

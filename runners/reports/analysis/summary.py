@@ -17,6 +17,7 @@ import numpy as np
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
 from lme.perception.people.source import People
+from runners.config.changes import is_config_key
 from runners.config.schema import PUBLISHED_MARK
 from runners.config.systems import System, ablation_labels, describe_ablation
 from runners.config.systems import systems as named_systems
@@ -235,7 +236,7 @@ def usual(key: str) -> frozenset[str]:
 
 def changed_columns(frame: pd.DataFrame) -> list[str]:
     """Return the columns for config keys that some run has changed."""
-    return [column for column in frame.columns if "." in column]
+    return [column for column in frame.columns if is_config_key(column)]
 
 
 def barn_metric(frame: pd.DataFrame) -> pd.Series:

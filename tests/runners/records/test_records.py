@@ -354,6 +354,17 @@ def test_runs_are_found_in_a_sweep_in_their_order(tmp_path):
     assert frame["run_dir"].tolist() == [str(tmp_path / name) for name in ("0", "9", "10")]
 
 
+def test_a_sweep_that_was_stopped_names_the_jobs_that_are_missing(tmp_path, says):
+    config = {"seed": 0, "runs": 2}
+    Launch("eval", "0", True, [], [config] * 3, num_jobs=3).write(tmp_path)
+    for number in (0, 1, 2):
+        write(tmp_path / str(number), KEYS[:1])
+        if number == 1:
+            with says.warns():
+                find_runs([tmp_path])
+    assert len(find_runs([tmp_path])) == 3  # the tests make errors of warnings
+
+
 def test_config_keys_that_a_run_has_changed_become_columns(tmp_path):
     for name, kp, changes in (("a", 4.0, {}), ("b", 8.0, {"planner.kp": 8.0})):
         write(tmp_path / name, KEYS[:1])

@@ -164,6 +164,24 @@ def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, 
     assert "Not every run has a launch.json" in text
 
 
+def test_no_world_that_is_the_same_is_not_called_no_episode_alone(tmp_path, job):
+    runs = [write(tmp_path / name, job(), worlds=(1,), goal_x_m=x) for name, x in (("a", 0.0), ("b", 1.0))]
+    with pytest.raises(InputError, match=r"worlds with the same number have another start, goal or layout$"):
+        compare.main(runs)
+
+
+@pytest.mark.parametrize("sides", [(8, 9), (8, 8)])
+def test_own_files_that_changed_between_the_runs_are_named(tmp_path, job, capsys, sides):
+    hall = tmp_path / "hall.yaml"
+    runs = []
+    for name, side in zip("ab", sides, strict=True):
+        hall.write_text(f"bounds: [0, 0, 12, {side}]\n")
+        own_job = job("map=file", f"map.path={hall}", "map.start=[1,1]", "map.goal=[9,1]")
+        runs.append(write(tmp_path / name, own_job, worlds=(0,), map="hall"))
+    text = said(capsys, *runs, "--into", tmp_path / "into")
+    assert ("Not the same in all of these runs: hall.yaml." in text) == (sides == (8, 9))
+
+
 def same(one, other):
     """The worlds that two runs share, numbered from 0, given a measure of each world."""
     runs = [
@@ -223,6 +241,12 @@ def test_worlds_with_people_are_not_those_without(tmp_path, job, capsys):
         ),
         (["sim=physics"], {}, "Driven under different conditions: sim: fast | physics."),
         (["sim.latency=0.1"], {}, "Driven under different conditions: sim.latency: 0 | 0.1."),
+        (["cap.v_max=0.5"], {}, "Driven under different conditions: cap.v_max: null | 0.5."),
+        (
+            ["feedback=CLOSED_LOOP"],
+            {},
+            "Driven under different conditions: feedback: OPEN_LOOP | CLOSED_LOOP.",
+        ),
         (["map.time_limit=60"], {}, "Driven under different conditions: map.time_limit: 100 | 60."),
         (["filter=stopping"], {}, "Driven under different conditions: filter: none | stopping."),
         (["crowd=orca"], {}, "Driven under different conditions: crowd: none | orca."),

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 import lme
+from lme.errors import InputError
 from lme.navigation.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import export
@@ -111,6 +112,14 @@ def test_several_runs_go_into_one_file_that_tells_them_apart(tmp_path, capsys):
     assert set(steps["world"]) == {201}
 
 
+def test_a_changed_key_without_a_dot_is_a_column_too(tmp_path, capsys):
+    with jobs_of() as job:
+        for name, words in (("a", []), ("b", ["feedback=CLOSED_LOOP"])):
+            write_run(tmp_path / name, job=job(*words), worlds=(200,))
+    export.main([str(tmp_path / "a"), str(tmp_path / "b")])
+    assert read(capsys.readouterr().out)["feedback"].tolist() == ["OPEN_LOOP", "CLOSED_LOOP"]
+
+
 def test_a_run_that_lacks_a_column_has_it_empty(tmp_path, capsys):
     write_run(tmp_path / "a", world_measures={"fill": 0.5})
     write_run(tmp_path / "b")
@@ -169,6 +178,16 @@ def test_mistakes_are_one_line(run, capsys, words, says):
     shown = capsys.readouterr()
     says(shown.err)
     assert (shown.err.count("\n"), shown.out) == (1, "")
+
+
+@pytest.mark.parametrize(
+    "name", ["episodes.parquet", "trajectories.parquet", "launch.json", "parts/episodes.jsonl"]
+)
+def test_the_files_of_a_run_are_not_replaced(run, says, name):
+    style = ["--format", "csv"] if name == "launch.json" else []
+    with says.raises(InputError):
+        export.main([str(run), *style, "--output", str(run / name)])
+    assert len(pd.read_parquet(run / "episodes.parquet")) == len(AWKWARD)
 
 
 def test_exporting_failures_of_a_run_without_any_is_an_error(tmp_path, capsys, says):

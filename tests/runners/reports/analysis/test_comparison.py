@@ -101,6 +101,20 @@ def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
     assert list(study.rows) == ["LME", "Other, people none"]
 
 
+def test_a_changed_key_without_a_dot_is_a_setting_and_not_the_folder():
+    parts = [
+        part.assign(feedback=feedback, run_dir=f"{system}{feedback}")
+        for system, part in (("LME", LME), ("Other", OTHER))
+        for feedback in ("OPEN_LOOP", "CLOSED_LOOP")
+    ]
+    studies = Comparison.studies(frame(*parts))
+    assert [study.setting.changes for study in studies] == [
+        ("feedback=OPEN_LOOP",),
+        ("feedback=CLOSED_LOOP",),
+    ]
+    assert [list(study.changes) for study in studies] == [["Other"], ["Other"]]
+
+
 def test_the_setting_is_what_all_rows_have_in_common():
     values = ((LME, "0.3"), (OTHER, "0"))
     parts = [part.assign(**{"map.count": "4", "planner.back": value}) for part, value in values]

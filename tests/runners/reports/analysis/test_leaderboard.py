@@ -152,6 +152,23 @@ def test_a_crowd_is_part_of_the_setting_and_a_filter_and_people_of_the_system(bo
     assert len({found[name].setting for name in alike}) == 1
 
 
+def test_a_changed_cap_or_ramp_is_part_of_the_system(board):
+    found = board(
+        usual=([], {}),
+        cap=(["cap.v_max=0.5"], {}),
+        ramp=(["feedback=CLOSED_LOOP"], {}),
+        clocks=(["costmap_clocks=false"], {}),
+    )
+    assert {entry.repeats for entry in found.values()} == {1}
+    assert len({entry.setting for entry in found.values()}) == 1
+    assert {name: entry.system.name for name, entry in found.items()} == {
+        "usual": "LME",
+        "cap": "LME, cap.v_max=0.5",
+        "ramp": "LME, feedback=CLOSED_LOOP",
+        "clocks": "LME, costmap_clocks=false",
+    }
+
+
 def test_parameters_that_no_name_tells_apart_are_named(board):
     """Weights of two files of one name."""
     found = board(one=([], {}), two=([], {}))
