@@ -18,6 +18,7 @@ from runners.config.catalogue import Catalogue
 from runners.config.changes import describe_changes
 from runners.config.escaping import counted, latex_text
 from runners.config.instantiate import fill_dataclass
+from runners.config.job import scale_in_words
 from runners.records.launch_record import Launch, versions
 from runners.reports.analysis import paired
 from runners.reports.analysis.summary import DASH, as_text
@@ -43,7 +44,7 @@ def paragraphs(frame: pd.DataFrame, launches: Sequence[Launch], compared: bool) 
         for sentences in (
             _systems(frame, launches),
             _robots(frame, launches),
-            [*_simulators(frame, launches), *_worlds(frame, launches)],
+            [*_simulators(frame, launches), *_worlds(frame, launches), *_crowds(frame, launches)],
             _statistics(frame, compared),
             _software(launches),
         )
@@ -117,6 +118,8 @@ def _parts(launch: Launch, shared: Mapping[str, Any]) -> str:
         words.append(f"the ablation {choices['ablation']}")
     if choices.get("filter", "none") != "none":
         words.append(f"the filter {choices['filter']}")
+    if scale := scale_in_words(_node(launch, "scale")):
+        words.append(f"factors on its parameters ({scale})")
     if changes:
         words.append(f"the changed keys {describe_changes(changes)}")
     return _listed(words)
@@ -215,6 +218,21 @@ def _worlds(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
             "number of its run."
         )
     return sentences
+
+
+def _crowds(frame: pd.DataFrame, launches: Sequence[Launch]) -> list[str]:
+    """Return who is added to the worlds; [] if that is nobody in all runs."""
+    if not any(_node(launch, "crowd") for launch in launches):
+        return []
+    return _whose(frame, launches, list(map(_crowd, launches)))
+
+
+def _crowd(launch: Launch) -> str:
+    keys = {key: value for key, value in _node(launch, "crowd").items() if not key.startswith("_")}
+    if not keys:
+        return "Nobody is added to the worlds."
+    crowd = launch.choices[0].get("crowd", "?")
+    return f"The people of the crowd {crowd} are added to every world ({describe_changes(keys)})."
 
 
 def _endings(group: pd.DataFrame, limits: Sequence[Any]) -> list[str]:

@@ -74,6 +74,20 @@ def test_each_simulator_is_said_to_be_whose(said):
     assert "docs/" not in worlds
 
 
+def test_people_who_are_added_to_the_worlds_are_named(said):
+    *_, worlds, _, _ = said(["sim=fast"])
+    assert "crowd" not in worlds
+    *_, worlds, _, _ = said(["sim=fast"], ["sim=fast", "crowd=orca", "robot.v_max=1"])
+    assert "For LME: Nobody is added to the worlds." in worlds
+    assert "For LME (robot.v_max=1): The people of the crowd orca are added to every world (" in worlds
+    assert "density=0.05, motion=orca," in worlds
+
+
+def test_factors_on_parameters_are_named(said):
+    systems, *_ = said(["sim=fast", "scale={c_o: 0.5}"])
+    assert "the weight set published and factors on its parameters (c_o × 0.5)." in systems
+
+
 def test_a_limit_that_the_path_decides_is_told_as_such(said):
     *_, worlds, _, _ = said(["sim=fast", "map=traps"])
     assert "or after a time that grows with the length of the shortest path." in worlds
