@@ -109,10 +109,11 @@ def test_many_worlds_come_in_bands_and_only_the_worst(drawn, says):
     says(figure.texts[-1].get_text())
 
 
-def test_of_many_runs_the_worst_and_the_best_are_drawn(drawn, says):
-    ranks = np.random.default_rng(0).permutation(100)
-    figure = drawn(study([0.0], *([rank / 200] for rank in ranks)))
+def test_of_many_runs_the_worst_and_the_best_are_drawn(drawn, monkeypatch, says):
+    monkeypatch.setattr(figures, "MOST_RUNS", 6)  # the reference, two worst and three best
+    ranks = np.random.default_rng(0).permutation(12)
+    figure = drawn(study([0.0], *([rank / 24] for rank in ranks)))
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    ends = np.flatnonzero((ranks < 29) | (ranks >= 70)) + 1
+    ends = np.flatnonzero((ranks < 2) | (ranks >= 9)) + 1
     assert names == ["S0", *(f"S{run}" for run in ends)]
     says(figure.texts[-1].get_text())
