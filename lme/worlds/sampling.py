@@ -129,6 +129,11 @@ class FreeSpace:
         return float(np.count_nonzero(self._regions == region)) * self._step**2 if region else 0.0
 
     def _too_small(self, min_distance: float) -> InputError:
+        if not len(self._roomy):
+            return argument_error(
+                f"radius is {self._radius:.3g} m: no point of this map is so far from all obstacles, with the margin "
+                "added; is the map inverted, or does it consist of unknown cells?"
+            )
         return argument_error(
             f"min_distance is {min_distance:g} m: must be a distance that start and goal can have in the "
             f"free space that radius and margin leave ({len(self._roomy)} points of this map)"

@@ -172,7 +172,7 @@ def test_a_hall_of_ten_million_points():
 def test_too_little_room_to_sample_is_an_error(says):
     with says.raises(InputError, match="min_distance.*20 m"):
         empty_room().draw(rng(), 20.0)
-    with pytest.raises(InputError, match=r"\(0 points"):
+    with says.raises(InputError):
         FreeSpace(plan(), step=0.1, radius=6.0, margin=0.1).draw(rng(), 1.0)
 
 
