@@ -88,12 +88,17 @@ def test_weights_that_one_seed_has_twice_stay_apart():
     assert [list(study.rows) for study in studies] == [["LME", "Other"]]
 
 
-def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
-    parts = [
-        part.assign(people=people, run_dir=f"{system}{people}")
+def both_with(column, values):
+    """Parts of two systems that were driven with each value of a column, each in a folder of its own."""
+    return [
+        part.assign(**{column: value, "run_dir": f"{system}{value}"})
         for system, part in (("LME", LME), ("Other", OTHER))
-        for people in ("truth", "none")
+        for value in values
     ]
+
+
+def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
+    parts = both_with("people", ("truth", "none"))
     studies = Comparison.studies(frame(*parts))
     assert [str(study.setting).split(" · ")[0] for study in studies] == ["people truth", "people none"]
     assert [list(study.changes) for study in studies] == [["Other"], ["Other"]]
@@ -102,12 +107,7 @@ def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
 
 
 def test_a_changed_key_without_a_dot_is_a_setting_and_not_the_folder():
-    parts = [
-        part.assign(feedback=feedback, run_dir=f"{system}{feedback}")
-        for system, part in (("LME", LME), ("Other", OTHER))
-        for feedback in ("OPEN_LOOP", "CLOSED_LOOP")
-    ]
-    studies = Comparison.studies(frame(*parts))
+    studies = Comparison.studies(frame(*both_with("feedback", ("OPEN_LOOP", "CLOSED_LOOP"))))
     assert [study.setting.changes for study in studies] == [
         ("feedback=OPEN_LOOP",),
         ("feedback=CLOSED_LOOP",),
