@@ -165,16 +165,10 @@ def _check_numbers(numbers: Sequence[int]) -> None:
 
 def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> None:
     """Warn of goals that the robot cannot reach in time. count: number of all tasks; these may be only the first."""
-    late = [
-        episode_setting
-        for episode_setting in settings
-        if _fastest(episode_setting) > episode_setting.task.time_limit
-    ]
+    late = [episode for episode in settings if _fastest(episode) > episode.task.time_limit]
     if late:
-        fastest, limits = (
-            sorted(map(_fastest, late)),
-            sorted(episode_setting.task.time_limit for episode_setting in late),
-        )
+        fastest = sorted(map(_fastest, late))
+        limits = sorted(episode.task.time_limit for episode in late)
         of = f"the first {len(settings)} of {count}" if len(settings) < count else f"{count}"
         warnings.warn(
             f"map.time_limit is {limits[0]:g} s, and in {len(late)} of {of} worlds the shortest path takes "

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Places = Mapping[str, HeldOutConfig]
 _REWARD = "reward"
 _FEWEST = 10  # worlds: the bootstrap of fewer is too narrow
-WORDS = {1: "better", 0: "level", -1: "worse"}
+VERDICTS = {1: "better", 0: "level", -1: "worse"}
 
 
 def held_out_places(job: Job[HeldOutConfig]) -> Places:
@@ -289,7 +289,11 @@ class Verdict:
             }
             for map_name, comparison in self._comparisons.items()
         }
-        return {"verdict": WORDS[self.sign], "reward_gap": _rounded(self.gap), "difference_to_start": by_map}
+        return {
+            "verdict": VERDICTS[self.sign],
+            "reward_gap": _rounded(self.gap),
+            "difference_to_start": by_map,
+        }
 
 
 def judge(held_out: Places, start: pd.DataFrame, result: pd.DataFrame, training_reward: float) -> Verdict:

@@ -24,7 +24,7 @@ from runners.reports.explainer import pages
 from runners.reports.explainer.write import document_parts, fill, write_html
 from runners.reports.figures.style import picture, save
 from runners.training.families import families
-from runners.training.held_out import WORDS, HeldOutComparison, Places, Verdict, write_table
+from runners.training.held_out import VERDICTS, HeldOutComparison, Places, Verdict, write_table
 from runners.training.race import START, Race, racers
 from runners.training.report_tables import (
     WorstWorld,
@@ -262,7 +262,7 @@ def write_report(report: TrainingReport, path: Path) -> None:
 def _verdict(report: TrainingReport) -> str:
     word, _, explanation = report.sentence.partition(": ")
     return (
-        f'<p class="verdict {WORDS[report.sign]}"><strong>{html_text(word)}</strong> '
+        f'<p class="verdict {VERDICTS[report.sign]}"><strong>{html_text(word)}</strong> '
         f"<span>{html_text(explanation[:1].upper() + explanation[1:])}.</span></p>"
     )
 

@@ -40,10 +40,9 @@ def main(argv: list[str]) -> int:
     }
     print(renderers[arguments.format](comparisons), end="")
     # Write the files into the sweep, if one was given alone, else into a new folder.
-    directory = ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    if len(arguments.runs) == 1 and arguments.runs != runs:
-        (directory,) = arguments.runs
-    directory = arguments.into or directory
+    is_sweep = len(arguments.runs) == 1 and arguments.runs != runs
+    new = ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    directory = arguments.into or (arguments.runs[0] if is_sweep else new)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         pictures = compare_figures(comparisons, directory)

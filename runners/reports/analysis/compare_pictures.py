@@ -17,6 +17,7 @@ from runners.reports.analysis import paired
 from runners.reports.analysis.compare_report import NAME
 from runners.reports.analysis.compare_runs import MEASURES, Compared, RunComparison
 from runners.reports.analysis.paired import METRIC, TIE
+from runners.reports.analysis.study import worst_and_best
 from runners.reports.analysis.summary import changed_columns
 from runners.reports.figures.robot_view import halo
 from runners.reports.figures.style import FRAME, GREEN, GRID, INK, VERMILION, entitle, new_figure, save
@@ -154,7 +155,7 @@ def _heat_map(study: RunComparison, page: PrintSpace | None) -> Noted:
     from matplotlib import colormaps
 
     # Make room for the longest name, and split the worlds into bands.
-    runs = _best_and_worst(study)
+    runs = worst_and_best(study.compared, _mean_gain, MOST_RUNS - 1)
     names = [_wrapped(name) for name in (study.reference, *(run.name for run in runs))]
     around_in = 1.1 + 0.075 * max(len(line) for name in names for line in name.split("\n"))
     band_in = 0.55 + LINE_IN * len(names) * (1 + 0.35 * any("\n" in name for name in names))
@@ -189,19 +190,10 @@ def _heat_map(study: RunComparison, page: PrintSpace | None) -> Noted:
     return Noted(figure, note)
 
 
-def _best_and_worst(study: RunComparison) -> list[Compared]:
-    """Return the runs to draw beside the reference, in their order: of too many, as many best as worst ones."""
-
-    def gain(run: Compared) -> float:
-        mean = float((run.worlds["other"] - run.worlds["reference"]).mean())
-        return -math.inf if math.isnan(mean) else mean
-
-    ranked = sorted(study.compared, key=gain)
-    most = MOST_RUNS - 1
-    if len(ranked) <= most:
-        return study.compared
-    drawn = {id(run) for run in (*ranked[: most // 2], *ranked[-(most - most // 2) :])}
-    return [run for run in study.compared if id(run) in drawn]
+def _mean_gain(run: Compared) -> float:
+    """Return by how much a run is better than the reference; -inf if that is not known."""
+    mean = float((run.worlds["other"] - run.worlds["reference"]).mean())
+    return -math.inf if math.isnan(mean) else mean
 
 
 def _means(study: RunComparison, runs: Sequence[Compared], most: int) -> tuple[pd.DataFrame, str]:

@@ -18,7 +18,7 @@ from runners.config.escaping import counted, visible
 from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS
 from runners.records.launch_record import Launch, read_launch
 from runners.reports.analysis import paired
-from runners.reports.analysis.paired import COLLISION, METRIC, SUCCESS, TIE, Block, Difference
+from runners.reports.analysis.paired import COLLISION, METRIC, SUCCESS, TIE, Difference
 from runners.reports.analysis.shared_worlds import (
     TASK,
     ComparedRun,
@@ -184,8 +184,9 @@ def _changes(baseline: pd.DataFrame, frames: Mapping[str, pd.DataFrame]) -> dict
             reference = reference[reference["outcome"] == SUCCESS]
             variants = {name: frame[frame["outcome"] == SUCCESS] for name, frame in frames.items()}
         reference_values = paired.values(reference, measure)
-        for name, difference in paired.compare(Block({}, reference, variants), measure).items():
-            worlds = _by_world(reference_values, paired.values(variants[name], measure)).mean()
+        values = {name: paired.values(variant, measure) for name, variant in variants.items()}
+        for name, difference in paired.compare_values(reference_values, values).items():
+            worlds = _by_world(reference_values, values[name]).mean()
             change = Change(float(worlds["reference"]), float(worlds["other"]), difference)
             changes.setdefault(name, {})[measure] = change
     return changes

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from runners.config.escaping import plot_text
 from runners.reports.analysis import paired, published
 from runners.reports.analysis.paired import Block, Difference, interval, signed
-from runners.reports.analysis.study import SweepStudy
+from runners.reports.analysis.study import SweepStudy, worst_and_best
 from runners.reports.analysis.summary import (
     DASH,
     INTERVAL_HEADER,
@@ -237,14 +237,11 @@ def chart(rows: Sequence[Row]) -> Figure:
 def best_and_worst(rows: Sequence[Row]) -> list[Row]:
     """Return at most `MOST` of the rows, in their order: as many best as worst ones, by metric and success."""
 
-    def score(line: int) -> list[float]:
-        means = (rows[line].stats.get(name, (math.nan, math.nan))[0] for name in (paired.METRIC, "success"))
+    def score(row: Row) -> list[float]:
+        means = (row.stats.get(name, (math.nan, math.nan))[0] for name in (paired.METRIC, "success"))
         return [-math.inf if math.isnan(mean) else mean for mean in means]
 
-    # Half of the bars for each end of the ranking, in the order of the table.
-    ranked = sorted(range(len(rows)), key=score)
-    extremes = ranked if len(rows) <= MOST else ranked[: MOST // 2] + ranked[-MOST // 2 :]
-    return [rows[line] for line in sorted(extremes)]
+    return worst_and_best(rows, score, MOST)
 
 
 def _draw_outcomes(axes: Axes, rows: Sequence[Row]) -> None:

@@ -131,8 +131,13 @@ def blocks(
 
 def compare(block: Block, quantity: str) -> dict[str, Difference]:
     """Return the difference of each variant from the baseline, by name; variants without pairs are left out."""
-    baseline = values(block.baseline, quantity)
-    pairs = {name: _difference(baseline, values(frame, quantity)) for name, frame in block.variants.items()}
+    variants = {name: values(frame, quantity) for name, frame in block.variants.items()}
+    return compare_values(values(block.baseline, quantity), variants)
+
+
+def compare_values(baseline: pd.Series, variants: Mapping[str, pd.Series]) -> dict[str, Difference]:
+    """Return the same as `compare`, from the values of a quantity, as `values` returns them."""
+    pairs = {name: _difference(baseline, variant) for name, variant in variants.items()}
     differences = {name: value for name, value in pairs.items() if value is not None}
     adjusted = holm([value.p for value in differences.values()])
     return {

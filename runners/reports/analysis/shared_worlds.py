@@ -147,8 +147,10 @@ def run_names(runs: Sequence[ComparedRun]) -> list[str]:
     names = []
     for name, run in zip(texts, runs, strict=True):
         folder = run.run_dir.name if folder_counts[run.run_dir.name] == 1 else str(run.run_dir)
-        is_enough = name and times[name] == 1
-        names.append(name if is_enough else f"{name} ({folder})" if name else folder)
+        if not name:
+            names.append(folder)
+        else:
+            names.append(name if times[name] == 1 else f"{name} ({folder})")
     return names
 
 

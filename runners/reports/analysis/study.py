@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from runners.records.atomic_write import write_atomically
 from runners.reports.analysis import paired
@@ -15,6 +15,8 @@ from runners.reports.figures.style import save
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 
 class SweepStudy(ABC):
@@ -82,6 +84,15 @@ def write_tables(studies: Sequence[SweepStudy], folder: Path) -> list[Path]:
 def labels(name: str, count: int) -> list[str]:
     r"""Return what `\\ref` calls the LaTeX tables of this name: tab:NAME, or tab:NAME-1 and so on for several."""
     return [f"tab:{name}"] if count == 1 else [f"tab:{name}-{number}" for number in range(1, count + 1)]
+
+
+def worst_and_best(items: Sequence[T], score: Callable[[T], Any], most: int) -> list[T]:
+    """Return at most `most` of the items, in their order: as many of the lowest scores as of the highest."""
+    if len(items) <= most:
+        return list(items)
+    ranked = sorted(range(len(items)), key=lambda number: score(items[number]))
+    worst = most // 2
+    return [items[number] for number in sorted([*ranked[:worst], *ranked[worst - most :]])]
 
 
 def to_markdown(studies: Sequence[SweepStudy]) -> str:

@@ -94,11 +94,14 @@ class Maps:
         Raises InputError for a map set, a world or a setting that does not exist.
         """
         self.config, self._robot, self._configs = config, robot, configs or shipped()
-        self._entries = [entry.split() for entry in config.maps or ()]
-        for entry in self._entries:
-            self._choose(entry)
+        if config.maps is not None:
+            self._entries = [entry.split() for entry in config.maps]
+            for entry in self._entries:
+                self._choose(entry)
+            return
         # By default, every map set that works without a setting.
-        for name in self._configs.titles("map") if config.maps is None else ():
+        self._entries = []
+        for name in self._configs.titles("map"):
             with suppress(InputError):
                 choose([name], self._robot, self._configs)
                 self._entries.append([name])

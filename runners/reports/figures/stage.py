@@ -57,16 +57,7 @@ class Stage:
         self._outline = outline(trace.robot.footprint)
         self._beams = LineCollection([], zorder=1.5, **BEAM) if beams else None
         (self._scan,) = axes.plot([], [], ".", zorder=4, **SCAN)
-        self._candidates: Any = None
-        if candidates:
-            style: dict[str, Any] = {
-                "cmap": "viridis",
-                "vmin": 0.0,
-                "vmax": 1.0,
-                "linewidths": 0,
-                "zorder": 3.5,
-            }
-            self._candidates = axes.scatter([], [], s=7, c=[], **style)
+        self._candidates = _candidates(axes) if candidates else None
         (self._subgoal,) = axes.plot([], [], "*", zorder=6, **SUBGOAL)
         (self._robot,) = axes.fill([], [], facecolor=colour, edgecolor="white", linewidth=0.5, zorder=6)
         (self._nose,) = axes.fill([], [], facecolor="white", linewidth=0, zorder=6.5)
@@ -123,6 +114,7 @@ class Stage:
     def _show_candidates(self, frame: TracedStep | TraceEnd) -> None:
         """Show the candidates coloured by score, clipped at the `CLIPPED` percentiles."""
         explanation = frame.explanation if isinstance(frame, TracedStep) else None
+        assert self._candidates is not None
         if explanation is None:
             self._candidates.set_offsets(np.empty((0, 2)))
             return
@@ -168,6 +160,11 @@ def stage_keys(time_text: str, colour: str, *, scan: bool, movers: bool) -> list
 def seen(frame: TracedStep | TraceEnd, robot: Robot) -> Floats:
     """Return (M, 2) points that the beams hit, in the world frame [m]."""
     return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
+
+
+def _candidates(axes: Axes) -> Any:
+    """Return an empty scatter for candidates."""
+    return axes.scatter([], [], s=7, c=[], cmap="viridis", vmin=0.0, vmax=1.0, linewidths=0, zorder=3.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,6 @@
 """What was driven, in words: systems, robot, simulator, worlds, statistics and versions, from records alone.
 
-And the citation of lme and of the paper that it implements: `CITATION.cff` as BibTeX.
+The words cite lme and the paper that it implements; `bibtex` returns `CITATION.cff` as BibTeX.
 """
 
 from __future__ import annotations
