@@ -27,8 +27,8 @@ from lme.types import Floats, Guidance, Observation, Pose
 
 _NAMES = tuple(CRITERIA)
 _NO_POINTS = np.empty((0, 2))
-_CANDIDATES = 100  # random ones
-_RANGE = 5.0  # [m] within which they are drawn
+CANDIDATES = 100  # random ones
+RANGE = 5.0  # [m] within which they are drawn
 _MAX_AGE = 3  # decisions with the same expected times, if nobody is near and the target does not move
 _PASSAGE_AHEAD = 1.0  # [m] ahead of the robot, where it tries a narrow passage
 _DOUBLING_TIME = 10.0  # [s] tried before narrow passages, after which they are expected to take twice as long
@@ -83,7 +83,7 @@ class LmePlus:
         parameters = config.parameters or learned_parameters(PUBLISHED, config.weight_set)
         self._parameters = Parameters.from_mapping(parameters, _NAMES)
         self._candidates = CandidateConfig(
-            number=_CANDIDATES if parts.random else 1, max_range=_RANGE, distribution="polar", target=True
+            number=CANDIDATES if parts.random else 1, max_range=RANGE, distribution="polar", target=True
         )
         self._travel = Travel(config.travel, robot, config.reach, config.margin, parts.narrow)
         self.reset(np.random.default_rng(0))

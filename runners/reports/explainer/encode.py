@@ -1,7 +1,7 @@
 """Encode an episode for the explainer page.
 
 The page computes scores again and must choose as LME does, so the inputs of a decision are exact, or rounded where
-that changes no choice (`rounded.py`). Values that are only drawn are rounded to the millimetre or to single precision.
+that changes no choice (`features.py`). Values that are only drawn are rounded to the millimetre or to single precision.
 What the page can compute itself is left out (`drawn.py`).
 """
 
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lme.geometry.frames import to_world
+from lme.geometry.frames import to_robot, to_world
 from lme.guides.lme.criteria import SURMOUNT
 from lme.guides.lme.explanation import Explanation
 from lme.guides.lme.guide import PAPER_CRITERIA
@@ -22,13 +22,13 @@ from lme.guides.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.perception.people.source import People
 from lme.perception.scan_points import obstacle_points
 from lme.robots import Robot
-from lme.types import Floats, Ints
+from lme.types import Floats, Ints, LaserScan
 from lme.worlds.world import World
 from runners.config import build
 from runners.config.schema import SystemConfig
-from runners.reports.explainer.drawn import add_features, drawn_candidates
+from runners.reports.explainer.drawn import add_computed, drawn_candidates
+from runners.reports.explainer.features import add_features, add_rounded_features
 from runners.reports.explainer.packer import Packer
-from runners.reports.explainer.rounded import add_rounded_features
 from runners.workers.trace import Trace, TracedStep, TraceEnd
 
 CELL_M = 0.05  # side of a cell of the world seen so far
@@ -61,31 +61,50 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str =
     add_world(packer, trace.task.world)
     _movers(packer, stretch)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
-    drawn = drawn_candidates(trace, reasons) if reasons else None
     _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
     header = _header(trace, system) | {"story": story} | ({"play": play} if play else {})
-    # Candidates and features in as few bytes as they need.
-    if drawn:
-        packer.add_counts("candidates", [reason.candidates for reason in reasons])
-        header |= {"drawn": drawn, "computed": add_features(packer, reasons)}
-    elif reasons and reasons[0].way is not None:
-        _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
-        header |= {"quantum": add_rounded_features(packer, reasons)}
-    elif reasons:
-        _candidates(packer, reasons)
-    header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
+    if reasons:
+        header |= (
+            _add_candidates(packer, trace, reasons) | policy(reasons[0]) | {"sentences": list(sentences)}
+        )
+    else:
+        header |= {"explained": False}
     return packer.text(header)
+
+
+def _add_candidates(packer: Packer, trace: Trace, reasons: Sequence[Explanation]) -> dict[str, Any]:
+    """Add candidates and features in as few bytes as they need, and return what the header says of them."""
+    drawing = drawn_candidates(trace, reasons)
+    header: dict[str, Any] = {}
+    firsts = [0] * len(reasons[0].names)
+    if drawing is None:
+        _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
+    else:
+        # Leave out what the page draws and computes itself.
+        v_max = trace.robot.capped(trace.config.cap).v_max
+        computed = add_computed(packer, reasons, drawing.number, v_max)
+        header = {"drawn": drawing._asdict(), "computed": computed, "v_max": v_max}
+        firsts = [drawing.number * (name in computed) for name in reasons[0].names]
+        packer.add_counts("candidates", [reason.candidates for reason in reasons])
+        _add_mm(
+            packer, "candidates", np.concatenate([reason.candidates[drawing.number :] for reason in reasons])
+        )
+    if reasons[0].way is None:
+        add_features(packer, reasons, firsts)
+        return header
+    return header | {"quantum": add_rounded_features(packer, reasons, firsts)}
 
 
 def add_stretch(packer: Packer, stretch: Stretch, planned: bool, tracked: bool) -> None:
     """Add a part of a drive, without the cells that it sees. planned, tracked: as in the header of the whole."""
     _drive(packer, stretch)
-    _add_scan(packer, stretch)
+    _add_points_mm(packer, "scan", _scan_points(stretch))
     _movers(packer, stretch)
     reasons = [step.explanation for step in stretch.steps if step.explanation is not None]
     _add_thoughts(packer, stretch, reasons, planned, tracked)
     if reasons:
-        _candidates(packer, reasons)
+        _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
+        add_features(packer, reasons, [0] * len(reasons[0].names))
 
 
 def _add_thoughts(
@@ -120,6 +139,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
         "mapped": _is_mapped(trace),
         "tracked": tracks_people(trace.config),
         **robot_header(robot),
+        "lidar": robot.lidar.mount,
         "goal": task.goal.tolist(),
         "goal_tolerance": task.goal_tolerance,
         "start": list(task.start),
@@ -174,10 +194,20 @@ def _drive(packer: Packer, stretch: Stretch) -> None:
 
 
 def _scans(packer: Packer, stretch: Stretch) -> None:
-    """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
-    frames = stretch.frames
-    points = _add_scan(packer, stretch)
+    """Add the scan of every frame, and the cells of the world that each step sees for the first time."""
+    frames, mount = stretch.frames, stretch.robot.lidar.mount
+    points = _scan_points(stretch)
     steps = np.repeat(np.arange(len(frames)), [len(cloud) for cloud in points])
+    # Beams and ranges need half the bytes of the points, since those of neighbours are similar.
+    scans = [frame.observation.scan for frame in frames]
+    at_lidar = [to_robot(cloud, mount) for cloud in points]
+    beams = [beams_of(cloud, scan) for cloud, scan in zip(at_lidar, scans, strict=True)]
+    packer.add_counts("scan", points)
+    packer.add_doubles("beams", [(scan.angle_min, scan.angle_increment) for scan in scans])
+    packer.add_integers("scan.beam", np.concatenate(beams), differences=True)
+    packer.add_integers(
+        "scan.range", np.rint(1000.0 * np.hypot(*np.concatenate(at_lidar).T)), differences=True
+    )
     # Each cell belongs to the first step that saw it.
     placed = np.concatenate(
         [to_world(cloud, frame.pose) for cloud, frame in zip(points, frames, strict=True)]
@@ -188,11 +218,19 @@ def _scans(packer: Packer, stretch: Stretch) -> None:
     add_seen(packer, np.bincount(seen_at, minlength=len(frames)), cells[order])
 
 
-def _add_scan(packer: Packer, stretch: Stretch) -> list[Floats]:
-    """Add the scan points of every frame in the robot frame, and return them."""
-    points = [obstacle_points(frame.observation.scan, stretch.robot.lidar.mount) for frame in stretch.frames]
-    _add_points_mm(packer, "scan", points, differences=True)
-    return points
+def beams_of(points: Floats, scan: LaserScan) -> Floats:
+    """Return the numbers (N,) of the beams that hit points (N, 2) in the lidar frame."""
+    half = (
+        scan.angle_increment / 2.0
+    )  # so that a point a rounding before the first beam is not a turn after it
+    turned = np.arctan2(points[:, 1], points[:, 0]) - scan.angle_min + half
+    return np.floor(np.mod(turned, math.copysign(math.tau, half)) / scan.angle_increment)
+
+
+def _scan_points(stretch: Stretch) -> list[Floats]:
+    """Return the scan points of every frame in the robot frame."""
+    mount = stretch.robot.lidar.mount
+    return [obstacle_points(frame.observation.scan, mount) for frame in stretch.frames]
 
 
 def cells_of(points: Floats) -> Ints:
@@ -266,12 +304,6 @@ def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
     packer.add_doubles("old_features", np.array(features))
 
 
-def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
-    _add_points_mm(packer, "candidates", [reason.candidates for reason in reasons])
-    for row, name in enumerate(reasons[0].names):
-        packer.add_doubles(f"feature.{name}", np.concatenate([reason.features[row] for reason in reasons]))
-
-
 def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
     """Add the sectors of the scan, the blocking one, and the recent positions."""
     sectors = [reason.sectors for reason in reasons]
@@ -303,6 +335,11 @@ def _blocking_sector(explanation: Explanation) -> int:
 def _add_points_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
     """Add (N, 2) points [m] of every step, rounded to the millimetre."""
     packer.add_counts(name, rows)
-    millimetres = np.rint(np.concatenate([np.empty((0, 2)), *rows]) * 1000.0)
+    _add_mm(packer, name, np.concatenate([np.empty((0, 2)), *rows]), differences)
+
+
+def _add_mm(packer: Packer, name: str, points: Floats, differences: bool = False) -> None:
+    """Add (N, 2) points [m], rounded to the millimetre."""
+    millimetres = np.rint(points * 1000.0)
     packer.add_integers(f"{name}.x", millimetres[:, 0], differences)
     packer.add_integers(f"{name}.y", millimetres[:, 1], differences)

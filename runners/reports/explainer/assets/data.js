@@ -77,6 +77,8 @@ class Trace {
 /** @param {string} text - base64 @returns {Promise<Trace>} */
 async function unpack(text) {
   const { head, arrays } = parse(await gunzip(bytesOf(text)));
+  addScanPoints(head, arrays);
+  if (head.explained) addFeatures(head, arrays, head.drawn ? addDrawn(head, arrays) : null);
   return new Trace(head, arrays);
 }
 
@@ -90,9 +92,23 @@ function parse(raw) {
     arrays[name] = numbers(planes, kind, at, count);
     if (differences) arrays[name] = runningSum(arrays[name]);
   }
-  if (head.drawn) addDrawn(head, arrays);
-  if (head.quantum) addRounded(head, arrays);
   return { head, arrays };
+}
+
+/** Add the scan points in the robot frame [mm], from their beams and ranges. */
+function addScanPoints(head, arrays) {
+  const starts = startsOf(arrays["scan.count"]);
+  const [x, y, yaw] = head.lidar;
+  const [xs, ys] = [new Int32Array(starts[starts.length - 1]), new Int32Array(starts[starts.length - 1])];
+  for (let step = 0; step < starts.length - 1; step++) {
+    const [first, increment] = arrays.beams.subarray(2 * step, 2 * step + 2);
+    for (let i = starts[step]; i < starts[step + 1]; i++) {
+      const bearing = yaw + first + increment * arrays["scan.beam"][i];
+      xs[i] = Math.round(1000 * x + arrays["scan.range"][i] * Math.cos(bearing));
+      ys[i] = Math.round(1000 * y + arrays["scan.range"][i] * Math.sin(bearing));
+    }
+  }
+  [arrays["scan.x"], arrays["scan.y"]] = [xs, ys];
 }
 
 function bytesOf(text) {

@@ -32,59 +32,71 @@ class Pcg64 {
   }
 }
 
-/** Add the positions of all candidates [m] and [mm], and the features that follow from them. */
+/** Add the positions of all candidates [mm]; the file has those that were not drawn. Returns those drawn [m]. */
 function addDrawn(head, arrays) {
-  const counts = arrays["candidates.count"];
-  const starts = startsOf(counts);
-  const xs = new Float64Array(starts[counts.length]);
-  const ys = new Float64Array(xs.length);
+  const starts = startsOf(arrays["candidates.count"]);
+  const steps = starts.length - 1;
+  const others = [arrays["candidates.x"], arrays["candidates.y"]];
+  const all = [new Int32Array(starts[steps]), new Int32Array(starts[steps])];
   const { number, reach, first, fov, by_area: byArea, state, inc } = head.drawn;
+  const [xs, ys] = [new Float64Array(number * steps), new Float64Array(number * steps)];
   const generator = new Pcg64(state, inc);
-  const target = arrays["exact.target"];
-  for (let step = 0, at = 0; step < counts.length; step++) {
-    for (let i = 0; i < number; i++, at++) {
+  for (let step = 0, at = 0, other = 0; step < steps; step++) {
+    let to = starts[step];
+    for (let i = 0; i < number; i++, at++, to++) {
       const range = generator.random();
       const distance = reach * (byArea ? Math.sqrt(range) : range);
       const bearing = first + fov * generator.random();
       xs[at] = distance * Math.cos(bearing);
       ys[at] = distance * Math.sin(bearing);
+      all[0][to] = Math.round(1000 * xs[at]);
+      all[1][to] = Math.round(1000 * ys[at]);
     }
-    for (; at < starts[step + 1]; at++) [xs[at], ys[at]] = target.subarray(2 * step, 2 * step + 2);
+    for (; to < starts[step + 1]; to++, other++) [all[0][to], all[1][to]] = [others[0][other], others[1][other]];
   }
-  arrays["candidates.x"] = Int32Array.from(xs, (x) => Math.round(1000 * x));
-  arrays["candidates.y"] = Int32Array.from(ys, (y) => Math.round(1000 * y));
-  for (const [name, kind] of Object.entries(head.computed)) {
-    const feature = computedFeature(kind, xs, ys, starts, arrays[`exact.${kind}`]);
-    const bits = arrays[`counts.${name}`];
-    for (let i = 0; i < feature.length; i++) if (!((bits[i >> 3] >> (i & 7)) & 1)) feature[i] = 0;
-    arrays[`feature.${name}`] = feature;
-  }
+  [arrays["candidates.x"], arrays["candidates.y"]] = all;
+  return { xs, ys };
 }
 
-/** A feature of every candidate, as if it counted everywhere. points: of a distance, one per step */
-function computedFeature(kind, xs, ys, starts, points) {
-  const feature = new Float64Array(xs.length).fill(1);
-  if (kind === "turn") return feature.map((_, i) => -Math.abs(Math.atan2(ys[i], xs[i])));
-  for (let step = 0; points && step < starts.length - 1; step++) {
-    const [x, y] = points.subarray(2 * step, 2 * step + 2);
-    for (let i = starts[step]; i < starts[step + 1]; i++) {
-      const [dx, dy] = [xs[i] - x, ys[i] - y];
-      feature[i] = -Math.sqrt(dx * dx + dy * dy);
-    }
-  }
-  return feature;
+/** A feature of the drawn candidates. kind: see drawn.py. points: of a distance, one per step. bits: where it counts */
+function computedFeature(kind, { xs, ys }, number, vMax, points, bits) {
+  return xs.map((x, i) => {
+    if (!((bits[i >> 3] >> (i & 7)) & 1)) return 0;
+    if (kind === "shown") return 1;
+    if (kind === "turn") return -Math.abs(Math.atan2(ys[i], x));
+    const at = 2 * Math.floor(i / number);
+    const [dx, dy] = points ? [x - points[at], ys[i] - points[at + 1]] : [x, ys[i]];
+    return -Math.sqrt(dx * dx + dy * dy) / (kind === "way" ? vMax : 1);
+  });
 }
 
-/** Features of multiples of a quantum, but exact at the steps whose choice needs that (see rounded.py). */
-function addRounded(head, arrays) {
+/** Add the features of all candidates: computed ones of those `drawn` if some were, and those that the file has. */
+function addFeatures(head, arrays, drawn) {
   const starts = startsOf(arrays["candidates.count"]);
   for (const name of head.names) {
-    const feature = Float64Array.from(arrays[`feature.${name}`], (count) => count * head.quantum);
+    const quantum = head.quantum ?? 1;
+    const written = Float64Array.from(arrays[`feature.${name}`], (value) => value * quantum);
+    const kind = drawn && head.computed[name];
+    arrays[`feature.${name}`] = kind ? joined(head, arrays, drawn, name, starts, written) : written;
+    // Steps whose choice needs it have all digits (see features.py).
     let at = 0;
-    for (const step of arrays["exact.steps"]) {
+    for (const step of arrays["exact.steps"] ?? []) {
       const count = starts[step + 1] - starts[step];
-      feature.set(arrays[`exact.${name}`].subarray(at, at += count), starts[step]);
+      arrays[`feature.${name}`].set(arrays[`exact.${name}`].subarray(at, at += count), starts[step]);
     }
-    arrays[`feature.${name}`] = feature;
   }
+}
+
+/** A feature of the drawn candidates and of the others, step by step. */
+function joined(head, arrays, drawn, name, starts, others) {
+  const { number } = head.drawn;
+  const kind = head.computed[name];
+  const values = computedFeature(kind, drawn, number, head.v_max, arrays[`exact.${kind}`], arrays[`counts.${name}`]);
+  const all = new Float64Array(starts[starts.length - 1]);
+  for (let step = 0, other = 0; step < starts.length - 1; step++) {
+    const count = starts[step + 1] - starts[step] - number;
+    all.set(values.subarray(number * step, number * (step + 1)), starts[step]);
+    all.set(others.subarray(other, other += count), starts[step] + number);
+  }
+  return all;
 }

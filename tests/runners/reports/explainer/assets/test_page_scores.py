@@ -8,7 +8,7 @@ import pytest
 from lme.guides.lme.maintenance import Choice, choose
 from lme.guides.lme.score import Parameters, score
 from lme.guides.lme_plus.reasons import expected_time
-from runners.reports.explainer.rounded import QUANTUM
+from runners.reports.explainer.features import QUANTUM
 from runners.reports.explainer.write import write_page
 from tests.builders import PUBLISHED
 from tests.runners.reports.explainer.conftest import settle, traced
