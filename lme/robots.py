@@ -223,7 +223,12 @@ class Lidar:
     cloud: Cloud | None = None
 
     def __post_init__(self) -> None:
-        require("num_beams", self.num_beams, above=1, at_most=_MOST_BEAMS)
+        for key in ("num_beams", "native_beams"):
+            beams = getattr(self, key)
+            if key == "num_beams" or beams is not None:
+                require(key, beams, above=1, at_most=_MOST_BEAMS)
+                if beams != int(beams):
+                    raise argument_error(f"{key} is {beams:g}: must be a whole number")
         if self.fov > 2 * math.pi + 1e-6:
             raise argument_error(f"fov is {self.fov:g} rad: must be at most 6.28319; is it in degrees?")
         require("fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
@@ -232,8 +237,6 @@ class Lidar:
         require("noise_std", self.noise_std, at_least=0.0)
         for key in ("x", "y", "yaw"):
             require(key, getattr(self, key))
-        if self.native_beams is not None:
-            require("native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
         if self.height is not None:
             require("height", self.height, above=0.0)
         if self.shadow_angle is not None:
@@ -308,6 +311,9 @@ class Robot:
     settling_time: float = 0.0  # [s] of motion after a command has changed; for `MinTime` and `Dwa`
 
     def __post_init__(self) -> None:
+        for key, kind in (("footprint", Footprint), ("lidar", Lidar)):
+            if not isinstance(getattr(self, key), kind):
+                raise argument_error(f"{key} is {getattr(self, key)!r:.80}: must be an lme.{kind.__name__}")
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
             require(key, getattr(self, key), above=0.0)
         if self.v_min is not None:
@@ -326,10 +332,7 @@ class Robot:
         if self.drivetrain is not None and self.response is not None:
             raise argument_error("drivetrain and response are both set: must be one, and null for the other")
         check_fields(self)
-        if isinstance(self.footprint, Footprint):  # a config is typed only once it is built
-            check_mount(
-                "lidar", self.lidar.sensor.x, self.lidar.sensor.y, self.footprint.circumscribed_radius
-            )
+        check_mount("lidar", self.lidar.sensor.x, self.lidar.sensor.y, self.footprint.circumscribed_radius)
 
     @property
     def limits(self) -> Limits:

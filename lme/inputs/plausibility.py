@@ -51,6 +51,7 @@ USUAL: Mapping[str, UsualRange] = {  # by the last part of the key
     "length": UsualRange("m", 0.02, 12.0, 1e-3, 100.0, _MM),
     "width": UsualRange("m", 0.02, 6.0, 1e-3, 100.0, _MM),
     "collision_radius": UsualRange("m", 0.02, 7.0, 1e-3, 200.0, _MM),
+    "dt": UsualRange("s", 1e-3, 10.0, hint=_MS),
     # lidars
     "fov": UsualRange("rad", 0.2, _TURN + 1e-6, 0.01),
     "range_min": UsualRange("m", 0.0, 1.0, hint=_MM),

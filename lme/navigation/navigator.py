@@ -84,6 +84,12 @@ class Navigator:
         require("goal_tolerance", goal_tolerance, at_least=0.0)
         if goal_tolerance > 0.0:
             plausibility.check("goal_tolerance", goal_tolerance)
+        if dt is not None:
+            require("dt", dt, above=0.0)
+            plausibility.check("dt", dt)
+        for key, part, method in (("guide", guide, "guide"), ("planner", planner, "plan")):
+            if not hasattr(part, method):
+                raise InputError(f"{key} is {part!r:.80}: must have a method {method}")
         self._feedback = CommandFeedback(feedback, dt)
         self.guide = guide
         self.planner = planner
@@ -97,7 +103,9 @@ class Navigator:
         self._steps = 0
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Start a new episode. Guide and planner get separate random streams."""
+        """Start a new episode. Guide and planner get separate random streams. Raises InputError for another rng."""
+        if not isinstance(rng, np.random.Generator):
+            raise InputError(f"rng is {rng!r:.80}: must be a generator, such as numpy.random.default_rng(0)")
         guide_rng, planner_rng = rng.spawn(2)
         self.guide.reset(guide_rng)
         self.planner.reset(planner_rng)

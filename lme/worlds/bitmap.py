@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from lme.errors import InputError, config_key
 from lme.inputs import plausibility
@@ -122,9 +122,11 @@ def is_picture(path: Path) -> bool:
 def brightness(path: Path) -> Floats:
     """(rows, columns) brightness from 0 (black) to 1 (white); row 0 is the bottom of the picture.
 
-    Colours have the brightness that they have to the eye (ITU-R 601-2); transparent pixels are white.
+    A photo is turned upright, as a viewer shows it. Colours have the brightness that they have to the eye (ITU-R
+    601-2); transparent pixels are white.
     """
-    with _opened(path) as image:
+    with _opened(path) as opened:
+        image = ImageOps.exif_transpose(opened)
         if _may_be_transparent(image):
             picture = image.convert("RGBA")
             image = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)

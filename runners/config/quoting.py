@@ -38,8 +38,8 @@ def override(key: str, value: str | Path) -> str:
 
 
 def key_of(override: str) -> str:
-    """Return the key of an override, without the + before it."""
-    return override.partition("=")[0].lstrip("+")
+    """Return the key of an override, without the + or ~ before it."""
+    return override.partition("=")[0].lstrip("+~")
 
 
 def element(text: str) -> str:

@@ -15,7 +15,7 @@ from runners.config import build, instantiate, systems
 from runners.config.catalogue import Catalogue
 from runners.config.composer import CUSTOM
 from runners.config.job import Job
-from runners.config.quoting import resume_command
+from runners.config.quoting import key_of, resume_command
 from runners.config.schema import (
     DriveConfig,
     EpisodesConfig,
@@ -104,8 +104,8 @@ def _check_drawn(job: Job[EvalConfig], maps: MapSet) -> None:
         "filter.latency",
         *(f"sim.{key}" for key in maps.drawn(maps.numbers[0]).disturbances),
     }
-    words = (word.lstrip("+").partition("=") for word in job.overrides)
-    robot = {key: value for key, _, value in words if key == "robot"}
+    words = ((key_of(word), word.partition("=")[2]) for word in job.overrides)
+    robot = {key: value for key, value in words if key == "robot"}
     for key, value in {**robot, **job.changes}.items():
         if key in reported or key.partition(".")[0] == "robot":
             raise InputError(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from runners.config.quoting import key_of
 
 LONGEST_MESSAGE = 200_000  # [bytes]
 LONGEST_TEXT = 200
@@ -111,7 +112,7 @@ def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> 
 
     A new option of a group removes the keys of the former one. Raises InputError.
     """
-    words_by_key = {word.partition("=")[0].lstrip("+~"): word for word in words}
+    words_by_key = {key_of(word): word for word in words}
     for key, value in changes.items():
         _check_key(key)
         removed_keys = _SYSTEM if key == "system" else (key,)

@@ -33,6 +33,7 @@ _ENDINGS = {  # suffixes of files that are not recordings yet, with what to do a
     ".zstd": "it is compressed: give the folder with its metadata.yaml, or unpack it with `zstd -d`",
     ".zst": "it is compressed: unpack it with `zstd -d`",
     ".gz": "it is compressed: unpack it with `gunzip`",
+    **{suffix.upper(): f"its ending must be in lower case: rename it to {suffix}" for suffix in SUFFIXES},
 }
 _OTHER_SCHEMAS = ("ros1msg", "protobuf", "jsonschema", "flatbuffer")  # that an .mcap file may have
 _MAGIC = {".bag": _ROS1_MAGIC, ".mcap": _MCAP_MAGIC, ".db3": _SQLITE_MAGIC}

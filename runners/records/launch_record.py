@@ -30,7 +30,7 @@ from runners.config.changes import flatten
 from runners.config.escaping import masked_text, masked_values
 from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
-from runners.config.quoting import lme_command
+from runners.config.quoting import key_of, lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
 from runners.records import input_search, inputs, trust
 from runners.records.atomic_write import write_atomically
@@ -115,7 +115,7 @@ class Launch:
         """Command that starts the run again, as a line for a shell."""
         flags = ["-m"] * self.multirun + (["--config-name", self.config_name] if self.config_name else [])
         # The experiment or config of a sweep's job may ask for the whole sweep: run this job alone.
-        files = self.config_name or any(word.lstrip("+").startswith("experiment=") for word in self.overrides)
+        files = self.config_name or "experiment" in map(key_of, self.overrides)
         single_mode = ["hydra.mode=RUN"] * (self.job is not None and bool(files))
         return lme_command(self.command, *flags, *self.overrides, *single_mode, folders=self.folders)
 

@@ -49,7 +49,10 @@ def resumable(launch: Launch) -> Path:
     """Return the newest directory with the launch's fingerprint. Raises InputError if there is none."""
     pattern = f"*-{_fingerprint_suffix(launch)}*"
     folder = ROOT / launch.command
-    for directory in sorted(folder.glob(pattern), reverse=True):
+    # Equal dates and times are told apart by a number: …-2 is older than …-10.
+    for directory in sorted(
+        folder.glob(pattern), key=lambda path: (path.name[:19], len(path.name), path.name), reverse=True
+    ):
         saved = read_launch(directory)
         if saved is not None and saved.fingerprint == launch.fingerprint:
             return directory

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runners.config.quoting import resume_command
+from runners.config.quoting import key_of, resume_command
 from runners.records.launch_record import NO_RESULTS, commit, read_launch, sweep_launch, versions
 from runners.tracking.store import NAME, NOTE
 
@@ -62,7 +62,7 @@ def run_name(tags: Mapping[str, Any], overrides: Sequence[str], of_sweep: Sequen
 
 
 def _key(word: str) -> str:
-    return word.lstrip("+~").partition("=")[0].replace("/", ".")
+    return key_of(word).replace("/", ".")
 
 
 def note(tags: Mapping[str, Any], artifacts: Sequence[Path] = ()) -> str:

@@ -33,6 +33,8 @@ def test_a_limit_must_be_positive_and_finite(key, value, says):
     [
         ("num_beams", 0),
         ("num_beams", 1),
+        ("num_beams", 360.5),
+        ("native_beams", 720.5),
         ("fov", 0.0),
         ("fov", -1.0),
         ("fov", 360.0),
@@ -50,6 +52,12 @@ def test_a_limit_must_be_positive_and_finite(key, value, says):
 def test_an_impossible_lidar_is_refused(key, value, says):
     with says.raises(InputError, match=f"{key}.*{value:g}"):
         Lidar(**{**LIDAR, key: value})
+
+
+@pytest.mark.parametrize(("key", "value"), [("lidar", None), ("lidar", {"num_beams": 9}), ("footprint", 0.2)])
+def test_a_part_of_a_robot_is_built_first(key, value, says):
+    with says.raises(InputError, match=f"{key} is "):
+        stage(**{key: value})
 
 
 @pytest.mark.parametrize(

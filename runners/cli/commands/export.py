@@ -123,14 +123,21 @@ def _format(format_name: str | None, output: Path | None) -> str:
 
 
 def _check_no_record(output: Path | None, runs: Sequence[Path]) -> None:
-    """Raise InputError if the output would replace a file that the runs consist of."""
+    """Raise InputError if the output would replace a file that these runs, or another one, consist of."""
     from runners.records.episode_record import APPEND_LOG
     from runners.records.launch_record import LAUNCH
     from runners.records.parquet import EPISODES, TRAJECTORIES
 
-    names = (EPISODES, TRAJECTORIES, APPEND_LOG, LAUNCH)
-    if output is not None and output.resolve() in {(run / name).resolve() for run in runs for name in names}:
-        raise InputError(f"--output {output}: is a file of the run itself: choose another one")
+    if output is None:
+        return
+    file = output.resolve()
+    folders = [folder for folder in (file.parent, file.parent.parent) if (folder / LAUNCH).is_file()]
+    if file in {
+        run.resolve() / name
+        for run in (*runs, *folders)
+        for name in (EPISODES, TRAJECTORIES, APPEND_LOG, LAUNCH)
+    }:
+        raise InputError(f"--output {output}: is a file of a run: choose another one")
 
 
 def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:

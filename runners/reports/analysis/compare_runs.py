@@ -286,4 +286,5 @@ def _describe_worlds(run: ComparedRun) -> str:
     numbers, runs = run.worlds, sorted(run.frame["run"].unique())
     times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
     map_text = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")
-    return f"{map_text}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"
+    several = f"{counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}"
+    return f"{map_text}, {several if len(numbers) > 1 else f'world {min(numbers)}'}, {times}"

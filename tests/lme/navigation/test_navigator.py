@@ -155,3 +155,28 @@ def test_a_robot_that_only_lags_or_overshoots_does_not(share):
 
 def test_nor_does_one_that_reports_no_speed_but_moves():
     assert driven(lambda t: 1.0, 8.0, twist=0.0)[5:] == [0.5] * 35
+
+
+def test_the_parts_of_a_navigator_are_in_their_places(says):
+    guide, planner = Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage())
+    with says.raises(InputError, match="guide is .*Simple"):
+        Navigator(planner, guide)
+
+
+@pytest.mark.parametrize("dt", [0.0, "0.05"])
+def test_an_impossible_control_period_is_refused(dt, says):
+    guide, planner = Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage())
+    with says.raises(InputError, match="dt is "):
+        Navigator(guide, planner, dt=dt)
+
+
+def test_a_control_period_in_milliseconds_gets_a_warning(says):
+    guide, planner = Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage())
+    with says.warns(match="dt is 50 s"):
+        Navigator(guide, planner, dt=50)
+
+
+def test_a_seed_is_no_generator(says):
+    guide, planner = Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage())
+    with says.raises(InputError, match="rng is 0"):
+        Navigator(guide, planner).reset(0)

@@ -366,3 +366,11 @@ def test_originals_are_read_as_they_look(name, obstacles, fill):
     if fill is not None:
         assert (dark & ~frame).mean() == pytest.approx(fill, abs=0.004)
     assert len(read_bitmap(ORIGINALS / name, (10.0, 10.0)).world.edges) < 1200
+
+
+def test_a_photo_is_turned_as_a_viewer_shows_it(tmp_path):
+    """Exif orientation 6: the camera was held upright, and its rows are the columns of the photo."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(np.array([[0, 255, 255]], dtype=np.uint8)).save(tmp_path / "photo.png", exif=exif)
+    np.testing.assert_array_equal(brightness(tmp_path / "photo.png"), [[1.0], [1.0], [0.0]])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from runners.config.quoting import element, lme_command, override, resume_command, unquoted
+from runners.config.quoting import element, key_of, lme_command, override, resume_command, unquoted
 
 NAMES = [
     "plain", "with space", "it's", 'a "b"', "a,b", "a=b", "x(1)", "[0]", "{a: 1}", "$HOME", "`id`", "a;b", "50%", "#1",
@@ -35,6 +35,13 @@ def test_a_list_of_names_is_read_as_written():
     word = f"map.paths=[{element('a, b.yaml')},{element('plain.yaml')}]"
     assert OverridesParser.create().parse_override(word).value() == ["a, b.yaml", "plain.yaml"]
     assert override("weights", "published") == "weights=published"
+
+
+@pytest.mark.parametrize(
+    "word", ["planner.margin=1", "+planner.margin=1", "++planner.margin=1", "~planner.margin"]
+)
+def test_the_key_of_an_override_is_without_its_sign(word):
+    assert key_of(word) == "planner.margin"
 
 
 def test_a_users_own_config_folder_is_named():

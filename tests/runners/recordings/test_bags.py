@@ -269,8 +269,9 @@ def test_paths_that_are_not_recordings_are_refused(tmp_path):
         (tmp_path / "absent.bag", "no such file"),
         (tmp_path, "metadata.yaml"),
         (tmp_path / "picture.png", "must be a ROS recording"),
+        (tmp_path / "DRIVE.BAG", r"must be in lower case: rename it to \.bag"),
     ):
-        if path.suffix == ".png":
+        if path.suffix in (".png", ".BAG"):
             path.write_bytes(b"x")
         with pytest.raises(InputError, match=message) as error:
             Bag(path)

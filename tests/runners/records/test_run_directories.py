@@ -7,7 +7,7 @@ import pytest
 from lme.errors import InputError
 from runners.records.launch_record import LAUNCH, Launch, job_folders, read_launch
 from runners.records.records import RecordWriter
-from runners.records.run_directories import check_same, jobs_of_sweep, locked, make_fresh
+from runners.records.run_directories import ROOT, check_same, jobs_of_sweep, locked, make_fresh, resumable
 
 
 def launch(**fields):
@@ -38,6 +38,16 @@ def test_jobs_may_lie_deeper_but_not_in_other_jobs(tmp_path):
         (tmp_path / name).mkdir(parents=True)
         launch(job=0).write(tmp_path / name)
     assert sorted(job_folders(tmp_path)) == [tmp_path / "a=1/b=2", tmp_path / "a=1/b=3"]
+
+
+def test_the_newest_of_many_runs_of_one_second_is_resumed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("01", "02", "02-2", "02-10"):
+        second, _, number = name.partition("-")
+        place = ROOT / "eval" / f"2026-01-01_00-00-{second}-01234567{number and '-'}{number}"
+        place.mkdir(parents=True)
+        launch(fingerprint="0123456789").write(place)
+    assert resumable(launch(fingerprint="0123456789")).name == "2026-01-01_00-00-02-01234567-10"
 
 
 @pytest.mark.parametrize(

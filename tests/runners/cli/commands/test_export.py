@@ -190,6 +190,17 @@ def test_the_files_of_a_run_are_not_replaced(run, says, name):
     assert len(pd.read_parquet(run / "episodes.parquet")) == len(AWKWARD)
 
 
+@pytest.mark.parametrize("name", ["episodes.parquet", "parts/episodes.jsonl"])
+def test_the_files_of_a_run_that_is_not_named_are_not_replaced(run, tmp_path, says, name):
+    other = tmp_path / "other"
+    (other / name).parent.mkdir(parents=True)
+    for file in ("launch.json", name):
+        (other / file).write_text("kept")
+    with says.raises(InputError):
+        export.main([str(run), "--output", str(other / name)])
+    assert (other / name).read_text() == "kept"
+
+
 def test_exporting_failures_of_a_run_without_any_is_an_error(tmp_path, capsys, says):
     write_run(tmp_path, worlds=(200,))
     assert main.main(["export", str(tmp_path), "--steps", "failures"]) == 2
