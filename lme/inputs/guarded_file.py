@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import re
 import stat
 from collections.abc import Hashable, Iterator
 from functools import lru_cache
@@ -116,7 +117,7 @@ def read_yaml(path: Path) -> object:
 
 def _parsed(text: str) -> object:
     check_structure(text)
-    return yaml.load(text, Loader=_UniqueKeys)
+    return yaml.load(text, Loader=_StrictLoader)
 
 
 _kept = lru_cache(maxsize=256)(_parsed)
@@ -175,8 +176,12 @@ def check_structure(text: str) -> None:
             nested[-1] = nested[-1][0], nested[-1][1] + size
 
 
-class _UniqueKeys(SafeLoader):  # type: ignore[misc]
-    """Loader that refuses a repeated key. PyYAML silently keeps the last one, which would lose part of a drawing."""
+class _StrictLoader(SafeLoader):  # type: ignore[misc]
+    """Loader that refuses what PyYAML would read as something else without a word.
+
+    Of a repeated key it keeps the last one, which would lose part of a drawing, and by YAML 1.1 it reads 010 as 8 and
+    12:30 as 750.
+    """
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         keys = set()
@@ -189,3 +194,20 @@ class _UniqueKeys(SafeLoader):  # type: ignore[misc]
                 keys.add(key.value)
         mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return mapping
+
+    def construct_decimal(self, node: yaml.ScalarNode) -> int | float:
+        """Return a whole or floating-point number."""
+        if ":" in node.value or re.match(r"[-+]?0_*[0-9]", node.value):
+            base = 60 if ":" in node.value else 8
+            raise yaml.MarkedYAMLError(
+                problem=f"{node.value} would be read in base {base}: write a decimal number, or text in quotes",
+                problem_mark=node.start_mark,
+            )
+        is_whole = node.tag == _WHOLE
+        number: int | float = self.construct_yaml_int(node) if is_whole else self.construct_yaml_float(node)
+        return number
+
+
+_WHOLE, _REAL = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
+for _tag in (_WHOLE, _REAL):
+    _StrictLoader.add_constructor(_tag, _StrictLoader.construct_decimal)

@@ -172,30 +172,35 @@ def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> Non
         of = f"the first {len(settings)} of {count}" if len(settings) < count else f"{count}"
         warnings.warn(
             f"map.time_limit is {limits[0]:g} s, and in {len(late)} of {of} worlds the shortest path takes "
-            f"{_span(fastest[0], fastest[-1])} s at the robot's v_max of {late[0].config.robot.v_max:g} m/s: "
-            "no system can arrive there in time",
+            f"{_span(fastest[0], fastest[-1])} s at the highest speed of {_v_max(late[0].config):g} m/s: "
+            "the robot cannot arrive there in time",
             stacklevel=2,
         )
 
 
 def _fastest(episode_setting: EpisodeSetting) -> float:
     """Return the time [s] of the shortest path to within the goal's tolerance at full speed."""
-    return (
-        episode_setting.task.shortest_path_length - episode_setting.task.goal_tolerance
-    ) / episode_setting.config.robot.v_max
+    return (episode_setting.task.shortest_path_length - episode_setting.task.goal_tolerance) / _v_max(
+        episode_setting.config
+    )
+
+
+def _v_max(config: DriveConfig) -> float:
+    """Return the highest speed that the system may command [m/s]."""
+    return config.robot.capped(config.cap).v_max
 
 
 def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
     """Describe a run's time limit, and the number of worlds where it is too short; empty for other rules."""
     if "time_limit" not in config.map:
         return ""
-    time_limit, v_max = config.map["time_limit"], config.robot.v_max
+    time_limit = config.map["time_limit"]
     lengths = frame.groupby("world")["shortest_path_length_m"].first()
     if time_limit is None:
-        limits = [fair_limit(length / (config.map.get("v_max") or v_max)) for length in lengths]
+        limits = [fair_limit(length / (config.map.get("v_max") or config.robot.v_max)) for length in lengths]
         rule = f"{TIME_FACTOR:g} × shortest path / v_max, at least {LEAST_TIME:g} s"
         return f"Time limit: {rule}: {_span(min(limits), max(limits))} s"
-    fastest = (lengths - frame.groupby("world")["goal_tolerance_m"].first()) / v_max
+    fastest = (lengths - frame.groupby("world")["goal_tolerance_m"].first()) / _v_max(config)
     late = fastest[fastest > time_limit]
     beyond = (
         f"; the shortest path takes {_span(late.min(), late.max())} s at v_max in {len(late)} of {len(lengths)} worlds"

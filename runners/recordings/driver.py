@@ -41,6 +41,7 @@ _NO_EDGES = np.empty((0, 4))
 _STEP = 0.02  # [m] furthest that a point of the footprint moves between collision checks
 _SAMPLE = 60  # minimum number of decisions kept for the pictures, if there are enough
 _TIMES_TOO_FAST = 3.0  # by which a recorded motion exceeds the limits if its unit is another one
+_FAR = 1000.0  # [m] from the end of the drive, where a goal is more likely in another unit or frame
 LAST = "last"
 
 
@@ -356,7 +357,17 @@ def goal_source(requested: Any, recording: Recording, stop: int | None, toleranc
     """Return the source of the goal that `goal=` gives. stop: end of the replay [ns, clock of the file]."""
     if recording.topics.goal is not None:
         return TopicGoal(recording, tolerance)
-    return FixedGoal(recording.last_pose(stop)[:2] if requested is None or requested == LAST else requested)
+    end = recording.last_pose(stop)[:2]
+    if requested is None or requested == LAST:
+        return FixedGoal(end)
+    away = math.dist(requested, end)
+    if away > _FAR:
+        warnings.warn(
+            f"goal is {list(requested)}: {away:,.0f} m from where the recorded drive ends: must be in metres in the "
+            "odometry frame; is it in millimetres, or in another frame?",
+            stacklevel=2,
+        )
+    return FixedGoal(requested)
 
 
 def topic_of(requested: Any) -> str | None:

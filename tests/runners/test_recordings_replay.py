@@ -143,6 +143,11 @@ def test_a_goal_in_the_odometry_frame(replay, plain):
     np.testing.assert_allclose(table["target_x_m"], ahead, atol=1e-9)
 
 
+def test_a_goal_in_millimetres_is_noticed(replay, plain):
+    with pytest.warns(UserWarning, match=r"goal is \[6000, 0\]: .* is it in millimetres"):
+        replay(plain, "goal=[6000,0]")
+
+
 def test_goals_of_a_topic_come_by_tf(replay, tmp_path):
     maker = drive()
     maker.add(

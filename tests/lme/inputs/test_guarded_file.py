@@ -101,6 +101,19 @@ def test_the_limit_is_the_last_size_that_is_read(tmp_path, says):
     says(refused(lambda file: read_bytes(file, 4), path))
 
 
+@pytest.mark.parametrize("number", ["010", "-010", "12:30", "1:2.5"])
+def test_a_number_that_is_not_decimal_is_refused(tmp_path, number, says):
+    path = tmp_path / "a.yaml"
+    path.write_text(f"walls:\n- [0.5, {number}]\n")
+    says(refused(read_yaml, path))
+
+
+def test_decimal_numbers_and_quoted_text_are_read(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text("[0, -0.5, 0.010, 10, 1e3, 1.0e+3, 0x10, '010', '12:30', 0]")
+    assert read_yaml(path) == [0, -0.5, 0.01, 10, "1e3", 1000.0, 16, "010", "12:30", 0]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -56,7 +56,12 @@ def test_a_limit_that_some_pairs_cannot_meet_is_named(says):
     (line,) = warnings_of("map=env1", "robot=stage", "robot.v_max=0.15")
     assert "map.time_limit is 40 s" in line
     says(line)
-    assert "v_max of 0.15 m/s" in line
+    assert "highest speed of 0.15 m/s" in line
+
+
+def test_a_cap_on_the_speed_counts():
+    (line,) = warnings_of("map=env1", "robot=stage", "cap.v_max=0.15")
+    assert "highest speed of 0.15 m/s" in line
 
 
 @pytest.mark.parametrize(
