@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.command import check_named, run_main
+from benchmarks.gazebo_logs import Agreement, Rates, agreement, read_log
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from runners.reports.analysis.gazebo import Agreement, Rates, agreement, read_log
 
 if TYPE_CHECKING:
     import pandas as pd

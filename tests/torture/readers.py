@@ -442,7 +442,7 @@ def _gazebo(folder: Path) -> None:
 
 
 def _read_gazebo(folder: Path) -> None:
-    from runners.reports.analysis.gazebo import read_log
+    from benchmarks.gazebo_logs import read_log
 
     read_log(folder / "log.txt")
 

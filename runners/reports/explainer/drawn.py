@@ -26,7 +26,7 @@ QUANTUM = 1e-9  # [m], [rad], [s]
 NONE = np.full(2, np.nan)
 
 
-class Drawing(NamedTuple):
+class CandidateDraw(NamedTuple):
     """How random candidates are drawn: `number` of them up to `reach` [m], from the bearing `first` over `fov` [rad].
 
     by_area: equally dense everywhere, instead of at every range. state, inc: of PCG64, as digits of 16 bits, the least
@@ -48,7 +48,7 @@ class Drawing(NamedTuple):
         return np.column_stack((ranges * np.cos(bearings), ranges * np.sin(bearings)))
 
 
-def drawn_candidates(trace: Trace, reasons: Sequence[Explanation]) -> Drawing | None:
+def drawn_candidates(trace: Trace, reasons: Sequence[Explanation]) -> CandidateDraw | None:
     """Return how the page draws the random candidates of a trace; None if it cannot."""
     guide_rng = episode_rng(trace.config.seed, trace.world, trace.run).spawn(1)[0].spawn(1)[0]
     drawing = _drawing(trace, reasons[0], guide_rng)
@@ -94,7 +94,7 @@ def add_computed(packer: Packer, reasons: Sequence[Explanation], number: int, v_
     return computed
 
 
-def _drawing(trace: Trace, reason: Explanation, rng: np.random.Generator) -> Drawing | None:
+def _drawing(trace: Trace, reason: Explanation, rng: np.random.Generator) -> CandidateDraw | None:
     """Return how LME or LME+ draws its candidates; None for another guide. rng: as at the first decision."""
     guide, scan = trace.config.guide, trace.steps[0].observation.scan
     state = rng.bit_generator.state
@@ -103,7 +103,7 @@ def _drawing(trace: Trace, reason: Explanation, rng: np.random.Generator) -> Dra
     digits = _digits(state["state"]["state"]), _digits(state["state"]["inc"])
     if reason.way is not None:
         number = CANDIDATES if guide.get("parts", {}).get("random") else 1
-        return Drawing(number, min(RANGE, scan.range_max), -math.pi, 2 * math.pi, False, *digits)
+        return CandidateDraw(number, min(RANGE, scan.range_max), -math.pi, 2 * math.pi, False, *digits)
     if "candidates" not in guide:
         return None
     settings = guide["candidates"]
@@ -111,7 +111,9 @@ def _drawing(trace: Trace, reason: Explanation, rng: np.random.Generator) -> Dra
     first = scan.angle_min + trace.robot.lidar.mount.yaw + min(span, 0.0)
     by_area = settings["distribution"] == "area"
     reach = min(settings["max_range"], scan.range_max)
-    return Drawing(int(settings["number"]), float(reach), float(first), float(abs(span)), by_area, *digits)
+    return CandidateDraw(
+        int(settings["number"]), float(reach), float(first), float(abs(span)), by_area, *digits
+    )
 
 
 def _equal(computed: Floats, recorded: Floats) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from benchmarks.gazebo_logs import read_log
 from lme.errors import InputError
 from lme.inputs.guarded_file import (
     SafeLoader,
@@ -29,7 +30,6 @@ from lme.worlds.room import read_floor_plan
 from runners.recordings.bags import Bag
 from runners.recordings.carmen import CarmenLog
 from runners.records.launch_record import LAUNCH, read_launch
-from runners.reports.analysis.gazebo import read_log
 from tests.places import ROOT
 
 READERS = {  # of a whole file, by a name that it takes

@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from benchmarks.gazebo_logs import agreement, rates, read_log
 from lme.errors import InputError
-from runners.reports.analysis.gazebo import agreement, rates, read_log
 from tests.places import SHARED
 
 LOGS = SHARED / "barn/dwa_out.txt", SHARED / "facts/gazebo_logs/bobae3_default.txt"
