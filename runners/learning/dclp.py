@@ -31,6 +31,7 @@ from lme.planners.dclp.weights import (
 from lme.robots import Robot
 from runners.learning.distributions import MixtureBatch
 from runners.learning.largest import largest_output
+from runners.learning.layers import layer_arrays, load_layers, trained_range
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, as commonly used for SAC
@@ -129,9 +130,7 @@ class DclpNetwork(DclpBody):
     def trained_for(self, planner: DclpConfig, robots: Iterable[Robot]) -> None:
         """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
         reported = [reported_values(DclpInterface(planner, robot).reported_limits) for robot in robots]
-        self._trained = np.column_stack([np.min(reported, axis=0), np.max(reported, axis=0)]).astype(
-            np.float32
-        )
+        self._trained = trained_range(reported)
 
     @staticmethod
     def critic(actions: int) -> DclpCritic:
@@ -141,10 +140,7 @@ class DclpNetwork(DclpBody):
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: factor on the logits of the components."""
         arrays = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
-        for name in LAYERS:
-            layer = self.layer(name)
-            arrays[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
-            arrays[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
+        arrays |= layer_arrays(self.layers)
         arrays[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
         arrays[f"{_LAST}.bias"][::MIXTURE] *= sharpness
         return arrays
@@ -153,10 +149,7 @@ class DclpNetwork(DclpBody):
         """Set the arrays of `SHAPES`."""
         with torch.no_grad():
             self.alpha.copy_(torch.from_numpy(np.asarray(weights["alpha"])))
-            for name in LAYERS:
-                layer = self.layer(name)
-                layer.weight.copy_(torch.from_numpy(weights[f"{name}.kernel"].T.copy()))
-                layer.bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
+        load_layers(self.layers, weights)
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Return features and actions with left and right swapped."""

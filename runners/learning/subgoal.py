@@ -27,6 +27,7 @@ from lme.inputs.onnx_file import TRAINED
 from lme.inputs.onnx_graph import read_weights
 from lme.robots import Robot
 from runners.learning.distributions import ChoiceBatch
+from runners.learning.layers import layer_arrays, load_layers, trained_range
 
 # Signs of the sine of the target, ω, and y of the last subgoal change.
 _MIRRORED_STATE = (1, 1, -1, 1, -1, 1, 1, 1, 1, 1, -1)
@@ -92,9 +93,7 @@ class SubgoalNetwork(SubgoalBody):
     def trained_for(self, config: LearnedSubgoalConfig, robots: Iterable[Robot]) -> None:
         """Store the range of robots that the network is trained for, from the robots of lowest and highest values."""
         reported = [reported_values(robot) for robot in robots]
-        self._trained = np.column_stack([np.min(reported, axis=0), np.max(reported, axis=0)]).astype(
-            np.float32
-        )
+        self._trained = trained_range(reported)
 
     @staticmethod
     def critic(actions: int) -> SubgoalCritic:
@@ -103,21 +102,14 @@ class SubgoalNetwork(SubgoalBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """Return the arrays of a file. sharpness: factor on the logits of the candidates."""
-        arrays: dict[str, NDArray[np.float32]] = {TRAINED: self._trained.copy()}
-        for name in LAYERS:
-            layer = self.layer(name)
-            arrays[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
-            arrays[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
+        arrays = {TRAINED: self._trained.copy(), **layer_arrays(self.layers)}
         for part in ("kernel", "bias"):
             arrays[f"{LAYERS[-1]}.{part}"] *= sharpness
         return arrays
 
     def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
         """Set the arrays of `SHAPES`."""
-        with torch.no_grad():
-            for name in LAYERS:
-                self.layer(name).weight.copy_(torch.from_numpy(weights[f"{name}.kernel"].T.copy()))
-                self.layer(name).bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
+        load_layers(self.layers, weights)
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Return features and candidates (B,) with left and right swapped."""
