@@ -23,9 +23,11 @@ from runners.workers.trace import Trace, rerun
 
 WANTED_PER_S, WANTED_MB = 30, 5.0
 EPISODE = (
+    "sim=fast",
     "map.worlds=[250]",
     "map.time_limit=30",
 )  # of hard100; LME does not reach the goal within this time
+LONG_DRIVE = ("sim=fast", "map.worlds=[250]", "robot.control_rate=20", "robot.v_max=0.1")  # 90 s
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 SIZES = {"desktop": (1440, 900, 1), "phone": (390, 844, 3)}
@@ -65,10 +67,15 @@ def report() -> Iterator[str]:
     yield f"Wanted: {WANTED_PER_S} steps per second while scrubbing, less than {WANTED_MB:g} MB.\n"
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
         path = Path(folder) / "page.html"
-        trace = _episode()
+        trace = _episode(*EPISODE)
         write_page(trace, path)
         candidates = sum(len(m.explanation.scores) for m in trace.steps if m.explanation) / len(trace.steps)
         yield f"{len(trace.steps)} steps, {candidates:.0f} candidates each: {path.stat().st_size / 1e6:.2f} MB.\n"
+        for system in ("lme", "lme_plus"):
+            long_drive = _episode(f"system={system}", *LONG_DRIVE)
+            write_page(long_drive, Path(folder) / "long.html")
+            size = (Path(folder) / "long.html").stat().st_size / 1e6
+            yield f"`system={system}` at 20 Hz, {long_drive.episode.time:.0f} s: {size:.2f} MB.\n"
         browser = driver.chromium.launch(executable_path=_program(), args=ARGUMENTS)
         yield "| window | view | steps/s | frame p50 [ms] | p99 [ms] | all steps decided again [ms] |"
         yield "|---|---|---:|---:|---:|---:|"
@@ -96,8 +103,8 @@ def _rows(browser: Any, path: Path, name: str, width: int, height: int, ratio: i
     context.close()
 
 
-def _episode() -> Trace:
-    (job,) = compose("eval", EPISODE)
+def _episode(*words: str) -> Trace:
+    (job,) = compose("eval", words)
     return rerun(job.config, 250, 0)
 
 
