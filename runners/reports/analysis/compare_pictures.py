@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 TOP = {METRIC: 0.5}  # highest value of a measure, where it is not 1
 FORMATS = ("png", "pdf")
 PAIR_IN, FLAT = (9.0, 4.6), 0.46  # and its height as a share of a page's width
+WIDE, HIGH = 0.25, 0.05  # of a number of worlds in the scatter, as shares of its side
 FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
@@ -102,15 +103,18 @@ def _pair(study: RunComparison, compared: Compared, page: PrintSpace | None) -> 
 
 
 def _draw_scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
-    """Draw a disc per world, or a larger one with a number for several worlds in one place."""
+    """Draw a disc per world, or a larger one for several worlds in one place, with their number where it has room."""
     rounded = [tuple(np.round(row, 3)) for row in worlds[["reference", "other"]].to_numpy()]
     axes.plot([0, top], [0, top], color=FRAME, linewidth=1.0, zorder=1)
-    for (x, y), count in Counter(rounded).items():
+    labelled: list[tuple[float, float]] = []
+    for (x, y), count in Counter(rounded).most_common():
         colour = GREEN if y > x else VERMILION if y < x else INK
         axes.scatter(
             x, y, s=22 * (1 + 2.5 * math.log10(count)), color=colour, alpha=0.75, linewidths=0, zorder=3
         )
-        if count > 1:
+        has_room = all(abs(x - a) > WIDE * top or abs(y - b) > HIGH * top for a, b in labelled)
+        if count > 1 and has_room:
+            labelled.append((x, y))
             axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, zorder=4, **_inwards(x, y, top))
     pad = 0.06 * top
     axes.set(xlim=(-pad, top + pad), ylim=(-pad, top + pad), aspect="equal")

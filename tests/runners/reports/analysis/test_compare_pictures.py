@@ -58,6 +58,13 @@ def test_labels_of_dots_stay_within_the_axes(drawn, here, there):
     assert box.y1 < axes.y1
 
 
+def test_numbers_of_worlds_do_not_overlap(drawn):
+    scatter, _ = drawn(study([0.5] * 5 + [0.1] * 2, [0.48] * 2 + [0.5] * 3 + [0.4] * 2)).axes
+    assert sorted(text.get_text() for text in scatter.texts) == ["2 worlds", "3 worlds"]
+    one, other = (text.get_window_extent() for text in scatter.texts)
+    assert not one.overlaps(other)
+
+
 def test_the_note_stays_on_the_page(drawn):
     heat = drawn(study([0.5, 0.4, 0.3], [0.5, 0.0, 0.3], [0.5, 0.1, 0.3]))
     pair = drawn(study([0.5], [0.4]))
